@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import SupportsFloat
 
 import numpy as np
 
-__all__ = ["counted", "finer_units", "fixed", "number", "quantity", "readable_unit"]
+__all__ = ["counted", "finer_units", "fixed", "number", "quantity", "readable_unit", "some"]
 
 #: SI values below this are rounding, whatever their unit: a proton is as wide as 1e-15 m.
 _NOTHING = 1e-15
@@ -97,3 +97,8 @@ def quantity(value: float, unit: str, digits: int = 3, signed: bool = False) -> 
 def counted(count: int, noun: str) -> str:
     """Return '1 pose', '2 poses', 'no poses'."""
     return f"{count or 'no'} {noun}{'' if count == 1 else 's'}"
+
+
+def some(names: Sequence[str], most: int = 8) -> list[str]:
+    """Return names, and how many more there are beyond the first of them."""
+    return list(names) if len(names) <= most + 1 else [*names[:most], f"and {len(names) - most} more"]

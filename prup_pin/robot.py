@@ -500,7 +500,7 @@ class Robot:
         return imported("pandas", "tables").DataFrame(rows, columns=columns).set_index("parameter")
 
     def _repr_html_(self) -> str:
-        from .views.notebook.cells import robot_html
+        from .views.report.cells import robot_html
 
         return robot_html(self)
 

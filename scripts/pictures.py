@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import architecture
+import effort_spectra as spectra
 import numpy as np
 import render
 from _project import ROOT
@@ -85,11 +86,16 @@ def diagnosis() -> None:
     """Draw what a diagnosis finds in the recording that ships: play in one drive, its place, its local curve."""
     from prup_pin.diagnosis import diagnose
     from prup_pin.recordings import read_recording
-    from prup_pin.views.drawing.diagnosis_figures import place_figure
+    from prup_pin.views.drawing.diagnosis_figures import draw_response, place_figure
 
     robot, _ = three_prup()
     found = diagnose(robot, read_recording(ROOT / "examples" / "bench.csv"))
-    place_figure(robot, found, found.findings[0]).savefig(OUT / "diagnosis.png")
+    figure, finding = place_figure(robot, found), found.findings[0]
+    axes = figure.add_axes((0.735, 0.46, 0.245, 0.28))
+    draw_response(axes, finding.recovered, finding.physics, 8.0)
+    keys = axes.get_legend_handles_labels()
+    figure.legend(*keys, frameon=False, fontsize=9.5, loc="upper left", bbox_to_anchor=(0.715, 0.19), handlelength=2.4)
+    figure.savefig(OUT / "diagnosis.png")
 
 
 def effort_spectra() -> None:
@@ -97,7 +103,6 @@ def effort_spectra() -> None:
     from prup_pin.diagnosis import diagnose
     from prup_pin.recordings import read_recording
     from prup_pin.simulation.moving_efforts import efforts_in_motion
-    from prup_pin.views.drawing.effort_figures import effort_spectra_figure
     from tests.reference.concealed.efforts import draw_motion
     from tests.reference.concealed.elastic import KINDS, ElasticArm, Ripple, draw_elastic, write
 
@@ -126,7 +131,7 @@ def effort_spectra() -> None:
         "of the motion": predicted - smooth,
         "left": measured - predicted,
     }
-    figure = effort_spectra_figure(
+    figure = spectra.effort_spectra_figure(
         joint, log.rate, {key: values[known] for key, values in efforts.items()}, found.band[joint], 100.0
     )
     figure.savefig(OUT / "effort_spectra.png")

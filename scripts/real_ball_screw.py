@@ -74,7 +74,7 @@ def main() -> None:
         share = np.linalg.norm(left[known]) / np.linalg.norm(other.efforts["carriage"][known])
         print(f"  {'second run, predicted, not filtered':36s} {100 * share:8.2f} %")
     if options.pictures:
-        from prup_pin.views.drawing.effort_figures import effort_figure
+        from prup_pin.views.drawing.diagnosis_figures import effort_figure
 
         options.pictures.mkdir(parents=True, exist_ok=True)
         effort_figure(found.efforts).savefig(options.pictures / "ball_screw_axis.png", dpi=100)

@@ -36,6 +36,7 @@ LAYERS = [
     "workspace",
     "robots",
     "robot",
+    "review",
     "build",
     "loading",
     "simulation",

@@ -16,7 +16,7 @@ from .imports import DOORS, LAYERS, ROOT, files, imported, public_names, room_im
 
 LEAVES = {"views", "cli"}
 #: Wings of `views`: each knows those before it; the two that draw do not know each other.
-WINGS = ["text", "notebook", "scene", "drawing", "meshcat", "report"]
+WINGS = ["text", "scene", "drawing", "meshcat", "report"]
 APART = {"drawing", "meshcat"}
 
 

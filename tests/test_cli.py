@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 
 import prup_pin
 from prup_pin.cli import app
+from prup_pin.cli.typed import parse_assignments, parse_list, parse_quantity
 from prup_pin.errors import InputError
 from prup_pin.modules import KINDS
 from prup_pin.numbers import fixed, number
-from prup_pin.views.text.quantities import parse_assignments, parse_list, parse_quantity
 
 POSE = "z=0.4,theta=25deg,phi=15deg"
 SI_POSE = {"z": 0.4, "theta": np.radians(25), "phi": np.radians(15)}

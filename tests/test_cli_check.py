@@ -24,6 +24,7 @@ def told(done):
 def test_a_whole_robot_has_nothing_to_object_to(run):
     text = told(run("check", "3prup"))
     assert "3 degrees of freedom = 15 joint velocities - rank 12 of 12 closures; 3 actuated" in text
+    assert "redundant nothing: no loop is overconstrained" in text
     assert "Nothing to object" in text
     assert "the paper's assumption" in text
 

@@ -18,7 +18,7 @@ from ..recordings import Convention, Recording, add_noise, read_plan, read_recor
 from ..robot import Robot
 from ..simulation import Prediction, as_recorded, in_format, read_model
 from ..views.text import terminal
-from ..views.text.simulation_text import print_simulation
+from ..views.text.bench_tests import print_simulation
 from . import progress
 from .files import check_csv, check_folder, file_name, list_written
 from .options import (
@@ -238,7 +238,7 @@ def diagnose(
     """What recordings say that the simulation left out: where, which physics, how much of it."""
     from ..diagnosis import diagnose as diagnosed
     from ..views.report.diagnosis_files import REPORT, check_before, missing_for_report, write_diagnosis
-    from ..views.text.diagnosis_text import print_diagnosis
+    from ..views.text.bench_tests import print_diagnosis
 
     out = Path(f"{file_name(recordings[0].stem)}_diagnosis") if out is None else out
     check_before(out, recordings)
@@ -267,9 +267,9 @@ def calibrate(
 ) -> None:
     """What recordings say of every parameter that may be off within its tolerance; no physics is looked for."""
     from ..diagnosis.calibration import calibrated
-    from ..laws.in_recording import lasting
+    from ..laws import lasting
     from ..simulation import CorrectedModel, as_recorded, write_model
-    from ..views.text.diagnosis_text import print_calibration
+    from ..views.text.bench_tests import print_calibration
 
     check_folder(out, "--out", whole=True)
     read, name = recorded(recordings, tolerances, robot, convention)
@@ -316,7 +316,7 @@ def import_(
     """Somebody's log as a recording: units, signs, motors to joints, one clock; docs/import.md."""
     from ..imports import convert, guess, read_logs, read_map, robot_named
     from ..imports.guess import write_text
-    from ..views.text.import_text import print_conversion, print_log
+    from ..views.text.bench_tests import print_conversion, print_log
 
     plan = map_file if map_file is not None else Path(f"{logs[0].stem}.map.yaml")
     _check(logs, plan, out)

@@ -21,19 +21,18 @@ from ..errors import InputError, PrupPinError, UnknownNameError, shortened
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import robot_named_beside
+from ..review import yielding_beside
 from ..robot import Robot
 from ..simulation import read_model
 from ..spatial import as_wrench
 from ..sweep import QUANTITIES
 from ..sweep.places import MAX_DRAWS
 from ..views.text import terminal
-from ..views.text.answer import yielding_beside
-from ..views.text.quantities import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
-from ..views.text.simulation_text import print_compensation
-from ..views.text.sweep_text import axis_text, print_sweep
+from ..views.text.many_poses import axis_text, print_compensation, print_sweep
 from . import progress
 from .files import check_csv, check_folder, folder_for, list_written, write_figures
 from .options import Effects, ModelOption, Reading, RobotName, RobotOption, SetParameters, Workers, robot_beside
+from .typed import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
 
 #: Units of the half sides of the box of wrenches.
 _BOX = {"force": "N", "moment": "N m"}
@@ -226,10 +225,8 @@ def _axis(name: str, kind: str, value: Any) -> str:
 
 def _print_quantities() -> None:
     """Print what can be asked of a pose."""
-    table = terminal.make_table(("name", "left"), ("what", "left"), ("unit", "left"))
-    for quantity in QUANTITIES.values():
-        table.add_row(quantity.name, quantity.summary, quantity.unit)
-    terminal.print_table(terminal.console(), table)
+    rows = [(quantity.name, quantity.summary, quantity.unit) for quantity in QUANTITIES.values()]
+    terminal.print_table(terminal.console(), terminal.make_table(("name", "what", "unit"), rows))
 
 
 # -- compensate --------------------------------------------------------------------------------------------------------
@@ -266,7 +263,7 @@ def compensate(
     written = [out, out.with_suffix(".json")]
     write_commands(replace(found, commands=commands), out)
     if plots is not None:
-        from ..views.drawing.path_figures import path_figure
+        from ..views.drawing.sweep_figures import path_figure
 
         written += write_figures(plots, {"path": path_figure(found)}, "--plots")
     print_compensation(terminal.console(), loaded, effects, found)

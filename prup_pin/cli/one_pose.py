@@ -16,7 +16,7 @@ from ..robot import Robot
 from ..views.report.as_json import answer_as_json, dump
 from ..views.text import terminal
 from ..views.text.answer import Answer
-from ..views.text.answer_text import print_answer, print_stiffen_first
+from ..views.text.one_pose import print_answer, print_stiffen_first
 from .files import check_folder, file_name, folder_for, list_written, say_written, write, write_figures
 from .options import AsJson, Frame, Open, Question, Scale, Sight
 

@@ -21,16 +21,15 @@ from .. import loading
 from ..errors import InputError, JointLimitWarning, UnknownNameError, nearest_names
 from ..kinematics import ClosedPose
 from ..laws import Effect
+from ..numbers import some
 from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
 from ..robot import Robot
 from ..robots import as_path, is_file
 from ..simulation import CorrectedModel
 from ..spatial import Array, as_wrench
 from ..statics import Compliance
-from ..views.text.joints import coordinate_dimensions, dimension
-from ..views.text.quantities import UNITS, WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
-from ..views.text.simulation_text import parse_effect
-from ..views.text.tables import some
+from ..views.text.values import coordinate_dimensions, dimension
+from .typed import UNITS, WRENCH_DIMENSIONS, parse_assignments, parse_effect, parse_list, parse_quantity
 
 RobotName = Annotated[str, typer.Argument(metavar="ROBOT", help="A name of `prup-pin robots`, or a URDF or MJCF file.")]
 RobotOption = Annotated[

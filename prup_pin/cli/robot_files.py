@@ -17,9 +17,9 @@ from ..recordings import read_recording
 from ..recordings.writer import write_whole
 from ..robots import packaged_names
 from ..views.report.as_json import dump, info_as_json
-from ..views.text import robot_text, terminal
-from ..views.text.check_text import print_check
-from ..views.text.law_text import laws_named, print_laws
+from ..views.text import robot_files as text
+from ..views.text import terminal
+from ..views.text.robot_files import laws_named, print_check, print_laws
 from ..views.text.terminal import make_table, print_table
 from . import progress
 from .files import list_written, write
@@ -50,14 +50,14 @@ def info(
             return
         if as_json is not None:
             write(Path(as_json), document + "\n", "--json")
-        robot_text.print_info(terminal.console(), loaded, wanted)
+        text.print_info(terminal.console(), loaded, wanted)
     if as_json is not None:
         list_written([Path(as_json)])
 
 
 def robots() -> None:
     """Robots that can be loaded by name."""
-    robot_text.print_robots(terminal.console())
+    text.print_robots(terminal.console())
 
 
 def kinds(
@@ -67,7 +67,7 @@ def kinds(
     chosen = [known for known in KINDS if kind in (None, known.kind)]
     if not chosen:
         raise UnknownNameError("kind of module", str(kind), [known.kind for known in KINDS])
-    robot_text.print_kinds(terminal.console(), chosen)
+    text.print_kinds(terminal.console(), chosen)
 
 
 def laws(
@@ -125,7 +125,7 @@ def _robot(file: str, reading: Reading, robot: str | None, conventions: Sequence
 
 def _recording(file: str, reading: Reading, robot: str | None, conventions: Sequence[str] | None) -> None:
     from ..diagnosis.prospects import prospects
-    from ..views.text.check_text import print_prospects
+    from ..views.text.robot_files import print_prospects
 
     recording = with_conventions(read_recording(Path(file)), conventions)
     loaded = reading.load(robot or robot_of_all([recording]))
@@ -157,10 +157,7 @@ def examples(
     files = sorted(path for path in folder.iterdir() if path.is_file())
     if copy is None:
         out = terminal.console()
-        table = make_table(("file", "left"), ("what it is", "left"))
-        for path in files:
-            table.add_row(path.name, _about(path))
-        print_table(out, table)
+        print_table(out, make_table(("file", "what it is"), [(path.name, _about(path)) for path in files]))
         out.print("\nTo try them: prup-pin examples --copy DIR")
         return
     target = copy.expanduser()

@@ -211,7 +211,7 @@ class Diagnosis:
         return diagnosis_text(self)
 
     def _repr_html_(self) -> str:
-        from ..views.notebook.cells import diagnosis_html
+        from ..views.report.cells import diagnosis_html
 
         return diagnosis_html(self)
 

@@ -19,7 +19,7 @@ from .external_spring import ExternalSpring, UnevenSpring
 from .geometric_offset import GeometricOffset
 from .guide_play import GuidePlay
 from .hertzian_contact import HertzianContact
-from .in_recording import in_groups
+from .in_recording import in_groups, lasting
 from .inputs import Inputs, Trajectory
 from .joint_compliance import EveryJointCompliance, JointCompliance, UnevenJointCompliance
 from .joint_places import JointDirection, JointPosition
@@ -121,6 +121,7 @@ __all__ = [
     "Setup",
     "Sharing",
     "Trajectory",
+    "lasting",
     "law_at",
     "laws_of",
     "stands_elsewhere",

@@ -402,7 +402,7 @@ class Compliance:
             return {}
 
     def _repr_html_(self) -> str:
-        from ..views.notebook.cells import compliance_html
+        from ..views.report.cells import compliance_html
 
         return compliance_html(self)
 

@@ -75,7 +75,7 @@ def test_what_is_no_urdf_has_no_second_reader():
 def test_info_says_what_the_other_reader_sees(capsys):
     from rich.console import Console
 
-    from prup_pin.views.text.robot_text import print_info
+    from prup_pin.views.text.robot_files import print_info
 
     print_info(Console(width=100), prup_pin.load("ur5"))
     assert "Other readers\n  - yourdfpy reads the same links and joints" in capsys.readouterr().out

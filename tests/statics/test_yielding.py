@@ -8,8 +8,7 @@ import pytest
 import prup_pin
 from prup_pin.spatial import rotation_xyz
 from prup_pin.statics.compliance import natural_basis
-from prup_pin.views.text.answer import Answer
-from prup_pin.views.text.tables import rigid_texts
+from prup_pin.views.text.answer import Answer, rigid_texts
 
 
 @pytest.fixture(scope="module")

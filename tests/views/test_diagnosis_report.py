@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from prup_pin.diagnosis.corrected import corrected_model
 from prup_pin.diagnosis.diagnosis import Detectable, Finding, FittedParameter
 from prup_pin.diagnosis.efforts import EffortCurve, effort_curve_of
 from prup_pin.errors import MissingExtraError
@@ -277,7 +278,12 @@ def test_a_value_on_its_bound_can_be_written(diagnosed, tmp_path):
     low = {item.name: item.lower for item in effect.law.quantities_at(effect.place, robot.mechanism)}
     worse = dataclasses.replace(diagnosis, effects=(dataclasses.replace(effect, values=low),))
     write_diagnosis(worse, robot, recording, tmp_path, robot_name="3prup", report=False)
-    assert len(read_model(tmp_path / "corrected_model.json").effects) == 1
+    written = read_model(tmp_path / "corrected_model.json")
+    assert len(written.effects) == 1
+    # the same from Python, without files
+    made = corrected_model(worse, robot, [recording], "3prup")
+    assert [str(effect.place) for effect in made.effects] == [str(effect.place) for effect in written.effects]
+    assert made.effects[0].values == pytest.approx(dict(written.effects[0].values), rel=1e-9)
 
 
 def test_the_next_experiment_declares_the_same_tolerances(diagnosed, tmp_path):

@@ -15,8 +15,7 @@ from typer.testing import CliRunner
 import prup_pin
 from prup_pin.cli import app
 from prup_pin.views.meshcat.explorer import Control, Explorer, Session
-from prup_pin.views.text.answer import Answer
-from prup_pin.views.text.tables import stiffness_table
+from prup_pin.views.text.answer import Answer, stiffness_table
 
 from .chromium import Browser, area, render
 

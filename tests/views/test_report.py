@@ -16,11 +16,11 @@ import pytest
 
 import prup_pin
 from prup_pin.errors import InputError, MissingExtraError
-from prup_pin.views.report.levers import find_levers
+from prup_pin.numbers import quantity
+from prup_pin.review import find_levers
 from prup_pin.views.report.pose_report import report_html
-from prup_pin.views.text.answer import Answer
-from prup_pin.views.text.quantities import length_text, workshop_text
-from prup_pin.views.text.tables import compliance_table, stiffness_table
+from prup_pin.views.text.answer import Answer, compliance_table, stiffness_table
+from prup_pin.views.text.values import workshop_text
 
 from . import chromium
 
@@ -118,8 +118,8 @@ def test_it_says_what_the_library_computes(robot, pose, page):
         for name, cells in zip(table.rows, table.cells, strict=True):
             assert f"{name} {' '.join(cells)}" in text
     moved = float(np.linalg.norm(answer.deflection[:3]))
-    assert f"The tool moves {length_text(moved)} and turns" in text
-    assert f"Sag {length_text(float(np.linalg.norm(robot.compliance(pose).sag()[:3])))}" in text
+    assert f"The tool moves {quantity(moved, 'm')} and turns" in text
+    assert f"Sag {quantity(float(np.linalg.norm(robot.compliance(pose).sag()[:3])), 'm')}" in text
     ranked = sorted(answer.shares, key=lambda name: -answer.shares[name])[:10]
     places = [text.index(f"{name} ", text.index("The ten softest parts")) for name in ranked]
     assert places[:2] == sorted(places[:2])
@@ -147,12 +147,12 @@ def test_a_rigid_part_takes_its_deflection_away(robot, pose, page):
     want = stiff.compliance(stiff.pose_from_configuration(pose.q)).deflection(WRENCH)
     rest = answer.deflection - answer.compliance.parts[name] @ WRENCH
     np.testing.assert_allclose(rest, want, rtol=1e-6, atol=1e-9)
-    assert f"if rigid: {length_text(float(np.linalg.norm(want[:3])))}" in words(page)
+    assert f"if rigid: {quantity(float(np.linalg.norm(want[:3])), 'm')}" in words(page)
 
 
 def test_levers_are_solved_anew_and_sorted(robot, pose, page):
     answer = Answer(robot.compliance(pose), WRENCH)
-    levers = find_levers(robot, answer, ["leg3/linear_rod", "leg1/timing_belt"])
+    levers = find_levers(robot, answer.compliance, WRENCH, ["leg3/linear_rod", "leg1/timing_belt"])
     assert [lever.change for lever in levers] == sorted(lever.change for lever in levers)
     best = levers[0]
     assert (best.parameter, best.factor) == ("diameter", 1.1)
@@ -169,10 +169,10 @@ def test_a_lever_is_what_somebody_chose():
     """Values by default are no levers, and a load that deflects nothing has none."""
     robot = prup_pin.load("ur5", joint_stiffness=1e4)
     answer = Answer(robot.compliance(robot.home), [0, 0, 100, 0, 0, 0])
-    levers = find_levers(robot, answer, answer.compliance.names)
+    levers = find_levers(robot, answer.compliance, answer.load.wrench, answer.compliance.names)
     assert {lever.parameter for lever in levers} == {"stiffness"}
     assert all(len(lever.modules) == 1 for lever in levers), "joints of one arm are not legs"
-    assert find_levers(robot, Answer(answer.compliance, np.zeros(6)), answer.compliance.names) == []
+    assert find_levers(robot, answer.compliance, np.zeros(6), answer.compliance.names) == []
 
 
 def test_an_overconstrained_robot_has_no_column_if_rigid(robot, pose):

@@ -13,7 +13,7 @@ from prup_pin.views.meshcat.commands import motion_commands, scene_commands
 from prup_pin.views.meshcat.view import View, view
 from prup_pin.views.scene.colours import MAP, map_colour, rgb_of
 from prup_pin.views.scene.elastic import Deflections
-from prup_pin.views.scene.motions import load_ramp, path_motion, vibration, workspace_cloud
+from prup_pin.views.scene.motions import load_ramp, path_motion, vibration
 from prup_pin.views.scene.painter import pose_scene
 from prup_pin.views.scene.scene import (
     Box,
@@ -27,6 +27,7 @@ from prup_pin.views.scene.scene import (
     thread_mesh,
 )
 from prup_pin.views.scene.skeleton import skeleton
+from prup_pin.views.scene.workspace import workspace_cloud
 
 from ..statics import cranks
 

@@ -16,6 +16,7 @@ from prup_pin.imports.log import Log, Stream
 from prup_pin.numbers import counted
 from prup_pin.recordings import Convention, Noise, Recording, Tolerances, add_noise
 from prup_pin.simulation import simulate
+from prup_pin.views.text.bench_tests import print_failures
 from prup_pin.views.text.diagnosis_words import (
     _takes,
     diagnosis_text,
@@ -25,7 +26,6 @@ from prup_pin.views.text.diagnosis_words import (
     summary_text,
     verdict_text,
 )
-from prup_pin.views.text.simulation_text import print_failures
 from prup_pin.views.text.terminal import console
 
 

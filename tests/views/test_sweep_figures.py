@@ -10,7 +10,7 @@ from prup_pin import InputError
 from prup_pin.views.drawing.plotting import encoded
 from prup_pin.views.drawing.sweep_figures import beside_figure, figures_of, share_figure
 from prup_pin.views.meshcat.view import boundary_view
-from prup_pin.views.scene.boundary import boundary_scene
+from prup_pin.views.scene.workspace import boundary_scene
 
 ROBOT = prup_pin.load("3prup")
 ANGLES = np.linspace(-0.5, 0.5, 7)

@@ -8,8 +8,8 @@ from rich.console import Console
 
 import prup_pin
 from prup_pin.views.text.answer import Answer
-from prup_pin.views.text.answer_text import print_answer
-from prup_pin.views.text.robot_text import print_info
+from prup_pin.views.text.one_pose import print_answer
+from prup_pin.views.text.robot_files import print_info
 from prup_pin.views.text.terminal import lines_of, listed, make_table, print_table
 
 
@@ -56,8 +56,8 @@ def test_a_number_keeps_its_unit_at_the_end_of_a_line():
 
 
 def test_a_table_that_is_too_wide_breaks_words_alone():
-    table = make_table(("name", "left"), ("value", "right"), ("what it is", "left"))
-    table.add_row("root_tilting_stiffness", "1234567.25", "how far the clamp of a beam gives way as it is turned")
+    row = ("root_tilting_stiffness", "1234567.25", "how far the clamp of a beam gives way as it is turned")
+    table = make_table(("name", ">value", "what it is"), [row])
     out = console(44)
     print_table(out, table)
     text = out.file.getvalue()

@@ -1,18 +1,20 @@
-"""Pictures of a diagnosis: the place on the robot, the local response, the residuals. Needs matplotlib."""
+"""Pictures of a diagnosis: the places on the robot, local responses, residuals, efforts. Needs matplotlib."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from textwrap import wrap
+from typing import Any
 
 import numpy as np
 
 from ...diagnosis import Diagnosis, Finding
+from ...diagnosis.efforts import EffortCurve, EffortDiagnosis
 from ...diagnosis.locate import Agreement, Recovered, Residuals
 from ...kinematics import ClosedPose
 from ...modules import DriveModule
-from ...numbers import readable_unit
+from ...numbers import number, readable_unit
 from ...robot import Robot
 from ...spatial import Array
 from ..scene.camera import camera_of
@@ -21,15 +23,17 @@ from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text
 from .drawing import Drawing, Layout
 from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool
-from .plotting import Figure, plain_axes, plain_words, sheet
+from .plotting import Figure, Line2D, page_figure, plain_axes, plain_words, sheet, zero_lines
 
-#: What is measured less simulated before a diagnosis, and after it.
-BEFORE, AFTER = "#9AA3AD", "#0B6AA8"
+#: What is measured less simulated before a diagnosis, and after it; what was measured.
+BEFORE, AFTER, _MEASURED = "#9AA3AD", "#0B6AA8", "#23272E"
 #: Letters that stand beside a row.
 _LINE = 18
 _BAND = "#DCE3EA"
 #: Times its range that a law may go up and down along its load and still be drawn as a line.
 _ZIGZAG = 3
+#: Joints that a page shows, those whose effort the findings change most, and the time that it shows of them [s].
+_MOST_JOINTS, _SECONDS = 6, 12.0
 _WIDE = Layout(
     (11, 6.6), (0.02, 0.02, 0.62, 0.86), (0.725, 0.49, 0.255, 0.34), (0.015, 0.02, 0.13, 0.19), (0.715, 0.39),
     (0, 0, 0, 0), 40,
@@ -97,12 +101,8 @@ def _points(robot: Robot, pose: ClosedPose, parts: Skeleton, name: str) -> Array
 
 
 @plain_words
-def place_figure(robot: Robot, diagnosis: Diagnosis, beside: Finding | None = None, *, narrow: bool = False) -> Figure:
-    """Return a picture of the robot with the places of the findings marked; one's local response is drawn beside it.
-
-    `narrow`: for a phone.
-    """
-    response = None if beside is None else beside.recovered
+def place_figure(robot: Robot, diagnosis: Diagnosis, *, narrow: bool = False) -> Figure:
+    """Return a picture of the robot with the places of the findings marked. `narrow`: for a phone."""
     run = diagnosis.final
     poses = [] if run is None else run.geometry.poses
     pose = poses[len(poses) // 2] if poses else robot.home
@@ -127,12 +127,7 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, beside: Finding | None = No
     drawing.write(texts, parts.legs, parts.points, size)
     draw_compass(figure, camera, robot.mechanism.gravity, layout)
     draw_legend(figure, parts, False, None, layout)
-    place = (0.06, 0.33) if narrow else (0.655, 0.87 if response is None else 0.965)
-    _draw_list(figure, diagnosis, found, place, layout.line, 4 if narrow else 9)
-    if beside is not None and isinstance(response, Recovered) and not narrow:
-        small = figure.add_axes(layout.beside)
-        _draw_response(small, response, beside.physics, 8.0)
-        small.legend(frameon=False, fontsize=7, loc="best", handlelength=1.2)
+    _draw_list(figure, diagnosis, found, (0.06, 0.33) if narrow else (0.655, 0.87), layout.line, 4 if narrow else 9)
     figure.text(0.025, 0.95, robot.name, fontsize=16, weight="bold", va="center")
     return figure
 
@@ -194,29 +189,23 @@ def _draw_list(
 def response_figure(finding: Finding, *, narrow: bool = False) -> Figure:
     """Return a finding's local response: estimates of every sample, the curve that knows no law, and the law.
 
-    Of what hangs on no single load: what the recording asks for at the tool against what the law gives.
+    Of what hangs on no single load: what the recording asks for at the tool against what the law gives. `narrow`: for
+    a phone.
     """
     response = finding.recovered
     if isinstance(response, Agreement):
         return _agreement_figure(finding, response, narrow)
-    figure = sheet(*((5.2, 4.8) if narrow else (9.5, 4.9)))
-    axes = figure.add_axes((0.15, 0.27, 0.81, 0.61) if narrow else (0.1, 0.19, 0.87, 0.7))
+    figure = page_figure(4.9, narrow, finding_text(finding))
+    axes: Any = figure.subplots()
     if response is not None:
-        size = 9.5 if narrow else 10
-        _draw_response(axes, response, finding.physics, size)
+        draw_response(axes, response, finding.physics)
         # below the drawing, which may fill any of its corners
-        figure.legend(fontsize=size - 1, frameon=False, loc="lower left", bbox_to_anchor=(axes.get_position().x0, 0.0),
-                      ncols=1 if narrow else 3, handlelength=1.2)  # fmt: skip
-    _title(figure, finding, narrow)
+        figure.legend(fontsize=9, frameon=False, loc="outside lower center", ncols=1 if narrow else 3, handlelength=1.2)
     return figure
 
 
-def _title(figure: Figure, finding: Finding, narrow: bool) -> None:
-    size = 11.5 if narrow else 13
-    figure.text(0.04 if narrow else 0.1, 0.94, finding_text(finding), fontsize=size, weight="bold", va="center")
-
-
-def _draw_response(axes, response: Recovered, physics: str, size: float) -> None:
+def draw_response(axes, response: Recovered, physics: str, letters: float = 10) -> None:
+    """Draw what each sample asks of a finding's place, the means that know no law, and the law."""
     reach = np.abs(response.curve) + 2 * response.band
     if response.law is not None:
         reach = np.concatenate((reach, np.abs(response.law)))
@@ -224,48 +213,39 @@ def _draw_response(axes, response: Recovered, physics: str, size: float) -> None
     y_unit, y_factor = readable_unit(float(reach.max(initial=0.0)), response.y_unit)
     x, y, knots = x_factor * response.x, y_factor * response.y, x_factor * response.knots
     curve, band = y_factor * response.curve, y_factor * response.band
-    axes.axhline(0, color="#C3C9D0", lw=0.8, zorder=1)
-    if response.x.min() < 0 < response.x.max():
-        axes.axvline(0, color="#C3C9D0", lw=0.8, zorder=1)
+    zero_lines(axes, x)
     weight = 1 / response.deviation**2
     strong = np.clip(weight / np.quantile(weight, 0.9), 0.12, 1.0)
     colours = np.tile([0.29, 0.31, 0.35, 1.0], (len(x), 1))
     colours[:, 3] = 0.45 * strong
     axes.scatter(x, y, s=30 if response.path else 9, color=colours, linewidths=0, zorder=2, label="each measured pose")
-    means = "their means, 95 %" if size < 9 else "means over neighbours, 95 %"
     if not response.path:
         axes.fill_between(knots, curve - 1.96 * band, curve + 1.96 * band, color=AFTER, alpha=0.18, lw=0, zorder=3)
-        axes.plot(knots, curve, "o-", color=AFTER, lw=1.4, ms=4, zorder=4, label=means)
+        axes.plot(knots, curve, "o-", color=AFTER, lw=1.4, ms=4, zorder=4, label="means over neighbours, 95 %")
     if response.law is not None:
-        law = y_factor * response.law
-        name = physics.replace("_", " ")
-        if response.path:
-            axes.scatter(x, law, s=9, color=FOUND, linewidths=0, zorder=5, label=f"the law: {name}")
-            for block in np.unique(response.blocks):
-                here = response.blocks == block
-                axes.plot(x[here], law[here], color=FOUND, lw=0.6, alpha=0.35, zorder=4)
-        else:
-            order = np.argsort(x, kind="stable")
-            if np.abs(np.diff(law[order])).sum() > _ZIGZAG * np.ptp(law):  # it hangs on more than this load
-                axes.scatter(x, law, s=9, color=FOUND, linewidths=0, zorder=5, label=f"the law: {name}")
-            else:
-                axes.plot(x[order], law[order], color=FOUND, lw=2.2, zorder=5, label=f"the law: {name}")
+        law, name = y_factor * response.law, f"the law: {physics.replace('_', ' ')}"
+        order = np.argsort(x, kind="stable")
+        if not response.path and np.abs(np.diff(law[order])).sum() <= _ZIGZAG * np.ptp(law):
+            axes.plot(x[order], law[order], color=FOUND, lw=2.2, zorder=5, label=name)
+        else:  # it hangs on more than this load
+            axes.scatter(x, law, s=9, color=FOUND, linewidths=0, zorder=5, label=name)
+        for block in np.unique(response.blocks) if response.path else ():
+            here = response.blocks == block
+            axes.plot(x[here], law[here], color=FOUND, lw=0.6, alpha=0.35, zorder=4)
     top = 1.25 * float(max((y_factor * reach).max(), np.quantile(np.abs(y), 0.5)))
     low, high = min(float(np.quantile(y, 0.02)), 0.0), max(float(np.quantile(y, 0.98)), 0.0)
     pad = 0.12 * max(high - low, 1e-12)
     axes.set_ylim(max(low - pad, -top), min(high + pad, top))
-    axes.set_xlabel(f"{response.x_label} [{x_unit}]", fontsize=size)
-    axes.set_ylabel(f"{response.y_label} [{y_unit}]", fontsize=size)
-    plain_axes(axes, size - 1)
+    axes.set_xlabel(f"{response.x_label} [{x_unit}]", fontsize=letters)
+    axes.set_ylabel(f"{response.y_label} [{y_unit}]", fontsize=letters)
+    plain_axes(axes, letters - 1)
 
 
 def _agreement_figure(finding: Finding, response: Agreement, narrow: bool) -> Figure:
-    figure = sheet(*((5.2, 8.0) if narrow else (9.5, 4.6)))
-    _title(figure, finding, narrow)
     shown = [group for group in response.columns if np.any(response.asked[:, group.where])][:2]
-    for index, (kind, si, block) in enumerate(shown):
-        below = (0.16, 0.53 - 0.46 * index, 0.8, 0.36)
-        axes = figure.add_axes(below if narrow else (0.1 + 0.47 * index, 0.13, 0.38, 0.73))
+    figure = page_figure(4.0 * max(len(shown), 1) if narrow else 4.6, narrow, finding_text(finding))
+    grid = figure.subplots(*((len(shown), 1) if narrow else (1, 2)), squeeze=False).ravel()
+    for axes, (kind, si, block) in zip(grid, shown, strict=False):
         asked, law = response.asked[:, block], response.law[:, block]
         largest = float(np.abs(law).max(initial=0.0)) or float(np.abs(asked).max(initial=0.0))
         unit, factor = readable_unit(largest, si)
@@ -274,10 +254,9 @@ def _agreement_figure(finding: Finding, response: Agreement, narrow: bool) -> Fi
         line = np.array([-reach, reach])
         axes.fill_between(line, line - noise, line + noise, color=_BAND, lw=0, zorder=1, label="noise, ± 2 σ")
         axes.plot(line, line, color=FOUND, lw=1.6, zorder=2, label="the law")
-        for column, colour in enumerate(AXES):
-            label = _AXIS_NAMES[si][column]
+        for column, (colour, name) in enumerate(zip(AXES, _AXIS_NAMES[si], strict=True)):
             axes.plot(
-                factor * law[:, column], factor * asked[:, column], ".", color=colour, ms=4, alpha=0.6, label=label
+                factor * law[:, column], factor * asked[:, column], ".", color=colour, ms=4, alpha=0.6, label=name
             )
         axes.set_xlim(-reach, reach)
         axes.set_ylim(-reach - 2 * noise, reach + 2 * noise)
@@ -285,6 +264,8 @@ def _agreement_figure(finding: Finding, response: Agreement, narrow: bool) -> Fi
         axes.set_ylabel(f"{kind} that the recording asks for [{unit}]", fontsize=10)
         plain_axes(axes, 9)
         axes.legend(frameon=False, fontsize=9, loc="best", handlelength=1.2)
+    for axes in grid[len(shown) :]:
+        axes.set_visible(False)
     return figure
 
 
@@ -299,50 +280,39 @@ def sample_figure(diagnosis: Diagnosis, *, narrow: bool = False) -> Figure:
     """
     every = [(group, column) for group in diagnosis.columns for column in range(group.where.start, group.where.stop)]
     rows = [(group, column) for group, column in every if np.any(diagnosis.residual_before[:, column])]
-    figure = sheet(5.2 if narrow else 11, 1.0 + 1.35 * max(len(rows), 1))
-    height = figure.get_size_inches()[1]
-    each = (height - 1.0) / max(len(rows), 1)
+    count = max(len(rows), 1)
+    title = "Residual" if narrow else "Measured less simulated"
+    figure = page_figure(1.0 + 1.35 * count, narrow, title, width=11)
+    grid = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     samples = diagnosis.samples
     parts = [part for part in diagnosis.recordings if len(part.used)]
-    edges = [samples[part.used[0]] for part in parts]
-    for row, ((kind, si, block), channel) in enumerate(rows):
-        bottom = (height - 0.45 - (row + 1) * each + 0.12) / height
-        left = 0.17 if narrow else 0.1
-        axes = figure.add_axes((left, bottom, 0.98 - left, (each - 0.18) / height))
-        noise = diagnosis.noise.of_unit(si)
+    spans = [(samples[part.used[0]] - 0.5, samples[part.used[-1]] + 0.5) for part in parts]
+    for axes, ((kind, si, block), channel) in zip(grid, rows, strict=False):
         before, after = diagnosis.residual_before[:, channel], diagnosis.residual_after[:, channel]
         unit, factor = readable_unit(float(np.quantile(np.abs(before), 0.98)), si)
+        axes.margins(x=0.005)
         if len(parts) > 1:
-            for part, edge in zip(parts, edges, strict=True):
-                own, ends = 2 * factor * part.noise.of_unit(si), (edge - 0.5, samples[part.used[-1]] + 0.5)
+            for part, ends in zip(parts, spans, strict=True):
+                own = 2 * factor * part.noise.of_unit(si)
                 told = "noise, ± 2 σ" if part is parts[0] else None
                 axes.fill_between(ends, -own, own, color=_BAND, lw=0, zorder=0, label=told)
         else:
-            axes.axhspan(-2 * factor * noise, 2 * factor * noise, color=_BAND, zorder=0, label="noise, ± 2 σ")
-        for edge in edges[1:]:
-            axes.axvline(edge - 0.5, color="#C3C9D0", lw=0.8, zorder=1)
+            noise = 2 * factor * diagnosis.noise.of_unit(si)
+            axes.axhspan(-noise, noise, color=_BAND, zorder=0, label="noise, ± 2 σ")
+        for edge, _ in spans[1:]:
+            axes.axvline(edge, color="#C3C9D0", lw=0.8, zorder=1)
         axes.plot(samples, factor * before, ".", color=BEFORE, ms=3.2, zorder=2, label="before")
         axes.plot(samples, factor * after, ".", color=AFTER, ms=2.6, zorder=3, label="after")
         axis = _AXIS_NAMES[si][channel - block.start]
         axes.set_ylabel("\n".join([*_lines(kind), f"{axis} [{unit}]"]), fontsize=8.5)
-        axes.margins(x=0.005)
         plain_axes(axes, 8, "y")
-        if row < len(rows) - 1:
-            axes.tick_params(axis="x", labelbottom=False)
-        else:
-            axes.set_xlabel("sample", fontsize=9)
-        if row == 0 and len(parts) > 1:
-            for part, edge in zip(parts, edges, strict=True):
-                place = axes.get_xaxis_transform()
-                axes.text(edge, 1.02, part.name, transform=place, fontsize=7.5, va="bottom", clip_on=False)
-        if row == 0:
-            handles, texts = axes.get_legend_handles_labels()
-            figure.legend(
-                handles, texts, loc="upper right", ncols=3, frameon=False, fontsize=9.5, markerscale=2.5,
-                bbox_to_anchor=(0.985, 1.0), borderaxespad=0.2,
-            )  # fmt: skip
-    title = "Residual" if narrow else "Measured less simulated"
-    figure.text(0.04 if narrow else 0.1, 1 - 0.2 / height, title, fontsize=12, weight="bold", va="center")
+    if len(parts) > 1:
+        for part, (edge, _) in zip(parts, spans, strict=True):
+            at = grid[0].get_xaxis_transform()
+            grid[0].text(edge, 1.02, part.name, transform=at, fontsize=7.5, va="bottom", clip_on=False)
+    grid[-1].set_xlabel("sample", fontsize=9)
+    keys = grid[0].get_legend_handles_labels()
+    figure.legend(*keys, loc="outside upper right", ncols=3, frameon=False, fontsize=9.5, markerscale=2.5)
     return figure
 
 
@@ -361,24 +331,118 @@ def histogram_figure(found: Residuals, *, narrow: bool = False) -> Figure:
     groups = [(name, block) for name, _, block in found.columns if found.exists[:, block].any()]
     across = 1 if narrow else 2
     lines = max(-(-len(groups) // across), 1)
-    figure = sheet(5.2 if narrow else 11, 3.3 * lines)
+    figure = page_figure(3.0 * lines, narrow, width=11)
+    grid = figure.subplots(lines, across, squeeze=False).ravel()
     edges = np.linspace(-6, 6, 49).tolist()
-    grid = np.linspace(-6, 6, 200)
-    for index, (name, block) in enumerate(groups):
-        line = lines - 1 - index // across
-        left, width = (0.06, 0.88) if narrow else (0.1 + 0.46 * (index % 2), 0.41)
-        axes = figure.add_axes((left, (line + 0.18) / lines, width, 0.64 / lines))
+    normal = np.linspace(-6, 6, 200)
+    for axes, (name, block) in zip(grid, groups, strict=False):
         there = found.exists[:, block]
-        clipped = [np.clip(values[:, block][there], -5.99, 5.99) for values in (found.before, found.after)]
-        axes.hist(clipped[0], color=BEFORE, alpha=0.55, label="before", zorder=2, bins=edges, density=True)
-        axes.hist(clipped[1], histtype="step", color=AFTER, lw=1.8, label="after", zorder=3, bins=edges, density=True)
-        normal = np.exp(-0.5 * grid**2) / np.sqrt(2 * np.pi)
-        axes.plot(grid, normal, "--", color=INK, lw=1.2, label="noise alone", zorder=4)
+        before, after = (np.clip(values[:, block][there], -5.99, 5.99) for values in (found.before, found.after))
+        axes.hist(before, color=BEFORE, alpha=0.55, label="before", zorder=2, bins=edges, density=True)
+        axes.hist(after, histtype="step", color=AFTER, lw=1.8, label="after", zorder=3, bins=edges, density=True)
+        density = np.exp(-0.5 * normal**2) / np.sqrt(2 * np.pi)
+        axes.plot(normal, density, "--", color=INK, lw=1.2, label="noise alone", zorder=4)
         axes.set_xlim(-6, 6)
         axes.set_title(name, fontsize=11, loc="left", color=INK)
         axes.set_xlabel("multiples of the noise (beyond ± 6: in the outermost bars)", fontsize=8.5)
         axes.set_yticks([])
         plain_axes(axes, 8.5, None, ("top", "right", "left"))
-        if index == 0:
-            axes.legend(frameon=False, fontsize=9, loc="upper left")
+    grid[0].legend(frameon=False, fontsize=9, loc="upper left")
+    for axes in grid[len(groups) :]:
+        axes.set_visible(False)
+    return figure
+
+
+# -- efforts -----------------------------------------------------------------------------------------------------------
+
+
+@plain_words
+def effort_figure(efforts: EffortDiagnosis, *, narrow: bool = False) -> Figure:
+    """Return measured and predicted efforts over time, and what is left of them against the speed, joint by joint.
+
+    `narrow`: for a phone, without the latter.
+    """
+    gain = [efforts.by_joint[name]["before"] - efforts.by_joint[name]["after"] for name in efforts.joints]
+    chosen = sorted(np.argsort(gain)[::-1][:_MOST_JOINTS].tolist())
+    figure = page_figure(0.7 + 2.1 * len(chosen), narrow, width=11)
+    ratios = (1,) if narrow else (2.3, 1)
+    grid = figure.subplots(len(chosen), len(ratios), squeeze=False, width_ratios=ratios)
+    shown = _window(efforts)
+    for row, column in zip(grid, chosen, strict=True):
+        _draw_time(row[0], efforts, column, shown, narrow)
+        if not narrow:
+            _draw_left(row[1], efforts, column)
+    grid[-1, 0].set_xlabel("time [s]", fontsize=9)
+    keys = {"measured": _MEASURED, "rigid, as drawn": BEFORE, "with the findings": AFTER}
+    handles = [Line2D([], [], color=colour, lw=2, label=word) for word, colour in keys.items()]
+    size = 9 if narrow else 11
+    figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False, fontsize=size, handlelength=1.2)
+    return figure
+
+
+def _window(efforts: EffortDiagnosis) -> np.ndarray:
+    """Return the samples of the stretch of time that is drawn: where the efforts change most."""
+    time = efforts.time
+    if time[-1] - time[0] <= _SECONDS:
+        return np.arange(len(time))
+    change = np.abs(efforts.predicted - efforts.rigid).sum(axis=1)
+    starts = np.arange(time[0], time[-1] - _SECONDS + 1e-9, _SECONDS / 2)
+    sums = [change[(time >= start) & (time < start + _SECONDS)].sum() for start in starts]
+    start = starts[int(np.argmax(sums))]
+    return np.flatnonzero((time >= start) & (time < start + _SECONDS))
+
+
+def _draw_time(axes, efforts: EffortDiagnosis, column: int, shown: np.ndarray, narrow: bool) -> None:
+    name, unit = efforts.joints[column], efforts.units[column]
+    time = efforts.time[shown]
+    # pieces apart in time are no line
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > 5 * np.median(steps)) + 1 if len(time) > 2 else np.zeros(0, int)
+    zero_lines(axes)
+    for values, colour, width, order in (
+        (efforts.rigid, BEFORE, 1.2, 2),
+        (efforts.measured, _MEASURED, 1.6, 3),
+        (efforts.predicted, AFTER, 1.1, 4),
+    ):
+        own = np.insert(values[shown, column], gaps, np.nan)
+        axes.plot(np.insert(time, gaps, np.nan), own, color=colour, lw=width, zorder=order)
+    share = efforts.shares[name]
+    drawn, found = (number(100 * share[of], 3) for of in ("rigid", "heldout"))
+    text = f"{drawn} % of it unexplained as drawn, {found} % with the findings"
+    axes.set_title(f"{name}\n{text}" if narrow else f"{name}: {text}", fontsize=8.5 if narrow else 9.5, loc="left")
+    axes.set_ylabel(f"effort [{unit}]", fontsize=9)
+    plain_axes(axes, 8.5)
+
+
+def _draw_left(axes, efforts: EffortDiagnosis, column: int) -> None:
+    good = efforts.good[:, column]
+    speed = efforts.speed[good, column]
+    zero_lines(axes)
+    for values, colour, order in ((efforts.rigid, BEFORE, 2), (efforts.predicted, AFTER, 3)):
+        left = (efforts.measured - values)[good, column]
+        axes.scatter(speed, left, s=3, color=colour, linewidths=0, alpha=0.5, zorder=order, rasterized=True)
+    axes.set_ylabel(f"left [{efforts.units[column]}]", fontsize=9)
+    axes.set_xlabel(f"speed [{'m/s' if efforts.units[column] == 'N' else 'rad/s'}]", fontsize=9)
+    plain_axes(axes, 8.5)
+
+
+@plain_words
+def effort_curve_figure(finding: Finding, curve: EffortCurve, *, narrow: bool = False) -> Figure:
+    """Return what the efforts ask for at a joint against what drives it, before any law, and the law.
+
+    `narrow`: for a phone.
+    """
+    figure = page_figure(4.6, narrow, finding_text(finding))
+    axes: Any = figure.subplots()
+    unit, factor = readable_unit(float(np.abs(curve.x).max(initial=0.0)), curve.x_unit)
+    x = factor * curve.x
+    zero_lines(axes, x)
+    words = "what the efforts ask for, means of neighbours, 95 %"
+    axes.errorbar(x, curve.y, 1.96 * curve.deviation, fmt="o", ms=5, color=AFTER, lw=1.2, zorder=3, label=words)
+    if curve.law is not None:
+        axes.plot(x, curve.law, color=FOUND, lw=2.2, zorder=4, label=f"the law: {finding.physics.replace('_', ' ')}")
+    axes.set_xlabel(f"{curve.against} of {curve.joint} [{unit}]", fontsize=10)
+    axes.set_ylabel(f"effort beyond the rest of the model [{curve.y_unit}]", fontsize=10)
+    plain_axes(axes, 8.5)
+    figure.legend(frameon=False, fontsize=9, loc="outside lower center", ncols=1 if narrow else 2)
     return figure

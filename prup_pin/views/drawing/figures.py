@@ -20,12 +20,10 @@ from ...spatial import Array, as_wrench, wrench_text
 from ...statics import Compliance
 from ..scene.camera import FORCE_LENGTH, Camera, camera_of, hull
 from ..scene.colours import AXES, BEAM, ELLIPSOIDS, FAINT, GHOST, INK, LOAD, MAP, map_rgb, rgb_of, share_colours
-from ..scene.elastic import Deflections, fitting_scale
+from ..scene.elastic import Deflections, fitting_scale, principal
 from ..scene.skeleton import Skeleton, skeleton
-from ..text.answer import Answer, ranked
-from ..text.joints import pose_text
-from ..text.quantities import length_text
-from ..text.tables import load_text, percent_text
+from ..text.answer import Answer, load_text, ranked
+from ..text.values import percent_text, pose_words
 from .drawing import NARROW, WIDE, Drawing, Layout
 from .plotting import Figure, Line2D, ListedColormap, Patch, PolyCollection, Polygon, plain_axes, plain_words, sheet
 
@@ -315,13 +313,13 @@ def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, scale: float | No
 def _write_title(
     figure: Figure, robot: Robot, pose: ClosedPose, compliance, load, scale: float | None, layout: Layout
 ) -> None:
-    at = ", ".join(text.replace(" deg", "°") for text in pose_text(robot, pose.coordinates or pose.actuators, 4))
+    at = pose_words(robot, pose)
     if len(at) > 90:
         at = f"{at[:88].rpartition(',')[0]}, …"
     lines = wrap(at, layout.line)
     if load is not None and load.any() and compliance is not None:
         moved = float(np.linalg.norm(compliance.deflection(load)[:3]))
-        line = f"under {wrench_text(np.round(load, 3))} the tool moves by {length_text(moved)}"
+        line = f"under {wrench_text(np.round(load, 3))} the tool moves by {quantity(moved, 'm')}"
         if scale:
             line += f"; deflection drawn × {number(scale)}"
         lines += wrap(line, layout.line)
@@ -406,13 +404,7 @@ def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) 
 # -- the ellipsoid of compliance: how far, and whereto, a unit force in every direction moves the tool -----------------
 
 
-SOFT = ELLIPSOIDS["translation"]
-
-
-def _principal(compliance: Compliance) -> tuple[Array, Array]:
-    """Return the principal compliances of the translation block [m/N], largest first, and their axes as columns."""
-    values, vectors = np.linalg.eigh(compliance.C[:3, :3])
-    return np.maximum(values[::-1], 0.0), vectors[:, ::-1]
+SOFT, _TRANSLATION = ELLIPSOIDS["translation"], slice(0, 3)
 
 
 def _silhouette(camera: Camera, values: Array, vectors: Array) -> Array:
@@ -425,7 +417,7 @@ def _silhouette(camera: Camera, values: Array, vectors: Array) -> Array:
 
 def draw_small_ellipsoid(drawing: Drawing, compliance: Compliance, at: Array, size: float) -> None:
     """Draw the outline around the tool at `at`, in proportion to the mechanism's size."""
-    values, vectors = _principal(compliance)
+    values, vectors = principal(compliance, _TRANSLATION)
     if values[0] <= 0:
         return
     outline = drawing.camera.flat(at) + _silhouette(drawing.camera, values * 0.15 * size / values[0], vectors)
@@ -434,7 +426,7 @@ def draw_small_ellipsoid(drawing: Drawing, compliance: Compliance, at: Array, si
 
 def draw_ellipsoid(figure: Figure, camera: Camera, compliance: Compliance, layout: Layout) -> None:
     """Draw the ellipsoid large, in the same view, with its semi-axes in µm/N."""
-    values, vectors = _principal(compliance)
+    values, vectors = principal(compliance, _TRANSLATION)
     drawing = Drawing(figure, layout.beside, camera, (-1.75, -1.6), (1.75, 1.6))
     axes, labels = drawing.axes, drawing.labels
     axes.set_title("Compliance at the tool", fontsize=11, weight="bold", loc="center", pad=14)

@@ -8,6 +8,7 @@ from io import BytesIO
 from typing import Literal
 
 from ...errors import MissingExtraError
+from ...spatial import Array
 
 try:
     from matplotlib import rc_context
@@ -33,9 +34,11 @@ __all__ = [
     "PolyCollection",
     "Polygon",
     "encoded",
+    "page_figure",
     "plain_axes",
     "plain_words",
     "sheet",
+    "zero_lines",
 ]
 
 #: Decorates what makes a figure: dollar signs in names are signs, not mathematics.
@@ -50,6 +53,22 @@ def sheet(width: float, height: float, dpi: float | None = 130, layout: Literal[
     figure = Figure(figsize=(width, height), dpi=dpi, layout=layout, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
+
+
+def page_figure(height: float, narrow: bool, title: str = "", width: float = 9.5) -> Figure:
+    """Return an empty figure of some inches, or as wide as a phone, whose title and panels find their places."""
+    figure = sheet(5.2 if narrow else width, height, layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08)  # type: ignore[union-attr, call-arg]
+    if title:
+        figure.suptitle(title, x=0.02, ha="left", fontsize=11.5 if narrow else 13, weight="bold")
+    return figure
+
+
+def zero_lines(axes, x: Sequence[float] | Array = ()) -> None:
+    """Draw a pale line where values are zero, and one where `x` is, if it has both signs."""
+    axes.axhline(0, color="#C3C9D0", lw=0.8, zorder=1)
+    if len(x) and min(x) < 0 < max(x):
+        axes.axvline(0, color="#C3C9D0", lw=0.8, zorder=1)
 
 
 def plain_axes(axes, letters: float | None, grid: str | None = "both", sides: Sequence[str] = ("top", "right")) -> None:

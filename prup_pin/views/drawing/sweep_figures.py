@@ -1,4 +1,7 @@
-"""Maps of a sweep: any quantity over two coordinates, shares of modules, two models side by side. Needs matplotlib."""
+"""Maps of a sweep: any quantity over two coordinates, shares of modules, two models side by side; a path's errors.
+
+Needs matplotlib.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,13 @@ from math import ceil
 
 import numpy as np
 
+from ...compensation import Compensation
 from ...errors import InputError
-from ...numbers import number, readable_unit
+from ...numbers import readable_unit
 from ...spatial import Array
 from ...sweep import QUANTITIES, SweepFile, SweepResult
-from ..scene.colours import FAINT, INK, map_colour
+from ..scene.colours import FAINT, FOUND, INK, map_rgb
+from ..text.values import coordinate_text
 from .plotting import Figure, ListedColormap, MaxNLocator, Patch, plain_axes, plain_words, sheet
 
 #: Quantities that no map shows: where the robot stands, and matrices.
@@ -25,6 +30,8 @@ _SHARE_DIGITS = 9
 _STYLES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)))
 _SIZE = 2.9  # of a map [in]
 _LEVELS = 12
+#: What a path misses after compensation.
+_AFTER = "#0B6AA8"
 #: Of more entries two stand side by side.
 _TALL = 4
 
@@ -201,22 +208,11 @@ def _plane(found: Swept, values: Array) -> Array:
 
 def _heading(found: Swept, summary: str) -> str:
     """Return what is drawn of which robot, and where the coordinates stand that are not drawn."""
-    others = _others(found)
-    return f"{found.mechanism.name}: {summary}{f'; at {others}' if others else ''}"
-
-
-def _others(found: Swept) -> str:
-    """Return where the coordinates stand that are not drawn: 'z 300 mm'."""
     units = dict(zip(found._places.names, found._engine.coordinates.units, strict=True))
-    held = dict(found._places.fixed) | {
-        name: axis[len(axis) // 2] for name, axis in list(found._places.axes.items())[:-2]
-    }
-    parts = [f"{name} {_said(value, units[name])}" for name, value in held.items()]
-    return ", ".join(parts)
-
-
-def _said(value: float, unit: str) -> str:
-    return f"{number(1e3 * value, 4)} mm" if unit == "m" else f"{number(np.degrees(value), 4)} deg"
+    held = dict(found._places.fixed)
+    held |= {name: axis[len(axis) // 2] for name, axis in list(found._places.axes.items())[:-2]}
+    others = ", ".join(f"{name} {coordinate_text(value, units[name], 4)}" for name, value in held.items())
+    return f"{found.mechanism.name}: {summary}{f'; at {others}' if others else ''}"
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
@@ -278,14 +274,12 @@ def _levels(values: Array) -> Array:
 def _draw(axes, found: Swept, values: Array, levels: Array):
     """Draw one map; what has no answer stays white."""
     _, (x, y) = _two(found)
-    drawn = axes.contourf(x, y, values.T, levels=levels, cmap=ListedColormap(_ramp(len(levels) - 1)))
+    drawn = axes.contourf(
+        x, y, values.T, levels=levels, cmap=ListedColormap(map_rgb(np.linspace(0, 1, len(levels) - 1)))
+    )
     axes.contour(x, y, values.T, levels=levels, colors="white", linewidths=0.3)
     _label(axes, found)
     return drawn
-
-
-def _ramp(count: int) -> list:
-    return [map_colour(place / max(count - 1, 1)) for place in range(count)]
 
 
 def _label(axes, found: Swept) -> None:
@@ -296,3 +290,38 @@ def _label(axes, found: Swept) -> None:
     axes.set_facecolor("#f3f4f6")
     axes.spines[:].set_color(FAINT)
     axes.spines[:].set_linewidth(0.6)
+
+
+# -- a path before and after compensation ------------------------------------------------------------------------------
+
+
+@plain_words
+def path_figure(found: Compensation) -> Figure:
+    """Return what the tool misses along a path before and after compensation, a panel for each coordinate.
+
+    What is left stands beside it at its own scale.
+    """
+    count = len(found.names)
+    figure = sheet(7.2, 1.55 * count + 0.9, None, "constrained")
+    grid = figure.subplots(count, 2, sharex=True, squeeze=False)
+    time, several = found.commands.time, len(found.commands.run_names) > 1
+    across = np.arange(1, len(found) + 1) if several else time
+    for row, (name, unit) in enumerate(zip(found.names, found.units, strict=True)):
+        left, right = grid[row]
+        before, after = found.before[:, row], found.after[:, row]
+        drawn = (("before", before, FOUND), ("after", after, _AFTER))
+        for axes, curves in ((left, drawn), (right, drawn[1:])):
+            shown, factor = readable_unit(float(np.nanmax(np.abs(curves[0][1]), initial=0.0)), unit)
+            axes.axhline(0, color=INK, lw=0.6)
+            for word, errors, colour in curves:
+                axes.plot(across, factor * errors, color=colour, lw=1.4, label=word)
+            axes.set_ylabel(f"{name} [{shown}]")
+    grid[0, 0].set_title("What the loaded tool misses", fontsize=10, color=INK)
+    grid[0, 1].set_title("What compensation leaves of it", fontsize=10, color=INK)
+    lines, words = grid[0, 0].get_legend_handles_labels()
+    figure.legend(lines, words, frameon=False, fontsize=8, ncols=2, loc="outside upper left")
+    for axes in grid[-1]:
+        axes.set_xlabel("row" if several else "time [s]")
+    for axes in grid.flat:
+        plain_axes(axes, 8, None)
+    return figure

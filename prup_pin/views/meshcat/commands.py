@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import InputError, MissingExtraError
 from ...spatial import Array
 from ..scene.motions import Motion
-from ..scene.scene import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Part, Ring, Scene, Shape, Tube
+from ..scene.scene import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Part, Ring, Scene, Shape, Tube, half_size
 
 Command = dict[str, Any]
 #: Vertical opening of the eye [deg].
@@ -142,7 +142,8 @@ def tree_path(path: str) -> str:
     return "/" + "/".join(re.sub(r"[<>\[\].:]", "_", name) or "_" for name in path.split("/") if name)
 
 
-def _transform(path: str, matrix: Array) -> Command:
+def transform(path: str, matrix: Array) -> Command:
+    """Return the command that places what stands at a path."""
     return {"type": "set_transform", "path": path, "matrix": matrix.T.ravel().tolist()}
 
 
@@ -174,8 +175,8 @@ def scene_commands(scene: Scene) -> list[Command]:
     """Return meshcat's commands that draw a scene."""
     commands = stage(scene)
     for part in scene.parts:
-        commands += [_object(part), _transform(tree_path(part.path), part.placement)]
-    return commands + [_transform(f"/{folder}", scene.display_from_base) for folder in folders(scene.parts)]
+        commands += [_object(part), transform(tree_path(part.path), part.placement)]
+    return commands + [transform(f"/{folder}", scene.display_from_base) for folder in folders(scene.parts)]
 
 
 def changes(before: Sequence[Part], after: Sequence[Part]) -> list[Command]:
@@ -188,7 +189,7 @@ def changes(before: Sequence[Part], after: Sequence[Part]) -> list[Command]:
             commands.append(_object(part))
         elif np.array_equal(known.placement, part.placement):
             continue
-        commands.append(_transform(tree_path(path), part.placement))
+        commands.append(transform(tree_path(path), part.placement))
     return commands
 
 
@@ -224,11 +225,11 @@ def motion_commands(motion: Motion) -> list[Command]:
         parts = [table.get(path) for table in by_path]
         drawn, tracks, on_object = _tracks(parts, motion.rate)
         everything.append(drawn[0])
-        commands += [_object(*drawn), _transform(tree_path(path), drawn[0].placement)]
+        commands += [_object(*drawn), transform(tree_path(path), drawn[0].placement)]
         for where, found in ((tree_path(path), tracks), (f"{tree_path(path)}/<object>", on_object)):
             if found:
                 clips.append({"path": where, "clip": {"fps": 30, "name": "default", "tracks": found}})
-    commands += [_transform(f"/{folder}", first.display_from_base) for folder in folders(everything)]
+    commands += [transform(f"/{folder}", first.display_from_base) for folder in folders(everything)]
     if clips:
         options = {"play": True, "repetitions": 1_000_000}
         commands.append({"type": "set_animation", "path": "", "animations": clips, "options": options})
@@ -271,9 +272,9 @@ def _tracks(parts: Sequence[Part | None], rate: float) -> tuple[tuple, list, lis
                 on_object.append(_influence(index, which == index, rate))
     elif any(shape is not shapes[0] and shape != shapes[0] for shape in shapes):
         # the largest is drawn, the others are stretched copies of it
-        drawn = max(filled, key=lambda part: float(np.prod(_extent(part.shape))))
-        own = _extent(drawn.shape)
-        scales = [(_extent(shape) / own).tolist() for shape in shapes]
+        drawn = max(filled, key=lambda part: float(np.prod(_reach(part.shape))))
+        own = _reach(drawn.shape)
+        scales = [(_reach(shape) / own).tolist() for shape in shapes]
         tracks.append(_track("scale", "vector3", rate, scales))
     if np.ptp(placements, axis=0).max() > 1e-12:
         tracks.append(_track("position", "vector3", rate, placements[:, :3, 3].tolist()))
@@ -305,19 +306,10 @@ def _influence(index: int, shown: np.ndarray, rate: float) -> dict[str, Any]:
     return _track(f"morphTargetInfluences[{index}]", "number", rate, [float(shown[time]) for time in times], times)
 
 
-def _extent(shape: Shape) -> Array:
+def _reach(shape: Shape) -> Array:
     """Return the lengths of a shape along its own axes, never zero."""
-    lengths: tuple[float, ...]
-    if isinstance(shape, Box):
-        lengths = shape.size
-    elif isinstance(shape, Ellipsoid):
-        lengths = shape.semi_axes
-    elif isinstance(shape, Cylinder | Cone):
-        lengths = (shape.radius, shape.radius, shape.length)
-    else:
-        assert isinstance(shape, Ball | Ring)
-        lengths = (shape.radius,) * 3
-    return np.maximum(np.array(lengths, float), 1e-9)
+    assert not isinstance(shape, Mesh | Tube | Lines)
+    return np.maximum(half_size(shape), 1e-9)
 
 
 def _quaternions(rotations: Array) -> Array:

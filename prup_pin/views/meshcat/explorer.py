@@ -10,7 +10,6 @@ import json
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,12 +21,11 @@ from ...spatial import WRENCH_NAMES, Array, as_wrench
 from ..scene.elastic import Deflections, fitting_scale
 from ..scene.painter import Painter
 from ..scene.scene import Part, Scene
-from ..text.answer import Answer
-from ..text.joints import clean, coordinate_dimensions, dimension, limits
-from ..text.tables import rigid_texts, stiffness_table
-from .commands import changes, folders, packed, stage
-from .server import Message, Served, Server
-from .view import page_html, words
+from ..text.answer import Answer, rigid_texts, stiffness_table
+from ..text.values import clean, coordinate_dimensions, dimension, limits
+from .commands import changes, folders, packed, stage, transform
+from .server import Message, Served
+from .view import words
 
 #: How far sliders of task coordinates reach from where they start: share of the robot's size [m], and [rad].
 REACH, TURN = 0.5, np.radians(45)
@@ -62,8 +60,7 @@ class Explorer(Served):
     """
 
     def __init__(self, robot: Robot, pose: ClosedPose | None = None, wrench=None, scale: float | None = None):
-        super().__init__()
-        self.robot = robot
+        self.robot, self.title = robot, robot.name
         self.pose = robot.home if pose is None else pose
         self.wrench = np.zeros(6) if wrench is None else as_wrench(wrench)
         self.painter = Painter(robot, self.pose)
@@ -146,18 +143,9 @@ class Explorer(Served):
             ],
         }
 
-    # -- serving ---------------------------------------------------------------------------------------------------
-
-    def serve(self, port: int = 0) -> str:
-        """Serve it to browsers on this machine (127.0.0.1) and return the address; 0 takes a free port.
-
-        Raises InputError where the port is taken, MissingExtraError.
-        """
-        if self._server is None:
-            start = (Path(__file__).parent / "explorer.js").read_text(encoding="utf-8")
-            name = self.robot.name
-            self._server = Server(lambda host: page_html(name, start, f"ws://{host}"), port, lambda: Session(self))
-        return self._server.url
+    def session(self) -> Session:
+        """Return a browser's own sliders."""
+        return Session(self)
 
 
 class Session:
@@ -200,14 +188,7 @@ class Session:
         """Return the commands from what the browser has to a scene."""
         new = [folder for folder in folders(scene.parts) if folder not in folders(self._shown)]
         commands = changes(self._shown, scene.parts)
-        places = [
-            {
-                "type": "set_transform",
-                "path": f"/{name}",
-                "matrix": self.explorer.first.display_from_base.T.ravel().tolist(),
-            }
-            for name in new
-        ]
+        places = [transform(f"/{name}", self.explorer.first.display_from_base) for name in new]
         self._shown = scene.parts
         return list(map(packed, [*commands, *places]))
 

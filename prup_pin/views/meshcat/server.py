@@ -1,32 +1,42 @@
-"""A small server for one page, on this machine only: browsers get the scene through a socket, and every new one."""
+"""The page, and a small server for it, on this machine only: browsers get the scene through a socket."""
 
 from __future__ import annotations
 
 import asyncio
+import html
+import importlib.util
+import re
 import socket
 import threading
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, Protocol
 
 from ...errors import InputError, MissingExtraError
 
-#: Binary ones are meshcat's commands, texts are for the page itself.
+#: Binary ones are meshcat's commands, a text is JSON of what the page shows beside them; live.js reads both.
 Message = bytes | str
 
-#: What the served page does first: it asks for the scene. Binary messages are meshcat's commands, the last one, a text,
-#: is what the page shows besides.
-START = """
-const socket = new WebSocket(`ws://${location.host}/socket`);
-socket.binaryType = "arraybuffer";
-socket.onmessage = (message) => {
-  if (typeof message.data === "string") show(JSON.parse(message.data));
-  else viewer.handle_command_bytearray(new Uint8Array(message.data));
-};
-"""
+
+def viewer_script() -> str:
+    """Return meshcat's viewer. Raises MissingExtraError."""
+    spec = importlib.util.find_spec("meshcat")
+    for folder in (spec.submodule_search_locations or ()) if spec is not None else ():
+        path = Path(folder) / "viewer" / "dist" / "main.min.js"
+        if path.is_file():
+            return path.read_text(encoding="utf-8")
+    raise MissingExtraError("meshcat")
+
+
+def page_html(title: str, start: str, connect: str = "'none'") -> str:
+    """Return the page; `connect` is what its content security policy lets it connect to."""
+    fields = {"TITLE": html.escape(title), "MESHCAT": viewer_script(), "START": start, "CONNECT": connect}
+    template = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
+    return re.sub("__([A-Z]+)__", lambda match: fields[match[1]], template)
 
 
 class Session(Protocol):
-    """What one browser sees, where browsers see different things."""
+    """What one browser sees."""
 
     def greeting(self) -> Sequence[Message]:
         """Return what is sent to the browser first."""
@@ -36,12 +46,12 @@ class Session(Protocol):
 
 
 class Server:
-    """Serves `page(host)` at 127.0.0.1, in a thread that ends with the program. `port` 0 takes a free one.
+    """Serves a page at 127.0.0.1, in a thread that ends with the program. `port` 0 takes a free one.
 
-    All browsers see what `show` was told; with `session`, each has one of its own instead.
+    Every browser has what `session` returns for it.
     """
 
-    def __init__(self, page: Callable[[str], str], port: int = 0, session: Callable[[], Session] | None = None):
+    def __init__(self, title: str, port: int, session: Callable[[], Session]):
         try:
             import tornado.httpserver
             import tornado.web
@@ -49,7 +59,7 @@ class Server:
         except ImportError as error:
             raise MissingExtraError("meshcat") from error
         server = self
-        self._messages: list[Message] = []
+        script = (Path(__file__).parent / "live.js").read_text(encoding="utf-8")
         self._sockets: set[Any] = set()
         listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
@@ -67,23 +77,19 @@ class Server:
                     self.set_status(403)
                     return
                 self.set_header("Cache-Control", "no-store")
-                self.write(page(self.request.host))
+                self.write(page_html(title, script, f"ws://{self.request.host}"))
 
         class Socket(tornado.websocket.WebSocketHandler):
             def check_origin(self, origin: str) -> bool:
                 return server._is_known(self.request.host) and super().check_origin(origin)
 
-            own: Session | None = None
-
             def open(self, *_: str, **__: str) -> None:
                 server._sockets.add(self)
-                if session is not None:
-                    self.own = session()
-                server._send(self, server._messages if self.own is None else self.own.greeting())
+                self.own = session()
+                server._send(self, self.own.greeting())
 
             def on_message(self, message: str | bytes) -> None:
-                if self.own is not None:
-                    server._send(self, self.own.reply(message))
+                server._send(self, self.own.reply(message))
 
             def on_close(self) -> None:
                 server._sockets.discard(self)
@@ -113,13 +119,12 @@ class Server:
         """Address of the page."""
         return f"http://127.0.0.1:{self.port}/"
 
-    def show(self, messages: Sequence[Message], before: Sequence[bytes] = ()) -> None:
-        """Send messages to all browsers, and to those that come later; `before` only to those that look already."""
+    def tell(self, messages: Sequence[Message]) -> None:
+        """Send messages to all browsers."""
 
         def send() -> None:
-            self._messages = list(messages)
             for browser in list(self._sockets):
-                self._send(browser, [*before, *messages])
+                self._send(browser, messages)
 
         self._loop.call_soon_threadsafe(send)
 
@@ -145,10 +150,23 @@ class Server:
 
 
 class Served:
-    """What may be looked at through a server of its own."""
+    """What may be looked at through a server of its own: it has a title, and a session for every browser."""
 
-    def __init__(self) -> None:
-        self._server: Server | None = None
+    title: str
+    _server: Server | None = None
+
+    def session(self) -> Session:
+        """Return what a new browser sees."""
+        raise NotImplementedError
+
+    def serve(self, port: int = 0) -> str:
+        """Serve it to browsers on this machine (127.0.0.1) and return the address; 0 takes a free port.
+
+        Raises InputError where the port is taken, MissingExtraError.
+        """
+        if self._server is None:
+            self._server = Server(self.title, port, self.session)
+        return self._server.url
 
     @property
     def url(self) -> str | None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import base64
 import html
-import importlib.util
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -17,33 +16,20 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...errors import InputError, MissingExtraError
+from ...errors import InputError
 from ...kinematics import ClosedPose
 from ...robot import Robot
 from ...spatial import Array
 from ...statics import Compliance
 from ...workspace import Workspace
-from ..scene.boundary import boundary_scene
-from ..scene.motions import Motion, load_ramp, path_motion, vibration, workspace_cloud
+from ..scene.motions import Motion, load_ramp, path_motion, vibration
 from ..scene.painter import pose_scene
 from ..scene.scene import Scene
+from ..scene.workspace import boundary_scene, workspace_cloud
 from .commands import Command, folders, motion_commands, packed, scene_commands, tree_path
-from .server import START, Served, Server
+from .server import Message, Served, page_html, viewer_script
 
 PoseLike = ClosedPose | Mapping[str, float]
-
-
-def _viewer_script() -> str:
-    """Return meshcat's viewer. Raises MissingExtraError."""
-    spec = importlib.util.find_spec("meshcat")
-    for folder in (spec.submodule_search_locations or ()) if spec is not None else ():
-        path = Path(folder) / "viewer" / "dist" / "main.min.js"
-        if path.is_file():
-            return path.read_text(encoding="utf-8")
-    raise MissingExtraError("meshcat")
-
-
-# -- the page ----------------------------------------------------------------------------------------------------------
 
 
 def words(frames: Sequence[Scene], rate: float = 1.0, seen: Scene | None = None) -> dict[str, Any]:
@@ -92,26 +78,13 @@ def script_json(value: Any) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def page_html(title: str, start: str, connect: str = "'none'") -> str:
-    """Return the page; `connect` is what its content security policy lets it connect to."""
-    template = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
-    fields = {
-        "__TITLE__": html.escape(title),
-        "__MESHCAT__": _viewer_script(),
-        "__START__": start,
-        "__CONNECT__": connect,
-    }
-    return re.sub("|".join(fields), lambda match: fields[match.group()], template)
-
-
 class View(Served):
     """A scene or a motion, ready to be looked at: a page, a file, a notebook's cell, or a server on this machine."""
 
     def __init__(self, shown: Scene | Motion):
-        _viewer_script()  # says now what is missing
+        viewer_script()  # says now what is missing
         self.shown = shown
-        super().__init__()
-        self._folders: list[str] = []
+        self.title = self.scene.name
 
     @property
     def scene(self) -> Scene:
@@ -143,28 +116,24 @@ class View(Served):
             raise InputError(f"cannot write '{target}': {error.strerror}") from error
         return target
 
-    def serve(self, port: int = 0) -> str:
-        """Serve the scene to browsers on this machine (127.0.0.1) and return its address; 0 takes a free port.
+    def session(self) -> View:
+        """Return the view itself: all browsers see the same."""
+        return self
 
-        Raises InputError where the port is taken.
-        """
-        if self._server is None:
-            self._server = Server(lambda host: page_html(self.scene.name, START, f"ws://{host}"), port)
-            self._send()
-        return self._server.url
+    def greeting(self) -> list[Message]:
+        """Return the scene and its words."""
+        return [*map(packed, self.commands()), json.dumps({"words": self._words()}, allow_nan=False)]
 
-    def _send(self) -> None:
-        assert self._server is not None
-        gone: list[Command] = [{"type": "delete", "path": f"/{folder}"} for folder in self._folders]
-        messages: list[bytes | str] = [*map(packed, self.commands()), json.dumps(self._words(), allow_nan=False)]
-        self._server.show(messages, [packed(command) for command in gone])
-        self._folders = folders(self.scene.parts)
+    def reply(self, message: str | bytes) -> list[Message]:
+        """Return nothing: these pages ask nothing."""
+        return []
 
     def update(self, shown: Scene | Motion | View) -> None:
         """Show another scene; browsers that look at the server follow."""
+        gone = [packed({"type": "delete", "path": f"/{folder}"}) for folder in folders(self.scene.parts)]
         self.shown = shown.shown if isinstance(shown, View) else shown
         if self._server is not None:
-            self._send()
+            self._server.tell([*gone, *self.greeting()])
 
     def _repr_html_(self) -> str:
         return (

@@ -1,4 +1,4 @@
-"""What is handed on: self-contained pages with their templates, JSON, a diagnosis's folder.
+"""What is handed on: pages and a notebook's cells with their templates, JSON, a diagnosis's folder.
 
 The top wing: it imports all the others. `report_html` is for users of the package; the rest is imported file by file.
 """

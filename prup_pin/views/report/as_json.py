@@ -26,7 +26,7 @@ from ...robot import Robot
 from ...sensitivity import Sensitivity
 from ...spatial import TWIST_NAMES, WRENCH_NAMES
 from ..text.answer import Answer
-from ..text.joints import coordinate_dimensions, dimension, joint_type, limits
+from ..text.values import coordinate_dimensions, dimension, joint_type, limits
 
 _UNIT = {"length": "m", "angle": "rad", "number": ""}
 

@@ -19,7 +19,6 @@ from ...recordings import Recording, Together
 from ...robot import Robot
 from ...spatial import WRENCH_NAMES
 from ..drawing import diagnosis_figures as figures
-from ..drawing.effort_figures import effort_curve_figure, effort_figure
 from ..text.diagnosis_words import (
     alternative_text,
     by_place,
@@ -35,8 +34,8 @@ from ..text.diagnosis_words import (
     summary_text,
     verdict_text,
 )
-from ..text.joints import clean, dimension
-from .pose_report import Picture, page_template, picture
+from ..text.values import clean, dimension
+from .pages import Picture, page_template, picture
 
 #: Beyond so many points a drawing is a picture of pixels, lest the page grow heavy.
 _MOST_DRAWN = 200
@@ -53,6 +52,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
     return template.render(
         name=robot.name,
         version=__version__,
+        script_hashes=[],
         path=robot.mechanism.description.path.name,
         recording=", ".join(Path(item.path).name or "the recording" for item in recordings),
         many=len(recordings) > 1,
@@ -61,15 +61,13 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         summary=summary_text(diagnosis),
         facts=_facts(diagnosis),
         measured=_measured(diagnosis, robot, recordings),
-        place=picture(lambda narrow: figures.place_figure(robot, diagnosis, narrow=narrow)),
+        place=picture(figures.place_figure, robot, diagnosis),
         findings=[_finding(diagnosis, finding) for finding in diagnosis.told],
         channels=channel_rows(diagnosis),
         joints=effort_rows(diagnosis),
-        samples=picture(lambda narrow: figures.sample_figure(diagnosis, narrow=narrow), many) if drawn else None,
-        histogram=None
-        if white is None or not drawn
-        else picture(lambda narrow: figures.histogram_figure(white, narrow=narrow)),
-        efforts=None if efforts is None else picture(lambda narrow: effort_figure(efforts, narrow=narrow), True),
+        samples=picture(figures.sample_figure, diagnosis, pixels=many) if drawn else None,
+        histogram=picture(figures.histogram_figure, white) if drawn else None,
+        efforts=None if efforts is None else picture(figures.effort_figure, efforts, pixels=True),
         hidden=hidden_rows(diagnosis.not_detectable),
         remarks=list(diagnosis.remarks),
         why=_sentence(str(diagnosis.next_experiment.get("why", ""))),
@@ -144,7 +142,6 @@ def _efforts_measured(diagnosis: Diagnosis, recording: Recording) -> list[str]:
 
 
 def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
-    many = len(diagnosis.samples) > _MOST_DRAWN
     return {
         "title": finding_text(finding),
         "statement": _sentence(finding.statement),
@@ -152,19 +149,17 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         "remedy": _sentence(finding.remedy),
         "places": (places := by_place(finding)),
         "parameters": [] if places else parameter_texts(finding.parameters),
-        "response": _response(diagnosis, finding, many),
+        "response": _response(diagnosis, finding),
         "doubts": [_sentence(text) for text in alternative_text(diagnosis, finding)],
     }
 
 
-def _response(diagnosis: Diagnosis, finding: Finding, many: bool) -> Picture | None:
+def _response(diagnosis: Diagnosis, finding: Finding) -> Picture | None:
     """Return the picture of what a recording asks of a finding's place; None where nothing can be drawn."""
     if finding.recovered is not None:
-        return picture(lambda narrow: figures.response_figure(finding, narrow=narrow), many)
+        return picture(figures.response_figure, finding, pixels=len(diagnosis.samples) > _MOST_DRAWN)
     curve = effort_curve_of(finding, diagnosis.efforts)
-    if curve is None:
-        return None
-    return picture(lambda narrow: effort_curve_figure(finding, curve, narrow=narrow))
+    return None if curve is None else picture(figures.effort_curve_figure, finding, curve)
 
 
 def _sentence(text: str) -> str:

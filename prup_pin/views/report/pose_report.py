@@ -9,45 +9,47 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
-import io
 import re
-import warnings
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from ... import __version__
 from ...errors import InputError, MissingExtraError
 from ...kinematics import ClosedPose
-from ...numbers import fixed, number, quantity, readable_unit
+from ...numbers import fixed, number, quantity, readable_unit, some
+from ...review import STEP, Lever, find_levers
 from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
 from ..scene.colours import share_colours
-from ..text.answer import Answer, ranked, softest
-from ..text.joints import pose_text, position_text
-from ..text.quantities import workshop_text
-from ..text.tables import (
+from ..text.answer import (
+    Answer,
     assumptions,
     compliance_table,
-    default_parameters,
-    direction_text,
     displacement_cells,
-    displacement_columns,
-    displacement_units,
-    given_parameters,
+    displacements,
+    group_rows,
     load_text,
-    mobility_text,
-    module_parameters,
-    percent_text,
-    redundancy_text,
+    ranked,
     rigid_texts,
-    some,
+    softest,
     stiffness_tables,
     why_rigid,
 )
-from .levers import STEP, Lever, find_levers
+from ..text.values import (
+    default_parameters,
+    direction_text,
+    given_parameters,
+    mobility_rows,
+    module_parameters,
+    percent_text,
+    pose_text,
+    position_text,
+    workshop_text,
+)
+from .pages import page_template, picture
 
 _MINUS = "\u2212"
 #: Modules and levers that are listed.
@@ -82,6 +84,8 @@ def report_html(
     Without meshcat the scene is left out and the page says so. Raises MissingExtraError, and what
     `robot.pose` and `robot.compliance` raise.
     """
+    from ..drawing.figures import pose_figure, shares_figure
+
     template = page_template("report_page.html")
     if pose is None:
         pose = robot.home
@@ -93,58 +97,38 @@ def report_html(
         raise InputError("this compliance belongs to another pose; ask for robot.compliance(pose)")
     answer = Answer(compliance, None if wrench is None else as_wrench(wrench), frame)
     scene, packed, scene_note = _scene(robot, answer, scale)
+    load = answer.load.wrench if answer.load.wrench.any() else None
+    levers = find_levers(robot, compliance, answer.load.wrench, _softest_names(answer))
     return template.render(
         name=robot.name,
         version=__version__,
         path=robot.mechanism.description.path.name,
         load=load_text(answer),
-        load_alone=load_text(answer).removeprefix("under "),
-        load_given=answer.load.given,
-        pose=_pose(robot, answer),
-        changes=[
-            f"{name} = {workshop_text(value, robot.parameters[name].unit)}" for name, value in (changes or {}).items()
-        ],
-        locked=sorted(robot.mechanism.locked),
+        asked=_asked(robot, answer, changes or {}),
         facts=_facts(answer),
         scene=scene,
         packed="" if len(scene) <= PLAIN_LIMIT else packed,
         scene_note=scene_note,
         script_hashes=_script_hashes(scene),
         script=_LOADER,
-        drawing=_drawing(robot, answer, scale),
+        drawing=picture(pose_figure, robot, pose, compliance, load, scale),
         stiffness=stiffness_tables(answer),
         rigid=rigid_texts(answer) if answer.stiffness is None else [],
         why_rigid=why_rigid(robot, answer) if answer.stiffness is None else "",
         compliance=compliance_table(answer),
         displacements=_displacements(answer),
-        groups=_groups(answer),
-        chart=_chart(answer),
+        groups=group_rows(answer),
+        chart=None if answer.shares is None else picture(shares_figure, compliance, answer.load.wrench),
         softest=_softest(robot, answer),
         exact_without=_adds_up(answer),
         motion=answer.motion[1],
         moved=_moved(answer, answer.deflection),
-        levers=_levers(robot, answer),
+        levers=[_lever(answer, lever) for lever in levers[:LEVERS]],
         step=number(100 * STEP),
-        mobility=_mobility(robot, answer),
+        mobility=mobility_rows(robot.mechanism, robot.mobility(pose)),
         assumptions=assumptions(robot, answer),
         notes=list(notes),
     )
-
-
-def page_template(name: str):
-    """Return a page's template, which escapes whatever is put into it. Raises MissingExtraError."""
-    try:
-        import jinja2
-    except ImportError as error:
-        raise MissingExtraError("jinja2") from error
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("prup_pin", "views/report"),
-        autoescape=True,  # names come from files that anybody may have written
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template(name)
 
 
 # -- what the page says ------------------------------------------------------------------------------------------------
@@ -159,15 +143,19 @@ def _moved(answer: Answer, deflection: Array, digits: int = 3) -> str:
     return ", ".join(texts) if answer.load.wrench[3:].any() else texts[0]
 
 
-def _pose(robot: Robot, answer: Answer) -> list[tuple[str, list[str]]]:
+def _asked(robot: Robot, answer: Answer, changes: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
+    """Return pose, load and what differs from the robot file, in words."""
     pose = answer.compliance.pose
     at = pose.base_from_tool[:3, 3]
-    rows = [
-        ("Task", pose_text(robot, pose.coordinates)),
-        ("Actuators", pose_text(robot, pose.actuators)),
+    load = load_text(answer).removeprefix("under ")
+    return [
+        ("Task", pose_text(robot, pose.coordinates, degrees="°")),
+        ("Actuators", pose_text(robot, pose.actuators, degrees="°")),
         (f"Tool '{answer.tool}'", [f"{axis} {position_text(v)} mm" for axis, v in zip("xyz", at, strict=True)]),
+        ("Load", [load if answer.load.given else f"{load} (none was given)"]),
+        ("Changed", [f"{name} = {workshop_text(v, robot.parameters[name].unit)}" for name, v in changes.items()]),
+        ("Locked joints", sorted(robot.mechanism.locked)),
     ]
-    return [(label, [text.replace(" deg", "°") for text in texts]) for label, texts in rows if texts]
 
 
 def _facts(answer: Answer) -> list[tuple[str, str, str]]:
@@ -203,31 +191,15 @@ def _stiffness_along(answer: Answer) -> str | None:
 
 def _displacements(answer: Answer) -> dict[str, Any]:
     """Return the table of displacements in common units, the sag among them, and where down is."""
-    rows = [(answer.tool, answer.deflection)]
-    if answer.frame is not None and answer.frame_deflection is not None:
-        rows.append((answer.frame, answer.frame_deflection))
+    columns, rows, units = displacements(answer)
     gravity = answer.mechanism.gravity
     sags = gravity.any()
-    units = displacement_units(*(values for _, values in rows))
     return {
-        "columns": displacement_columns(units),
-        "rows": [(frame, displacement_cells(values, units)) for frame, values in rows],
+        "columns": columns,
+        "rows": rows,
         "sag": displacement_cells(answer.sag, units)[:4] if sags else [],
         "down": direction_text(gravity / np.linalg.norm(gravity)) if sags else "",
     }
-
-
-def _groups(answer: Answer) -> list[tuple[str, list[str]]]:
-    compliance = answer.compliance
-    if answer.shares is None:
-        return []
-    legs = [f"{leg} {percent_text(answer.share_of(part))} %" for leg, part in compliance.legs.items()]
-    kinds = {"bodies": compliance.bodies, "joints and drives": compliance.joints}
-    rows = [
-        ("By leg", legs),
-        ("By group", [f"{n} {percent_text(answer.share_of(part))} %" for n, part in kinds.items()]),
-    ]
-    return [row for row in rows if row[1]]
 
 
 def _adds_up(answer: Answer) -> bool:
@@ -280,10 +252,6 @@ def _softest_names(answer: Answer) -> list[str]:
     return ranked(shares)[:SOFTEST]
 
 
-def _levers(robot: Robot, answer: Answer) -> list[dict[str, str]]:
-    return [_lever(answer, lever) for lever in find_levers(robot, answer, _softest_names(answer))[:LEVERS]]
-
-
 def _lever(answer: Answer, lever: Lever) -> dict[str, str]:
     legs = [name.rpartition("/")[0] for name in lever.modules]
     several = len(lever.modules) > 1 and all(legs)
@@ -300,14 +268,6 @@ def _lever(answer: Answer, lever: Lever) -> dict[str, str]:
         "change": f"{_MINUS}{number(-100 * lever.change, 3)} %",
         "moved": _moved(answer, lever.deflection),
     }
-
-
-def _mobility(robot: Robot, answer: Answer) -> list[tuple[str, str]]:
-    found = robot.mobility(answer.compliance.pose)
-    rows = [("Freedom", mobility_text(robot.mechanism, found))]
-    if found.closures:
-        rows.append(("Redundant", redundancy_text(found) if found.redundant else "nothing: no loop is overconstrained"))
-    return [*rows, ("Idle joints", ", ".join(found.idle_joints) or "none")]
 
 
 # -- what the page shows -----------------------------------------------------------------------------------------------
@@ -361,47 +321,3 @@ def _script_hashes(scene: str) -> list[str]:
         return []
     scripts = [_LOADER, *re.findall(r"<script>(.*?)</script>", scene.replace("\r\n", "\n"), re.DOTALL)]
     return [f"'sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode('ascii')}'" for s in scripts]
-
-
-def _drawing(robot: Robot, answer: Answer, scale: float | None) -> Picture:
-    from ..drawing.figures import pose_figure
-
-    load = answer.load.wrench if answer.load.wrench.any() else None
-    pose, compliance = answer.compliance.pose, answer.compliance
-    return picture(lambda narrow: pose_figure(robot, pose, compliance, load, scale, narrow=narrow))
-
-
-def _chart(answer: Answer) -> Picture | None:
-    from ..drawing.figures import shares_figure
-
-    if answer.shares is None:
-        return None
-    return picture(lambda narrow: shares_figure(answer.compliance, answer.load.wrench, narrow=narrow))
-
-
-class Picture(NamedTuple):
-    """A figure as two data addresses: for paper and screens, and for a phone."""
-
-    wide: str
-    narrow: str
-
-
-def picture(draw: Callable[[bool], Any], pixels: bool = False) -> Picture:
-    """Return what `draw` draws, told whether it is to be narrow, for pages of any width."""
-    return Picture(svg(lambda: draw(False), pixels), svg(lambda: draw(True), pixels))
-
-
-def svg(draw: Callable[[], Any], pixels: bool = False) -> str:
-    """Return a figure as a data address; as an image it can neither run scripts nor fetch anything.
-
-    With `pixels` it is a PNG, for figures of very many points.
-    """
-    buffer = io.BytesIO()
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph")  # a name in a script that matplotlib's font lacks
-        if pixels:
-            draw().savefig(buffer, format="png", dpi=160, metadata={"Software": None})
-        else:
-            draw().savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    kind = "png" if pixels else "svg+xml"
-    return f"data:image/{kind};base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"

@@ -147,6 +147,14 @@ def fitting_scale(moved: Deflections, size: float) -> float | None:
     return nice_below(limit) if np.isfinite(limit) else None
 
 
+def principal(compliance: Compliance, block: slice) -> tuple[Array, Array]:
+    """Return the principal values of a diagonal block of C (translation or rotation), largest first, and their axes
+    as columns.
+    """
+    values, vectors = np.linalg.eigh(compliance.C[block, block])
+    return np.maximum(values[::-1], 0.0), vectors[:, ::-1].copy()
+
+
 def nice_below(value: float) -> float:
     """Return the largest of 1, 2, 5 times a power of ten that is not above `value`."""
     power = 10.0 ** np.floor(np.log10(value))

@@ -1,8 +1,8 @@
-"""Scenes that move: a path of poses, a growing load, a vibration mode; and the cloud of a workspace."""
+"""Scenes that move: a path of poses, a growing load, a vibration mode."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,13 +11,13 @@ from ...errors import InputError
 from ...kinematics import ClosedPose
 from ...numbers import number
 from ...robot import Robot
-from ...spatial import Array, as_wrench
+from ...spatial import as_wrench
 from ...statics import Compliance
 from ...statics.vibration import vibration_modes
-from .colours import MAP, map_rgb
+from ..text.values import pose_words
 from .elastic import Deflections, fitting_scale
-from .painter import Painter, pose_words
-from .scene import Label, Legend, Mesh, Part, Scene, ball_mesh
+from .painter import Painter
+from .scene import Part, Scene, dots
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,8 @@ class Motion:
     rate: float
 
 
-def _compliance(robot: Robot, pose: ClosedPose) -> Compliance:
+def compliance_of(robot: Robot, pose: ClosedPose) -> Compliance:
+    """Return the compliance at a pose. Raises InputError where nothing yields."""
     if not robot.mechanism.modules:
         raise InputError(
             f"no module of '{robot.name}' is compliant, so nothing deflects: load(..., joint_stiffness=1e4)"
@@ -51,7 +52,7 @@ def load_ramp(
     load = np.zeros(6) if wrench is None else as_wrench(wrench)
     if not load.any():
         raise InputError("a load ramp needs a wrench that is not zero")
-    compliance = _compliance(robot, pose)
+    compliance = compliance_of(robot, pose)
     painter = Painter(robot, pose)
     moved = Deflections(compliance, load)
     scale = fitting_scale(moved, painter.size) if scale is None else scale
@@ -73,7 +74,7 @@ def vibration(
     See `prup_pin.statics.vibration`. The amplitude is free; it is drawn so that it can be seen.
     """
     pose = robot.home if pose is None else pose
-    compliance = _compliance(robot, pose)
+    compliance = compliance_of(robot, pose)
     modes = vibration_modes(compliance)
     if not 1 <= mode <= len(modes):
         raise InputError(f"mode {mode!r}: this robot has modes 1 to {len(modes)} here")
@@ -122,11 +123,11 @@ def path_motion(
     load = None if wrench is None else as_wrench(wrench)
     painter = Painter(robot, poses[len(poses) // 2])
     deflects = load is not None and bool(load.any())
-    compliances = [_compliance(robot, pose) if deflects or robot.mechanism.modules else None for pose in poses]
+    compliances = [compliance_of(robot, pose) if deflects or robot.mechanism.modules else None for pose in poses]
     moves: list[Deflections | None] = [None] * len(poses)
     if load is not None and load.any():
         moves = [
-            Deflections(_compliance(robot, p) if c is None else c, load)
+            Deflections(compliance_of(robot, p) if c is None else c, load)
             for p, c in zip(poses, compliances, strict=True)
         ]
         fitting = [fitting_scale(moved, painter.size) for moved in moves if moved is not None]
@@ -135,85 +136,8 @@ def path_motion(
     scenes = []
     trace = np.array([pose.base_from_tool[:3, 3] for pose in poses])
     grey = np.tile([[0.35, 0.38, 0.43]], (len(trace), 1))
-    dots = Part("path/tool", _dots(trace, 0.005 * painter.size, grey, level=0), np.eye(4), "#ffffff")
+    trail = Part("path/tool", dots(trace, 0.005 * painter.size, grey, level=0), np.eye(4), "#ffffff")
     for pose, compliance, moved in zip(poses, compliances, moves, strict=True):
         scene = painter.scene(pose, compliance, load, scale, moved=moved, ellipsoids=ellipsoids)
-        scenes.append(replace(scene, parts=(*scene.parts, dots)))
+        scenes.append(replace(scene, parts=(*scene.parts, trail)))
     return Motion(tuple(scenes), len(poses) / seconds if seconds else 20.0)
-
-
-def softest_translation(compliance: Compliance) -> float:
-    """Return the largest translational compliance at the tool [m/N]: the longest semi-axis of the ellipsoid."""
-    return float(np.linalg.eigvalsh(compliance.C[:3, :3])[-1])
-
-
-def workspace_cloud(
-    robot: Robot,
-    poses: Sequence[ClosedPose],
-    index: Callable[[Compliance], float] | None = None,
-    *,
-    name: str | None = None,
-    unit: str | None = None,
-    factor: float | None = None,
-    pointer: float | None = None,
-) -> Scene:
-    """Return a dot for each pose, coloured by an index of its compliance, around the robot at the middle pose.
-
-    index: from the Compliance at a pose to a number; none: the largest translational compliance, in µm/N. `name`,
-        `unit` and `factor` (shown = factor x index) say what it is.
-    pointer: the dot stands this far [m] from the tool's point along the tool's z, so that poses that differ in
-        rotation alone stand apart; none: zero where the tool's points fill a volume, else a quarter of the robot.
-    """
-    if not poses:
-        raise InputError("a workspace cloud needs at least one pose")
-    if index is None:
-        index, name, unit, factor = softest_translation, name or "Largest compliance", unit or "µm/N", factor or 1e6
-    values = (factor or 1.0) * np.array([float(index(_compliance(robot, pose))) for pose in poses])
-    if not np.isfinite(values).all():
-        raise InputError(f"the index is not finite at {int((~np.isfinite(values)).sum())} of {len(poses)} poses")
-    places = np.array([pose.base_from_tool for pose in poses])
-    middle = poses[int(np.argmin(np.linalg.norm(places[:, :3, 3] - places[:, :3, 3].mean(axis=0), axis=1)))]
-    painter = Painter(robot, middle)
-    if pointer is None:
-        spread = np.linalg.svd(places[:, :3, 3] - places[:, :3, 3].mean(axis=0), compute_uv=False) / len(poses) ** 0.5
-        pointer = 0.25 * painter.size if spread[1] < 0.04 * painter.size and len(poses) > 2 else 0.0
-    points = places[:, :3, 3] + pointer * places[:, :3, 2]
-    low, high = float(values.min()), float(values.max())
-    colours = map_rgb((values - low) / (high - low) if high > low else np.zeros(len(values)))
-    cloud = Part("workspace/cloud", _dots(points, 0.011 * painter.size, colours), np.eye(4), "#ffffff")
-    scene = painter.scene(middle, None)
-    title = str(name or getattr(index, "__name__", "index"))
-
-    def shown(value: float) -> str:
-        return f"{number(value, 3)} {unit or ''}".strip()
-
-    worst, best = int(np.argmax(values)), int(np.argmin(values))
-    labels = [
-        Label(
-            "workspace",
-            f"{word} {number(values[i], 3)} {unit or ''}".strip(),
-            points[i],
-            points.mean(axis=0),
-            strong=True,
-        )
-        for word, i in (("most", worst), ("least", best))
-    ]
-    lines = [f"{len(poses)} poses, each a dot coloured by its index"]
-    if pointer:
-        lines.append(f"A dot stands {number(1e3 * pointer, 3)} mm from the tool's point along the tool's z axis")
-    lines.append(f"Most at {pose_words(robot, poses[worst], 3)}")
-    lines.append(f"Least at {pose_words(robot, poses[best], 3)}")
-    legend = Legend(robot.name, tuple(lines), title, (shown(low), shown(high)), MAP, notes=painter.notes)
-    pale = tuple(replace(part, opacity=0.45 * part.opacity) for part in scene.parts if part.path != "floor/grid")
-    floor = tuple(part for part in scene.parts if part.path == "floor/grid")
-    return replace(scene, parts=(*pale, *floor, cloud), labels=(*scene.labels, *labels), legend=legend)
-
-
-def _dots(points: Array, radius: float, colours: Array, level: int = 1) -> Mesh:
-    """Return small balls as one mesh."""
-    ball = ball_mesh(level)
-    count = len(ball.vertices)
-    vertices = (points[:, None] + radius * ball.vertices).reshape(-1, 3)
-    faces = (np.arange(len(points))[:, None, None] * count + ball.faces).reshape(-1, 3)
-    normals = np.tile(ball.vertices, (len(points), 1))
-    return Mesh(vertices, faces, normals, np.repeat(colours, count, axis=0))

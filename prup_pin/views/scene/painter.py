@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -14,12 +16,11 @@ from ...numbers import number, quantity, readable_unit
 from ...robot import Robot
 from ...spatial import Array, as_wrench, axis_as_z, placement, rotation_exp, wrench_text
 from ...statics import Compliance
-from ..text.answer import ranked
-from ..text.joints import pose_text
-from ..text.quantities import length_text
+from ..text.answer import first_shares
+from ..text.values import pose_words
 from .camera import camera_of
 from .colours import AXES, ELLIPSOIDS, GHOST, INK, LOAD, MOVED, SYMBOL, grey_of, map_colour, share_colours
-from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below
+from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below, principal
 from .scene import (
     Ball,
     Box,
@@ -43,6 +44,8 @@ from .skeleton import Segment, skeleton
 from .symbols import symbols
 from .visuals import Visual, visuals
 
+#: Parts of a scene, and the words beside them.
+Signs = tuple[list[Part], list[Label]]
 #: How far a deflection may be drawn at most, in sizes of the robot, or rotated [rad].
 _FARTHEST = 100.0
 
@@ -257,66 +260,44 @@ class Painter:
         headline: Sequence[str] = (),
     ) -> Scene:
         """Return the scene of a pose; the deflection is drawn `factor * scale` times larger, the load `arrow` times."""
-        parts: list[Part] = []
-        labels: list[Label] = []
-        loaded = wrench is not None and compliance is not None and bool(wrench.any())
         shares: dict[str, float] = {}
-        if loaded:
-            assert compliance is not None
-            assert wrench is not None
+        if wrench is None or compliance is None or not wrench.any():
+            wrench = moved = scale = None
+        else:
             moved = moved or Deflections(compliance, wrench)
             scale = fitting_scale(moved, self.size) if scale is None else self._drawable(scale, moved)
-            try:
+            with suppress(InputError):  # nothing deflects
                 shares = compliance.shares(wrench)
-            except InputError:
-                shares = {}
-        coloured, top = share_colours(shares)
-        colours = coloured or None
-        drawn = (scale or 0.0) * factor if loaded else 0.0
-        if loaded:
-            whole = self.bodies(pose, moved, drawn, "robot/deformed", colours)
-            base = "robot/deformed/base"
-            parts += [
-                Part(part.path.replace(base, "robot/base", 1), part.shape, part.placement, part.colour, part.opacity)
-                for part in whole
+        colours, top = share_colours(shares)
+        drawn = (scale or 0.0) * factor
+        tool = there = pose.base_from_tool
+        if moved is None:
+            parts = self.bodies(pose, None, 0.0, "robot", None)
+        else:
+            assert pose.mechanism.tool is not None  # there is a compliance
+            there = moved.place(pose.mechanism.tool.joint, tool, drawn)
+            parts = [
+                replace(part, path=part.path.replace("robot/deformed/base", "robot/base", 1))
+                for part in self.bodies(pose, moved, drawn, "robot/deformed", colours or None)
             ]
             parts += self.bodies(pose, None, 0.0, "robot/ghost", None, ghost=True)
-        else:
-            parts += self.bodies(pose, None, 0.0, "robot", None)
         for symbol in symbols(pose, self.size, self.middle, self.ring_radii):
-            at = moved.place(symbol.body, symbol.placement, drawn) if loaded and moved is not None else symbol.placement
-            colour = symbol.colour
-            if symbol.module is not None:
-                colour = colours[symbol.module] if colours else SYMBOL
+            at = symbol.placement if moved is None else moved.place(symbol.body, symbol.placement, drawn)
+            colour = symbol.colour if symbol.module is None else colours.get(symbol.module, SYMBOL)
             folder = "modules" if symbol.module is not None else "drives"
             parts.append(Part(f"{folder}/{symbol.name}", symbol.shape, at, colour))
-        tool = pose.base_from_tool
-        there = tool
-        if loaded and moved is not None:
-            assert pose.mechanism.tool is not None
-            there = moved.place(pose.mechanism.tool.joint, tool, drawn)
-        parts += self._triad("frames/base", np.eye(4), 0.11)
-        parts += self._triad("frames/tool", there, 0.11)
-        labels += self._triad_labels("frames/base", np.eye(4), "base") + self._triad_labels(
-            "frames/tool", there, "tool"
-        )
-        if loaded:
-            assert wrench is not None
-            assert moved is not None
-            found = self._wrench(there, wrench, arrow)
-            parts += found[0]
-            labels += found[1]
-            found = self._deflection(tool, there, moved, factor)
-            parts += found[0]
-            labels += found[1]
+        signs = [self._triad("base", np.eye(4)), self._triad("tool", there)]
+        if wrench is not None and moved is not None:
+            signs += [self._wrench(there, wrench, arrow), self._deflection(tool, there, moved, factor)]
         balls: dict[str, ComplianceEllipsoid] = {}
         if compliance is not None and ellipsoids != "none":
             balls, found = self._ellipsoids(compliance, there, ellipsoids)
-            parts += found[0]
-            labels += found[1]
-        labels += self._legs(pose)
+            signs.append(found)
+        labels = [label for _, found in signs for label in found]
+        labels += [Label("labels", leg, at, self.middle, INK, True) for leg, at in skeleton(pose).legs.items()]
+        parts += [part for found, _ in signs for part in found]
         parts.append(self.floor)
-        legend = self._legend(pose, compliance, wrench if loaded else None, moved, scale, shares, top, balls, headline)
+        legend = self._legend(pose, wrench, moved, scale, shares, top, balls, headline)
         return Scene(
             self.robot.name, tuple(parts), tuple(labels), legend, self.up, self.viewer, balls, float(scale or 0.0)
         )
@@ -327,30 +308,25 @@ class Painter:
         far = max(metres / float(self.size), radians)
         if scale * far > _FARTHEST:
             raise InputError(
-                f"the deflection of {length_text(metres)} cannot be drawn {number(scale, 3)} times larger: it would "
+                f"the deflection of {quantity(metres, 'm')} cannot be drawn {number(scale, 3)} times larger: it would "
                 f"leave the picture. Expected at most {number(nice_below(_FARTHEST / far), 3)}"
             )
         return scale
 
     # -- signs -----------------------------------------------------------------------------------------------------
 
-    def _triad(self, path: str, at: Array, length: float) -> list[Part]:
-        parts = []
-        for index, (name, colour) in enumerate(zip("xyz", AXES, strict=True)):
-            frame = at @ placement(axis_as_z(np.eye(3)[index]), np.zeros(3))
-            parts += _arrow(f"{path}/{name}", frame, length * self.size, 0.0042 * self.size, colour, True)
-        return parts
-
-    def _triad_labels(self, path: str, at: Array, name: str) -> list[Label]:
-        origin = at[:3, 3]
-        labels = [
-            Label(path, letter, origin + 0.118 * self.size * at[:3, index], origin, AXES[index])
-            for index, letter in enumerate("xyz")
-        ]
+    def _triad(self, name: str, at: Array) -> Signs:
+        """Draw the axes of a frame with their letters."""
+        parts, path, origin = [], f"frames/{name}", at[:3, 3]
         away = origin + 0.05 * self.size * at[:3, :3].sum(axis=1)
-        return [*labels, Label(path, name, origin, away)]
+        labels = [Label(path, name, origin, away)]
+        for index, (letter, colour) in enumerate(zip("xyz", AXES, strict=True)):
+            frame = at @ placement(axis_as_z(np.eye(3)[index]), np.zeros(3))
+            parts += _arrow(f"{path}/{letter}", frame, 0.11 * self.size, 0.0042 * self.size, colour, True)
+            labels.insert(index, Label(path, letter, origin + 0.118 * self.size * at[:3, index], origin, colour))
+        return parts, labels
 
-    def _wrench(self, at: Array, wrench: Array, arrow: float) -> tuple[list[Part], list[Label]]:
+    def _wrench(self, at: Array, wrench: Array, arrow: float) -> Signs:
         parts: list[Part] = []
         labels: list[Label] = []
         force, moment = np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])
@@ -382,22 +358,20 @@ class Painter:
             labels.append(Label("wrench/moment", f"{number(arrow * moment, 4)} N m", at_label, origin, LOAD, True))
         return parts, labels
 
-    def _deflection(
-        self, tool: Array, there: Array, moved: Deflections, factor: float
-    ) -> tuple[list[Part], list[Label]]:
+    def _deflection(self, tool: Array, there: Array, moved: Deflections, factor: float) -> Signs:
         start, end = tool[:3, 3], there[:3, 3]
         length = float(np.linalg.norm(end - start))
         if length < 1e-6 * self.size:
             return [], []
         frame = placement(axis_as_z(end - start), start)
         parts = _arrow("deflection", frame, length, 0.006 * self.size, MOVED, True)
-        text = length_text(factor * float(np.linalg.norm(moved.tool[:3])))
+        text = quantity(factor * float(np.linalg.norm(moved.tool[:3])), "m")
         parts.append(Part("deflection/start", Ball(0.011 * self.size), tool, MOVED, on_top=True))
         return parts, [Label("deflection", text, start + 0.5 * (end - start), start - self.up, MOVED, True)]
 
     def _ellipsoids(
         self, compliance: Compliance, there: Array, where: str
-    ) -> tuple[dict[str, ComplianceEllipsoid], tuple[list[Part], list[Label]]]:
+    ) -> tuple[dict[str, ComplianceEllipsoid], Signs]:
         """Draw the ellipsoids of both blocks of C, beside the robot as seen by the eye, or at the tool."""
         if where not in ("beside", "tool"):
             raise InputError(f"ellipsoids: expected 'beside', 'tool' or 'none'; got '{where}'")
@@ -410,8 +384,7 @@ class Painter:
         for index, (name, block, unit) in enumerate(
             (("translation", slice(0, 3), "m/N"), ("rotation", slice(3, 6), "rad/(N m)"))
         ):
-            values, vectors = np.linalg.eigh(compliance.C[block, block])
-            values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1].copy()
+            values, vectors = principal(compliance, block)
             lever = (size, 1 / size)[index]
             other = float(np.trace(compliance.C[3:, 3:] if index == 0 else compliance.C[:3, :3]))
             if values[0] <= 1e-12 * other * lever**2:  # rigid but for rounding
@@ -439,7 +412,7 @@ class Painter:
                 bar = Cylinder(0.0035 * size, 2 * values[axis] * scale + 0.02 * size)
                 parts.append(Part(f"{path}/axis_{axis + 1}", bar, frame, MOVED))
             drawn = values > 1e-9 * values[0]
-            ends = _spread(self.page @ vectors * semi, drawn)
+            ends = _apart(self.page @ vectors * semi, drawn)
             for axis in range(3):
                 if drawn[axis]:
                     tip = centre + ends[axis] * vectors[:, axis] * (semi[axis] + 0.01 * size)
@@ -449,10 +422,6 @@ class Painter:
             top = centre + (reach + 0.075 * size) * self.page[1]
             labels.append(Label(path, words, top, top - self.page[1] * size, colour, True))
         return found, (parts, labels)
-
-    def _legs(self, pose: ClosedPose) -> list[Label]:
-        legs = skeleton(pose).legs
-        return [Label("labels", leg, at, self.middle, INK, True) for leg, at in legs.items()]
 
     @cached_property
     def floor(self) -> Part:
@@ -472,33 +441,27 @@ class Painter:
     def _legend(
         self,
         pose: ClosedPose,
-        compliance,
-        wrench,
-        moved,
-        scale,
+        wrench: Array | None,
+        moved: Deflections | None,
+        scale: float | None,
         shares: Mapping[str, float],
         top: float,
-        balls,
-        headline,
+        balls: Mapping[str, ComplianceEllipsoid],
+        headline: Sequence[str],
     ) -> Legend:
         lines = list(headline) or [pose_words(self.robot, pose)]
         rows: list[Row] = []
         signs: list[Row] = []
         if wrench is not None and moved is not None:
-            if not headline:
-                lines.append(f"Load on the tool: {wrench_text(wrench)}")
-            moved_text = length_text(float(np.linalg.norm(moved.tool[:3])))
-            angle = float(np.linalg.norm(moved.tool[3:]))
-            rigid = angle * self.size < 1e-9 * float(np.linalg.norm(moved.tool[:3]))
-            turned = "does not turn" if rigid else f"turns {quantity(angle, 'rad')}"
+            metres, angle = (float(np.linalg.norm(moved.tool[block])) for block in (slice(0, 3), slice(3, 6)))
+            turned = "does not turn" if angle * self.size < 1e-9 * metres else f"turns {quantity(angle, 'rad')}"
             if not headline:
                 drawn = f"; drawn {number(scale, 3)} times larger" if scale else ""
-                lines.append(f"The tool moves {moved_text} and {turned}{drawn}")
-            names = ranked(shares)
-            shown = names[:6] if len(names) > 7 else names  # one more is named rather than counted
-            rows = [Row(map_colour(shares[name] / top), name, f"{100 * shares[name]:.1f} %") for name in shown if top]
-            if more := names[len(shown) :]:
-                rows.append(Row("", f"{len(more)} others", f"{100 * sum(shares[name] for name in more):.1f} %"))
+                lines.append(f"Load on the tool: {wrench_text(wrench)}")
+                lines.append(f"The tool moves {quantity(metres, 'm')} and {turned}{drawn}")
+            for name, share in first_shares(shares, 6) if top else ():
+                colour = map_colour(share / top) if name in shares else ""
+                rows.append(Row(colour, name, f"{100 * share:.1f} %"))
             signs += [
                 Row(GHOST, "see-through: without load", sign="ghost"),
                 Row(LOAD, "load on the tool", sign="line"),
@@ -555,12 +518,6 @@ def pose_scene(
     return Painter(robot, pose).scene(pose, compliance, load, scale, ellipsoids=ellipsoids)
 
 
-def pose_words(robot: Robot, pose: ClosedPose, digits: int = 4) -> str:
-    """Return 'z 400 mm, theta 25°, phi 15°'; joints where there are no coordinates, actuators where these are many."""
-    values = pose.coordinates or (pose.actuators if len(pose.joints) > 8 else pose.joints)
-    return ", ".join(text.replace(" deg", "°") for text in pose_text(robot, values, digits))
-
-
 def _arrow(path: str, frame: Array, length: float, radius: float, colour: str, on_top: bool = False) -> list[Part]:
     """Return an arrow along z of a frame, from its origin."""
     head = min(6.5 * radius, 0.6 * length)
@@ -573,7 +530,7 @@ def _arrow(path: str, frame: Array, length: float, radius: float, colour: str, o
     ]
 
 
-def _spread(ends: Array, drawn: np.ndarray) -> tuple[int, ...]:
+def _apart(ends: Array, drawn: np.ndarray) -> tuple[int, ...]:
     """Return a sign per semi-axis (columns of `ends`, on the page) whose tips lie apart, rather to the right."""
     best, found = -np.inf, (1, 1, 1)
     for signs in ((a, b, c) for a in (1, -1) for b in (1, -1) for c in (1, -1)):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from itertools import product
 
 import numpy as np
 
@@ -198,6 +199,16 @@ def ball_mesh(level: int = 1) -> Mesh:
 
     ball = icosphere(level)
     return Mesh(ball.vertices, ball.faces, ball.vertices)
+
+
+def dots(points: Array, radius: float, colours: Array, level: int = 1) -> Mesh:
+    """Return small balls as one mesh."""
+    ball = ball_mesh(level)
+    count = len(ball.vertices)
+    vertices = (points[:, None] + radius * ball.vertices).reshape(-1, 3)
+    faces = (np.arange(len(points))[:, None, None] * count + ball.faces).reshape(-1, 3)
+    normals = np.tile(ball.vertices, (len(points), 1))
+    return Mesh(vertices, faces, normals, np.repeat(colours, count, axis=0))
 
 
 def box_mesh(box: Box, along: int, count: int) -> Mesh:
@@ -407,20 +418,21 @@ def outline(part: Part) -> Array:
     if isinstance(shape, Tube | Mesh | Lines):
         points = {Tube: "points", Mesh: "vertices", Lines: "ends"}[type(shape)]
         cloud = getattr(shape, points).reshape(-1, 3)
-        low, high = cloud.min(axis=0), cloud.max(axis=0)
+        ends = np.array([cloud.min(axis=0), cloud.max(axis=0)])
     else:
-        if isinstance(shape, Box):
-            half = np.array(shape.size) / 2
-        elif isinstance(shape, Cylinder):
-            half = np.array([shape.radius, shape.radius, shape.length / 2])
-        elif isinstance(shape, Cone):
-            half = np.array([shape.radius, shape.radius, shape.length])
-        elif isinstance(shape, Ring):
-            half = np.array([shape.radius + shape.thickness] * 2 + [shape.thickness])
-        elif isinstance(shape, Ellipsoid):
-            half = np.array(shape.semi_axes)
-        else:
-            half = np.full(3, shape.radius)
-        low, high = -half, half
-    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+        ends = np.outer([-1, 1], half_size(shape))
+    corners = ends[list(product((0, 1), repeat=3)), range(3)]
     return corners @ part.placement[:3, :3].T + part.placement[:3, 3]
+
+
+def half_size(shape: Box | Ball | Cylinder | Cone | Ring | Ellipsoid) -> Array:
+    """Return how far a shape reaches from its origin along its own axes [m]."""
+    if isinstance(shape, Box):
+        return np.array(shape.size) / 2
+    if isinstance(shape, Ellipsoid):
+        return np.array(shape.semi_axes)
+    if isinstance(shape, Cylinder | Cone):
+        return np.array([shape.radius, shape.radius, shape.length / (2 if isinstance(shape, Cylinder) else 1)])
+    if isinstance(shape, Ring):
+        return np.array([shape.radius + shape.thickness] * 2 + [shape.thickness])
+    return np.full(3, shape.radius)

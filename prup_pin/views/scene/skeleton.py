@@ -12,7 +12,7 @@ import numpy as np
 from ...kinematics import ClosedPose
 from ...mechanism import Frame
 from ...spatial import Array
-from ..text.joints import joint_role, joint_type
+from ..text.values import joint_role, joint_type
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Literal
 
 from rich import box
 from rich.console import Console
@@ -135,11 +136,14 @@ def bullets(out: Console, title: str, texts: Iterable[str]) -> None:
         paragraph(out, text, "- ")
 
 
-def make_table(*columns: tuple[str, str]) -> Table:
-    """Return a table; `columns` are (header, 'left' or 'right'). Nothing in it is ever cut off."""
+def make_table(columns: Sequence[str], rows: Iterable[Sequence[str | Text]]) -> Table:
+    """Return a table by its headers, '>' before those of numbers, and rows. Nothing in it is ever cut off."""
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1), header_style="bold")
-    for header, justify in columns:
-        table.add_column(header, justify=justify, overflow="fold")  # type: ignore[arg-type]
+    for header in columns:
+        justify: Literal["left", "right"] = "right" if header.startswith(">") else "left"
+        table.add_column(header.removeprefix(">"), justify=justify, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
     return table
 
 

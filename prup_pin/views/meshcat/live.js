@@ -1,6 +1,6 @@
-// The explorer: sliders on the page, their values to the server, what follows from them back. One question is on its
-// way at a time; when its answer is there, the values of that moment are asked next.
-document.body.classList.add("live");
+// A served page. What comes is a command of meshcat's, or a text of what the page shows beside it: words, and for the
+// explorer sliders (`controls`), whose values go to the server, and what follows from them. One question is on its way at
+// a time; when its answer is there, the values of that moment are asked next.
 const panel = document.getElementById("panel"), inputs = {};
 let asked = 0, waiting = false, changed = false, drawn = null;
 
@@ -15,9 +15,13 @@ socket.onmessage = (message) => {
 };
 socket.onclose = () => trouble("The program that answers has ended; start it again.");
 
-function trouble(text) { document.getElementById("trouble").textContent = text || ""; }
+function trouble(text) {
+  const box = document.getElementById("trouble"); // beside sliders
+  if (box) box.textContent = text || "";
+}
 
 function build(controls) {
+  document.body.classList.add("live");
   panel.replaceChildren();
   element("h1", "", controls.title, panel);
   for (const group of controls.groups) {

@@ -1,20 +1,17 @@
-"""Numbers with units, as people type them and as they read them.
-
-Everything inside the package is SI; this is the door in both directions for the command line and the pictures.
-"""
+"""What people type: numbers with units, lists and assignments of them, effects. Inside the package all is SI."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
 
-import numpy as np
-
-from ...errors import InputError, nearest_names
-from ...numbers import number, quantity
-from ...spatial import WRENCH_NAMES
+from ..errors import InputError, UnknownNameError, nearest_names
+from ..laws import Effect
+from ..mechanism import Mechanism
+from ..numbers import number
+from ..simulation.model_file import law_named, place_named
+from ..spatial import WRENCH_NAMES
 
 _LENGTH = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6}
 _ANGLE = {"rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3, "°": math.pi / 180}
@@ -32,19 +29,6 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 _LARGEST_BARE = {"angle": (7.0, "rad", "deg"), "length": (20.0, "m", "mm")}
 #: Dimension of each component of a wrench.
 WRENCH_DIMENSIONS: Mapping[str, str] = {name: "force" if name[0] == "f" else "moment" for name in WRENCH_NAMES}
-
-#: SI units of parameters, the units in which a workshop speaks of them, and the factor between.
-_WORKSHOP: Mapping[str, tuple[str, float]] = {
-    "m": ("mm", 1e3),
-    "m^2": ("mm²", 1e6),
-    "m^4": ("mm⁴", 1e12),
-    "Pa": ("GPa", 1e-9),
-    "N/m": ("N/µm", 1e-6),
-    "N m/rad": ("N m/mrad", 1e-3),
-    "rad": ("°", 180 / math.pi),
-    "kg/m^3": ("kg/m³", 1.0),
-    "1": ("", 1.0),
-}
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _ARTICLE = {
@@ -177,27 +161,56 @@ def parse_list(text: str, dimensions: Sequence[str], names: Sequence[str], optio
     ]
 
 
-# -- the way out -----------------------------------------------------------------------------------------------------
+# -- effects as they are typed -----------------------------------------------------------------------------------------
 
 
-def length_text(metres: float) -> str:
-    """Return a displacement in mm, µm or nm."""
-    return quantity(metres, "m")
+_FORM = re.compile(r"\s*(?P<physics>[^@\s]+)@(?P<place>[^@=]*?)(?P<values>(?:\s+[^\s=]+=\S+)*)\s*")
+_EXPECTED = "expected 'physics@place[:aspect] name=value …', for example 'backlash@leg2/ball_nut half_gap=30um …'"
 
 
-def value_text(value: Any) -> str:
-    """Return a number, or the shape or entries of an array."""
-    array = np.asarray(value, float)
-    if array.ndim == 0:
-        return number(float(array), 6)
-    if array.ndim == 1 and array.size <= 12:
-        return " ".join(number(entry, 4) for entry in array)
-    return f"{' x '.join(map(str, array.shape))} numbers"
+def parse_effect(text: str, mechanism: Mechanism, option: str = "--effect") -> Effect:
+    """Return an effect on this robot; values are SI, or carry a unit. Raises InputError with what was expected."""
+    match = _FORM.fullmatch(text)
+    if match is None:
+        raise InputError(f"{option} '{text}': {_EXPECTED}; `prup-pin laws` lists them")
+    physics, typed = match["physics"], match["place"].strip()
+    try:
+        law_named(physics)
+        name, _, aspect = _split(typed, physics, mechanism)
+        place = place_named(physics, name, aspect, mechanism)
+        law = law_named(physics, place, mechanism)
+        quantities = {quantity.name: quantity for quantity in law.quantities_at(place, mechanism)}
+        values: dict[str, float] = {}
+        for assignment in match["values"].split():
+            key, _, value = assignment.partition("=")
+            if key not in quantities:
+                raise UnknownNameError(f"parameter of {physics}", key, list(quantities))
+            if key in values:
+                raise InputError(f"{key} is given twice")
+            values[key] = parse_quantity(value, _dimension(quantities[key].unit), option, text, text.index(assignment))
+        missing = [item for item in quantities.values() if item.name not in {*values, *law.optional}]
+        if missing:
+            usual = law.starts(place, mechanism)[0]
+            listed = ", ".join(
+                f"{item.name} ({item.expected()}; a fit starts at {number(usual[item.name])})" for item in missing
+            )
+            raise InputError(f"missing {listed}")
+        return Effect(law, place, values).checked(mechanism)
+    except InputError as error:
+        message = str(error)
+        raise InputError(message if message.startswith(option) else f"{option} '{text}': {message}") from None
 
 
-def workshop_text(value: Any, unit: str) -> str:
-    """Return '20 mm' of 0.02 and 'm': an SI value, or an array, in the unit in which a workshop speaks of it."""
-    name, factor = _WORKSHOP.get(unit, (unit, 1.0))
-    scaled = np.asarray(value, float) * factor
-    text = value_text(scaled) if scaled.ndim else number(float(scaled), 5)
-    return text if text == "infinite" or not name else f"{text}{'' if name == '°' else ' '}{name}"
+def _split(typed: str, physics: str, mechanism: Mechanism) -> tuple[str, str, str]:
+    """Return name and aspect of 'leg1/R_lambda:tilting'; names of a robot may hold a colon themselves."""
+    try:
+        place_named(physics, typed, "", mechanism)
+        return typed, "", ""
+    except InputError:
+        name, colon, aspect = typed.rpartition(":")
+        return (name.strip(), colon, aspect.strip()) if colon else (typed, "", "")
+
+
+def _dimension(unit: str) -> str:
+    plain = unit.replace(" ", "")
+    return next((name for name, units in UNITS.items() if plain in units), "number")

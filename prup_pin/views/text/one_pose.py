@@ -8,29 +8,26 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ...numbers import fixed, number, readable_unit
+from ...numbers import fixed, number, readable_unit, some
 from ...robot import Robot
 from ...sensitivity import Sensitivity
 from ...spatial import TWIST_NAMES, wrench_text
-from .answer import Answer, ranked
-from .joints import pose_text, position_text
-from .quantities import value_text, workshop_text
-from .tables import (
+from .answer import (
+    Answer,
     MatrixTable,
     assumptions,
     compliance_table,
-    displacement_cells,
-    displacement_columns,
-    displacement_units,
+    displacements,
+    group_rows,
     load_text,
-    percent_text,
+    ranked,
     rigid_texts,
     sag_cells,
-    some,
     stiffness_tables,
     why_rigid,
 )
 from .terminal import bullets, fits, heading, listed, make_table, paragraph, print_table
+from .values import percent_text, pose_text, position_text, value_text, workshop_text
 
 #: Width of a full bar.
 _BAR = 20
@@ -51,12 +48,14 @@ def print_answer(
 ) -> None:
     """Print pose, K, C, deflection, shares, sag and assumptions."""
     _print_pose(out, robot, answer, pose_source, changes)
-    _print_stiffness(out, robot, answer)
-    _print_compliance(out, answer)
+    if answer.stiffness is None:
+        _print_rigid(out, robot, answer)
+    for table in (*stiffness_tables(answer), compliance_table(answer)):
+        _print_matrix(out, table)
     _print_deflection(out, answer)
     _print_shares(out, answer)
     _print_sag(out, answer)
-    _print_assumptions(out, robot, answer)
+    bullets(out, "Assumed", assumptions(robot, answer))
     for note in notes:
         paragraph(out, note, "- ")
 
@@ -68,8 +67,7 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
         "task coordinates": "(as given)",
         "actuators": "(from the actuators)",
     }
-    title = Text(robot.name, style="bold")
-    out.print(title)
+    out.print(Text(robot.name, style="bold"))
     for name, value in changes.items():
         listed(out, "changed", [f"{name} = {value_text(value)} {robot.parameters[name].unit}"])
     if robot.mechanism.locked:
@@ -88,13 +86,6 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
     listed(out, "tool", [f"'{answer.tool}' at {' '.join(at)} mm"])
 
 
-def _print_stiffness(out: Console, robot: Robot, answer: Answer) -> None:
-    if answer.stiffness is None:
-        _print_rigid(out, robot, answer)
-    for table in stiffness_tables(answer):
-        _print_matrix(out, table)
-
-
 def _print_rigid(out: Console, robot: Robot, answer: Answer) -> None:
     directions = rigid_texts(answer)
     some = "this load" if len(directions) == 1 else f"these {len(directions)} loads"
@@ -104,29 +95,16 @@ def _print_rigid(out: Console, robot: Robot, answer: Answer) -> None:
     paragraph(out, why_rigid(robot, answer))
 
 
-def _print_compliance(out: Console, answer: Answer) -> None:
-    _print_matrix(out, compliance_table(answer))
-
-
 def _print_deflection(out: Console, answer: Answer) -> None:
     heading(out, "Deflection", load_text(answer) + ("" if answer.load.given else "; another load with --wrench"))
-    rows = {answer.tool: answer.deflection}
-    if answer.frame is not None and answer.frame_deflection is not None:
-        rows[answer.frame] = answer.frame_deflection
-    units = displacement_units(*rows.values())
-    columns = displacement_columns(units)
-    table = make_table(("frame", "left"), *[(name, "right") for name in columns])
-    for name, values in rows.items():
-        table.add_row(name, *displacement_cells(values, units))
+    columns, cells, _ = displacements(answer)
+    table = make_table(["frame", *(f">{name}" for name in columns)], [(name, *own) for name, own in cells.items()])
     if fits(out, table):
         print_table(out, table)
         return
-    for name, values in rows.items():
+    for name, own in cells.items():
         paragraph(out, f"'{name}'")
-        shown = [
-            f"{column.partition(' ')[0]} {cell} {column.partition(' ')[2]}"
-            for column, cell in zip(columns, displacement_cells(values, units), strict=True)
-        ]
+        shown = [column.replace(" ", f" {cell} ", 1) for column, cell in zip(columns, own, strict=True)]
         listed(out, "moves", shown[:4])
         listed(out, "turns", shown[4:])
 
@@ -150,23 +128,17 @@ def _print_shares(out: Console, answer: Answer) -> None:
     names = [name for name in names if name not in small] if len(small) > _SMALL_ROWS else names
     largest = max(shares.values())
     amounts = fixed([answer.contributions[name] * factor for name in names])
-    barred = (True, False) if out.width < _BARRED else (True,)
-    for bars in barred:
-        table = make_table(("module", "left"), *([("", "left")] * bars), ("%", "right"), (unit, "right"))
-        for name, amount in zip(names, amounts, strict=True):
-            bar = [_bar(shares[name] / largest if largest > 0 else 0.0)] * bars
-            table.add_row(name, *bar, percent_text(shares[name]), amount)
-        if fits(out, table):
-            break
+    bars = [_bar(shares[name] / largest if largest > 0 else 0.0) for name in names]
+    cells = [(percent_text(shares[name]), amount) for name, amount in zip(names, amounts, strict=True)]
+    rows = [(name, bar, *own) for name, bar, own in zip(names, bars, cells, strict=True)]
+    table = make_table(("module", "", ">%", f">{unit}"), rows)
+    if out.width < _BARRED and not fits(out, table):
+        table = make_table(("module", ">%", f">{unit}"), [(row[0], *row[2:]) for row in rows])
     print_table(out, table)
     if len(small) > _SMALL_ROWS and carried:
         listed(out, "below 0.01", some(carried, _SMALL_NAMES), ", ")
-    compliance = answer.compliance
-    if compliance.legs:
-        legs = [f"{leg} {percent_text(answer.share_of(part))} %" for leg, part in compliance.legs.items()]
-        listed(out, "by leg", legs)
-    groups = {"bodies": compliance.bodies, "joints and drives": compliance.joints}
-    listed(out, "by group", [f"{name} {percent_text(answer.share_of(part))} %" for name, part in groups.items()])
+    for label, texts in group_rows(answer):
+        listed(out, label.lower(), texts)
 
 
 def _bar(fraction: float) -> Text:
@@ -190,10 +162,6 @@ def _print_sag(out: Console, answer: Answer) -> None:
     listed(out, "", [*parts, f"total {total}", f"down is {down}"])
 
 
-def _print_assumptions(out: Console, robot: Robot, answer: Answer) -> None:
-    bullets(out, "Assumed", assumptions(robot, answer))
-
-
 def _print_matrix(out: Console, matrix: MatrixTable) -> None:
     """Print a matrix, 6 x 6 in blocks of equal units; where that is too wide, forces above moments."""
     heading(out, matrix.title, matrix.detail)
@@ -209,18 +177,14 @@ def _print_matrix(out: Console, matrix: MatrixTable) -> None:
 
 def _matrix_table(matrix: MatrixTable, *blocks: slice) -> Table:
     """Return some columns of a matrix; blocks of equal units are set apart."""
-    headers: list[tuple[str, str]] = []
-    for index, block in enumerate(blocks):
-        headers += [("", "left")] * (index > 0) + [(name, "right") for name in matrix.columns[block]]
-    table = make_table(("", "left"), *headers)
-    for index, (name, cells) in enumerate(zip(matrix.rows, matrix.cells, strict=True)):
-        first, *others = (cells[block] for block in blocks)
-        table.add_row(
-            name,
-            *first,
-            *(cell for other in others for cell in ("|", *other)),
-            end_section=index == 2 and len(others) > 0,
-        )
+    headers = [name for block in blocks for name in ("", *(f">{name}" for name in matrix.columns[block]))]
+    rows = [
+        (name, *[cell for block in blocks for cell in ("|", *cells[block])][1:])
+        for name, cells in zip(matrix.rows, matrix.cells, strict=True)
+    ]
+    table = make_table(headers, rows)
+    if len(blocks) > 1:
+        table.rows[2].end_section = True
     return table
 
 
@@ -236,14 +200,15 @@ def print_stiffen_first(out: Console, sensitivity: Sensitivity) -> None:
     lines = sensitivity.stiffen_first
     load = wrench_text(sensitivity.loaded.wrench)
     heading(out, "Stiffen this first:", f"% of the deflection along the load ({load}) per % of the value")
-    heavier = any(line.per_kilogram is not None for line in lines[:_MOST])
-    columns = [("parameter", "left"), ("value", "right"), ("% per %", "right")]
-    table = make_table(*columns, *([("% per kg", "right")] if heavier else []))
-    percents = fixed([line.percent for line in lines[:_MOST]], 3)
-    for line, percent in zip(lines, percents, strict=False):
-        value = workshop_text(line.parameter.value, line.parameter.unit)
-        gained = "" if line.per_kilogram is None else number(line.per_kilogram, 3)
-        table.add_row(line.parameter.name, value, percent, *([gained] if heavier else []))
-    print_table(out, table)
+    shown = lines[:_MOST]
+    columns = [
+        [line.parameter.name for line in shown],
+        [workshop_text(line.parameter.value, line.parameter.unit) for line in shown],
+        fixed([line.percent for line in shown], 3),
+        ["" if line.per_kilogram is None else number(line.per_kilogram, 3) for line in shown],
+    ]
+    wide = 4 if any(columns[3]) else 3  # what a kilogram brings, where any value brings mass
+    names = ("parameter", ">value", ">% per %", ">% per kg")
+    print_table(out, make_table(names[:wide], zip(*columns[:wide], strict=True)))
     if len(lines) > _MOST:
         paragraph(out, f"{len(lines) - _MOST} more move it less; --json FILE writes all.")

@@ -1,0 +1,94 @@
+"""What a diagnosis leaves to be used: the corrected model, and the next experiment as a test plan."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..laws import Effect, lasting
+from ..loading import Reading
+from ..mechanism import Mechanism
+from ..recordings import Convention, Noise, Recording
+from ..recordings.columns import NOISE_KEYS
+from ..robot import Robot
+from ..simulation import CorrectedModel
+from .diagnosis import Diagnosis
+
+
+def corrected_model(
+    diagnosis: Diagnosis,
+    robot: Robot,
+    recordings: Sequence[Recording],
+    robot_name: str,
+    reading: Reading | None = None,
+    notes: str = "",
+) -> CorrectedModel:
+    """Return the robot with what a diagnosis of `recordings` found, for `prup-pin predict` and `write_model`.
+
+    robot_name, reading: what this robot is loaded from, and how it was read; the model names both.
+    """
+    effects = tuple(_inside(effect, robot.mechanism) for effect in lasting(diagnosis.effects, robot.mechanism))
+    efforts, read = diagnosis.efforts, reading or Reading()
+    return CorrectedModel(
+        robot_name,
+        effects,
+        read.variant,
+        notes,
+        read,
+        _noise(diagnosis),
+        {} if efforts is None or efforts.standing else efforts.band,
+        _conventions(diagnosis, recordings),
+        diagnosis.own_by_run,
+        _effort_noise(diagnosis),
+    )
+
+
+def planned(diagnosis: Diagnosis, recording: Recording, robot: str) -> dict[str, Any]:
+    """Return the next experiment as a test plan; empty where there is none."""
+    plan = dict(diagnosis.next_experiment.get("plan") or {})
+    if not plan.get("poses"):
+        return {}
+    noise = {key: getattr(recording.noise, name) for key, name in NOISE_KEYS.items()}
+    declared = {key: value for key, value in noise.items() if value is not None}
+    plan |= {"robot": robot, "notes": str(diagnosis.next_experiment.get("why", ""))}
+    if recording.tolerances.declared:
+        plan["tolerances"] = dict(recording.tolerances.declared)
+    return {**plan, "noise": declared} if declared else plan
+
+
+def _conventions(diagnosis: Diagnosis, declared: Sequence[Recording]) -> tuple[Convention, ...]:
+    """Return how all logs of the device were written, as declared and as found; nothing where they differ."""
+    found = diagnosis.conventions or ((),) * len(declared)
+    every = {(*item.conventions, *own) for item, own in zip(declared, found, strict=True)}
+    return every.pop() if len(every) == 1 else ()
+
+
+def _inside(effect: Effect, mechanism: Mechanism) -> Effect:
+    """Return the effect with values that a fit left on a bound, or a rounding beyond it, just inside."""
+    values = dict(effect.values)
+    for quantity in effect.law.quantities_at(effect.place, mechanism):
+        if quantity.name not in values:
+            continue
+        values[quantity.name] = float(np.clip(values[quantity.name], quantity.lowest, quantity.upper))
+    return replace(effect, values=values)
+
+
+def _noise(diagnosis: Diagnosis) -> Noise:
+    """Return the noise that the diagnosis knew, declared or estimated; of what it did not, nothing."""
+    if math.isnan(diagnosis.after["fit"]):
+        return Noise()
+    found = diagnosis.noise
+    return Noise(found.position or None, found.rotation or None, found.force or None, found.moment or None)
+
+
+def _effort_noise(diagnosis: Diagnosis) -> dict[str, float]:
+    """Return the noise of each joint's effort, where it was not declared but told by the recording."""
+    efforts = diagnosis.efforts
+    if efforts is None or efforts.declared:
+        return {}
+    sizes = zip(efforts.joints, efforts.noise.tolist(), strict=True)
+    return {name: size for name, size in sizes if math.isfinite(size) and size > 0}

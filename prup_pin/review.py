@@ -1,0 +1,285 @@
+"""What a reviewer would say of a robot: remarks on its file, singular poses, which parameter to change first."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from .errors import JointLimitWarning, MissingExtraError, NoStiffnessError, PrupPinError
+from .kinematics import Mobility
+from .mechanism.second_reader import second_opinion
+from .modules import WrenchModule
+from .numbers import counted, number, quantity, some
+from .parameters import Parameter
+from .robot import Robot
+from .spatial import Array, as_wrench
+from .statics import Compliance
+
+#: Share of the largest module's load below which one carries nothing.
+_NOTHING = 1e-9
+#: How far a coordinate is moved to see whether it can be [m, rad].
+_STEP = 1e-4
+#: An axle that is more beside its joint's axis than this was not meant to be [rad].
+_ASKEW = 0.01
+#: What to do with drives that a robot has beyond its degrees of freedom.
+_SURPLUS = (
+    ". Positions of more never fit one another to the last digit: leave surplus drives out of <actuated>, give each "
+    "a joint_spring, which holds it where the others put it"
+)
+#: No beam is softer [Pa].
+_SOFT = 1e6
+
+
+def robot_remarks(robot: Robot) -> Iterator[str]:
+    """Yield what a reviewer would ask about a robot file that can be read."""
+    mechanism = robot.mechanism
+    try:
+        home = robot.home
+    except PrupPinError as error:
+        yield str(error)
+        return
+    with suppress(MissingExtraError):  # a second reader is an opinion more, no condition
+        yield from second_opinion(mechanism)
+    found = robot.mobility(home)
+    driven = len(mechanism.actuated_dofs)
+    moving = found.mobility - len(found.idle_joints)
+    if mechanism.loops and moving != driven:
+        yield (
+            f"{counted(found.mobility, 'degree')} of freedom, {len(found.idle_joints)} of them idle, and "
+            f"{counted(driven, 'actuated joint')}: expected as many actuated joints as degrees of freedom that move "
+            "the tool" + (_SURPLUS if driven > moving else "")
+        )
+    yield from _fixed_coordinates(robot)
+    yield from _odd_beams(robot)
+    yield from _odd_axles(robot)
+    if found.idle_joints:
+        yield f"joints that turn idly, holding nothing: {', '.join(found.idle_joints)}"
+    if found.redundant:
+        yield f"overconstrained by {redundancy_text(found)}: loads depend on how exactly its parts are made"
+    if mechanism.tool is None:
+        yield 'no tool is given, so that nothing can be loaded: load(..., tool="frame")'
+        return
+    yield from _tool_of_a_walker(robot)
+    idle = [str(mechanism.model.names[joint]) for joint in sorted(mechanism.load_paths.idle)]
+    if idle:
+        yield f"joints beside the way from tool to base, which carry nothing: {', '.join(some(idle))}"
+    if not mechanism.modules:
+        yield "no module is compliant: everything is rigid"
+        return
+    try:
+        compliance = robot.compliance(home)
+    except PrupPinError as error:
+        yield f"stiffness at home: {error!s}"
+        return
+    yield from _stiffness(compliance)
+
+
+def redundancy_text(found: Mobility) -> str:
+    """Return '1 closure equation', with the loops it can be blamed on."""
+    if not found.redundant:
+        return "nothing: no loop is overconstrained"
+    loops = f", in {', '.join(found.redundant_loops)}" if found.redundant_loops else ""
+    return f"{found.redundant} closure equation{'s' if found.redundant != 1 else ''}{loops}"
+
+
+def _fixed_coordinates(robot: Robot) -> Iterator[str]:
+    """Yield the task coordinates along which the tool cannot leave home, the others kept."""
+    home = robot.home.coordinates
+    fixed = [name for name in (task.name for task in robot.mechanism.tasks) if not _moves(robot, home, name)]
+    if fixed:
+        yield f"task coordinates that cannot be changed alone, beginning at home: {', '.join(fixed)}"
+
+
+def _moves(robot: Robot, home: Mapping[str, float], name: str) -> bool:
+    for step in (_STEP, -_STEP):
+        with suppress(PrupPinError):
+            robot.pose(**{**home, name: home[name] + step})
+            return True
+    return False
+
+
+def _odd_beams(robot: Robot) -> Iterator[str]:
+    """Yield beams whose numbers are those of another unit."""
+    for module in robot.mechanism.modules:
+        if module.root is None:
+            continue
+        ends = [robot.home.placements[frame.joint] @ frame.placement for frame in (module.root, module.frame)]
+        span = ends[1][:3, 3] - ends[0][:3, 3]
+        length, diameter = float(np.linalg.norm(span)), float(module.values.get("diameter", np.nan))
+        if diameter > length:
+            yield (
+                f"beam '{module.name}' is thicker ({quantity(diameter, 'm')}) than long ({quantity(length, 'm')}): is "
+                "its diameter in metres?"
+            )
+        modulus = float(np.min(module.values.get("youngs_modulus", np.inf)))
+        if modulus < _SOFT:
+            yield f"beam '{module.name}': youngs_modulus {number(modulus)} Pa: is it in GPa? Steel has 2.1e11 Pa"
+
+
+def _odd_axles(robot: Robot) -> Iterator[str]:
+    """Yield bearings whose axle is not what their joint turns about."""
+    mechanism = robot.mechanism
+    for module in mechanism.modules:
+        joint = mechanism.joint(module.joint)
+        if not isinstance(module.kind, WrenchModule) or module.kind.is_body or not joint.turns:
+            continue
+        if (angle := mechanism.askew(module)) > _ASKEW:
+            yield (
+                f"bearing '{module.name}': its axle lies {number(np.degrees(angle), 3)} deg beside the axis of joint "
+                f"'{joint.name}', so that along and across are not those of that joint; its axis is given "
+                f"in the axes of '{module.frame.name}', and is 0 0 1 where the file says nothing"
+            )
+
+
+def _tool_of_a_walker(robot: Robot) -> Iterator[str]:
+    mechanism = robot.mechanism
+    branches = sum(int(parent) == 0 for parent in list(mechanism.model.parents)[1:])
+    size = float(np.linalg.norm(mechanism.gravity))
+    assert mechanism.tool is not None
+    down = mechanism.gravity / size if size else np.array([0.0, 0.0, -1.0])
+    below = float(down @ robot.home.placement(mechanism.tool.name)[:3, 3])
+    if (mechanism.description.floats or branches > 1) and not mechanism.loops and below > 0:
+        yield (
+            f"the tool '{mechanism.tool.name}' lies {number(below, 3)} m below the base '{mechanism.bodies[0]}', "
+            "which is taken as fixed: of a robot that walks, it is the foot that stands"
+        )
+
+
+def _stiffness(compliance: Compliance) -> Iterator[str]:
+    sizes = {name: float(np.abs(jacobian).max()) for name, jacobian in compliance.wrench_jacobians.items()}
+    largest = max(sizes.values())
+    nothing = [name for name, size in sizes.items() if size <= _NOTHING * largest]
+    if nothing:
+        yield f"modules that carry nothing at home, whatever acts on the tool: {', '.join(nothing)}"
+    rigid = [name for name, part in compliance.parts.items() if name not in nothing and not np.abs(part).max() > 0]
+    if rigid:
+        yield f"modules that carry load and do not yield: {', '.join(rigid)}"
+    try:
+        _ = compliance.K
+    except NoStiffnessError as error:
+        count = len(error.directions)
+        yield f"K does not exist at home: nothing yields under {count} of 6 loads; C does (prup-pin stiffness)"
+
+
+# -- singular poses ----------------------------------------------------------------------------------------------------
+
+
+#: What counts as beside a pose: so far on [rad, robot's sizes], each joint by another step.
+_BESIDE = 0.05
+
+
+def yielding_beside(robot: Robot, compliance: Compliance) -> int | None:
+    """Return in how many directions the tool yields a little beside a pose, or None where no such pose is found."""
+    pose = compliance.pose
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", JointLimitWarning)
+        try:
+            if pose.mechanism.loops:
+                units = [pose.mechanism.joint(name).unit for name in pose.actuators]
+                size = np.array([1.0 if unit == "rad" else robot.characteristic_length for unit in units])
+                moved = np.array([*pose.actuators.values()]) + _BESIDE * _unequal(len(size)) * size
+                beside = robot.pose_from_actuators(moved, near=pose)
+            else:
+                model = pose.mechanism.model
+                beside = robot.pose_from_configuration(pin.integrate(model, pose.q, _BESIDE * _unequal(model.nv)))
+            return 6 - len(robot.compliance(beside, compliance.load).rigid_directions)
+        except PrupPinError:
+            return None
+
+
+def _unequal(count: int) -> Array:
+    """Return numbers (count,) between 1 and 2 of which no two are alike."""
+    return np.asarray(1.0 + (np.arange(1, count + 1) * 0.618034) % 1.0, float)
+
+
+# -- what 10 % of a parameter brings, found by solving the changed robot -----------------------------------------------
+
+
+#: Relative change of a parameter.
+STEP = 0.1
+
+
+@dataclass(frozen=True)
+class Lever:
+    """A parameter that several equal modules share, and what its change brings.
+
+    `factor` is 1 + STEP or 1 - STEP, whichever yields less. `deflection` (6,) [m, rad] is then that of the tool, and
+    `change` the relative change of the load's work, that is of the displacement along the load (negative: stiffer).
+    """
+
+    modules: tuple[str, ...]
+    parameter: str
+    value: Any
+    unit: str
+    factor: float
+    deflection: Array
+    change: float
+
+
+def find_levers(robot: Robot, compliance: Compliance, wrench, modules: Sequence[str]) -> list[Lever]:
+    """Return what stiffens most, best first, among parameters of the named modules and their equals in other legs.
+
+    Only values that somebody gave are tried; those that change less than 0.1 % are left out. The pose stays the same:
+    parameters that move joints are not levers.
+    """
+    wrench = as_wrench(wrench)
+    work = float(wrench @ compliance.deflection(wrench))
+    if not work > 0:  # the load deflects nothing
+        return []
+    found = []
+    for names, parameter in _shared_parameters(robot, modules):
+        first = robot.parameters[f"{names[0]}.{parameter}"]
+        best = None
+        for factor in (1 + STEP, 1 - STEP):
+            value = np.asarray(first.value, float) * factor
+            given = value if value.ndim else float(value)
+            moved = _deflection(robot, compliance, wrench, {f"{name}.{parameter}": given for name in names})
+            if moved is not None:
+                change = float(wrench @ moved) / work - 1
+                if change < (-1e-3 if best is None else best.change):
+                    best = Lever(names, parameter, first.value, first.unit, factor, moved, change)
+        if best is not None:
+            found.append(best)
+    return sorted(found, key=lambda lever: lever.change)
+
+
+def _shared_parameters(robot: Robot, modules: Sequence[str]) -> list[tuple[tuple[str, ...], str]]:
+    """Return (modules, parameter) of what can be tried; modules of equal kind, name within the leg, and value."""
+    equals: dict[tuple, list[str]] = {}
+    wanted: dict[tuple, None] = {}
+    for module in robot.mechanism.modules:
+        own = [robot.parameters[f"{module.name}.{quantity.name}"] for quantity in module.kind.quantities]
+        given = {parameter.short: parameter for parameter in own if _is_given(parameter)}
+        for name, parameter in given.items():
+            if parameter.quantity is not None and any(source in given for source in parameter.quantity.derived_from):
+                continue  # a tabulated value, such as an area, that follows another parameter
+            local = module.name.rpartition("/")[2]
+            key = (module.kind.kind, local, name, np.asarray(parameter.value, float).tobytes())
+            equals.setdefault(key, []).append(module.name)
+            if module.name in modules:
+                wanted[key] = None
+    return [(tuple(equals[key]), key[2]) for key in wanted]
+
+
+def _is_given(parameter: Parameter) -> bool:
+    """Return True for a value that somebody gave and that a factor changes."""
+    value = np.asarray(parameter.value, float)
+    return parameter.source not in ("default", "derived") and bool(np.isfinite(value).all() and value.any())
+
+
+def _deflection(robot: Robot, compliance: Compliance, wrench: Array, changes: Mapping[str, Any]) -> Array | None:
+    """Return the deflection of the changed robot's tool; None where there is no such robot at this pose."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", JointLimitWarning)
+            changed = robot.with_parameters(changes)
+            pose = changed.pose_from_configuration(compliance.pose.q.tolist())
+            return changed.compliance(pose, load=compliance.load).deflection(wrench)
+    except PrupPinError:
+        return None

@@ -1,0 +1,98 @@
+"""A robot, a compliance, a diagnosis as HTML for a notebook's cell: `_repr_html_` of the three loads this file.
+
+A few lines and tables, without script or network. Colours are the notebook's own, so that dark themes stay readable.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+from ...diagnosis import Diagnosis
+from ...errors import PrupPinError
+from ...numbers import number, quantity
+from ...robot import Robot
+from ...statics import Compliance
+from ..text.answer import Answer, compliance_table, first_shares, load_text, rigid_texts, stiffness_tables
+from ..text.diagnosis_words import channel_rows, effort_rows, finding_text, parameter_texts, verdict_text
+from ..text.values import clean, percent_text, pose_text
+from .pages import page_template
+
+#: Modules whose shares are listed.
+_SHOWN = 6
+
+
+def robot_html(robot: Robot) -> str:
+    """Return what a robot consists of, and what is assumed."""
+    mechanism = robot.mechanism
+    kinds = Counter(module.kind.kind.replace("_", " ") for module in mechanism.modules)
+    actuated = f"of which {len(mechanism.actuated)} actuated: {_some(mechanism.actuated)}"
+    tool = "none; load(..., tool=…) says where forces act" if mechanism.tool is None else mechanism.tool.name
+    facts = {
+        "joints": f"{mechanism.model.njoints - 1}, {actuated}",
+        "loops": str(len(mechanism.loops) or "none"),
+        "tool": tool,
+        "task coordinates": _some(robot.task_coordinates) or "none",
+        "home": _home(robot),
+        "compliant modules": ", ".join(f"{count} × {kind}" for kind, count in kinds.items()) or "none",
+        "parameters": f"{len(robot.parameters)}: robot.parameters, robot.to_dataframe()",
+        "assumed": "; ".join(robot.assumptions) or "nothing besides small deflections",
+    }
+    return _cell(robot.name, facts=facts)
+
+
+def _home(robot: Robot) -> str:
+    try:
+        home = robot.home
+        return _some(pose_text(robot, home.coordinates or home.actuators, 4, "°"))
+    except PrupPinError as error:
+        return f"none: {error}"
+
+
+def _some(names: Iterable[str]) -> str:
+    shown = list(names)
+    return ", ".join(shown[:8]) + (f", … ({len(shown)})" if len(shown) > 8 else "")
+
+
+def compliance_html(compliance: Compliance) -> str:
+    """Return the pose, K (or the directions in which nothing yields), C, and what yields most."""
+    answer, pose = Answer(compliance), compliance.pose
+    at = ", ".join(f"{name} {number(clean(value), 4)}" for name, value in (pose.coordinates or pose.actuators).items())
+    facts = {"pose": f"{at or 'home'} [m, rad]"}
+    if answer.stiffness is None:
+        facts["K does not exist"] = f"no module yields under {'; '.join(rigid_texts(answer))}"
+    tables = []
+    for table in (*stiffness_tables(answer), compliance_table(answer)):
+        rows = [(name, *cells) for name, cells in zip(table.rows, table.cells, strict=True)]
+        tables.append((f"{table.title} {table.detail}", ("", *table.columns), 1, rows))
+    bars = first_shares(answer.shares or {}, _SHOWN)
+    largest = max((abs(share) for _, share in bars), default=0.0) or 1.0
+    amount = quantity(answer.amount, "rad" if answer.load.turns else "m")
+    return _cell(
+        f"{pose.mechanism.name}: compliance at '{answer.tool}'",
+        facts=facts,
+        tables=tables,
+        yields=f"What yields {load_text(answer)}: the tool {'turns' if answer.load.turns else 'moves'} {amount}",
+        bars=[(name, percent_text(share), f"{12 * max(share, 0.0) / largest:.2f}") for name, share in bars],
+    )
+
+
+def diagnosis_html(diagnosis: Diagnosis) -> str:
+    """Return the verdict, the findings with their intervals, and the residual before and after."""
+    rows = []
+    for count, finding in enumerate(diagnosis.told, 1):
+        for index, texts in enumerate(parameter_texts(finding.parameters) or [("", "", "")]):
+            rows.append((*(("", "") if index else (str(count), finding_text(finding))), *texts))
+    known = not any(value != value for value in diagnosis.before.values())
+    tables = [
+        ("", ("", "left out", "parameter", "value", "95 % interval"), 3, rows),
+        ("", ("residual, RMS", "before", "after", ""), 1, channel_rows(diagnosis) if known else []),
+        ("", ("joint", "noise", "× noise", "% of the effort"), 1, effort_rows(diagnosis)),
+    ]
+    return _cell("Diagnosis", verdict=verdict_text(diagnosis), tables=tables, remarks=diagnosis.remarks)
+
+
+def _cell(title: str, **parts) -> str:
+    """Return what a cell shows; tables are (caption, columns, how many of them are words, rows), if they have rows."""
+    empty = {"verdict": "", "facts": {}, "tables": (), "yields": "", "bars": (), "remarks": ()}
+    return page_template("cell.html").render(title=title, **{**empty, **parts})

@@ -1,0 +1,54 @@
+"""Templates of the pages, and figures as they stand in them."""
+
+from __future__ import annotations
+
+import base64
+import io
+import warnings
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ...errors import MissingExtraError
+
+if TYPE_CHECKING:
+    from ..drawing.plotting import Figure
+
+
+def page_template(name: str):
+    """Return a page's template, which escapes whatever is put into it. Raises MissingExtraError."""
+    try:
+        import jinja2
+    except ImportError as error:
+        raise MissingExtraError("jinja2") from error
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("prup_pin", "views/report"),
+        autoescape=True,  # names come from files that anybody may have written
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(name)
+
+
+class Picture(NamedTuple):
+    """A figure as two data addresses: for paper and screens, and for a phone."""
+
+    wide: str
+    narrow: str
+
+
+def picture(draw: Callable[..., Figure], *about: Any, pixels: bool = False) -> Picture:
+    """Return what `draw` draws of something, wide and `narrow`, as data addresses, for pages of any width.
+
+    As an image a figure can neither run scripts nor fetch anything. With `pixels` it is a PNG, for very many points.
+    """
+    kind, metadata = ("png", {"Software": None}) if pixels else ("svg", {"Date": None, "Creator": None})
+    address = f"data:image/{'png' if pixels else 'svg+xml'};base64,"
+    found = []
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph")  # a name in a script that matplotlib's font lacks
+        for narrow in (False, True):
+            buffer = io.BytesIO()
+            draw(*about, narrow=narrow).savefig(buffer, format=kind, dpi=160 if pixels else "figure", metadata=metadata)
+            found.append(address + base64.b64encode(buffer.getvalue()).decode("ascii"))
+    return Picture(*found)

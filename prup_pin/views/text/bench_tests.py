@@ -1,0 +1,286 @@
+"""Logs, simulations, diagnoses and calibrations as text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+
+from ...diagnosis import Diagnosis, Finding
+from ...diagnosis.calibration import Calibration
+from ...diagnosis.diagnosis import Detectable
+from ...imports import Conversion, Log, LogMap
+from ...imports.map import Column
+from ...imports.units import SI_WORDS, dimension_of
+from ...laws import Effect
+from ...numbers import counted, number, readable_unit, some
+from ...recordings import Recording, suspicions
+from ...recordings.columns import unit_of
+from ...robot import Robot
+from ...simulation import Agreement, Prediction, compare
+from .diagnosis_words import (
+    alternative_text,
+    by_place,
+    channel_rows,
+    cost_text,
+    effort_rows,
+    finding_text,
+    hidden_rows,
+    length_of,
+    multiple_text,
+    noise_text,
+    parameter_texts,
+    recording_rows,
+    verdict_text,
+)
+from .terminal import bullets, heading, lines_of, listed, make_table, paragraph, print_table
+
+
+def print_log(out: Console, log: Log) -> None:
+    """Print what a log holds, stream by stream."""
+    out.print(Text(log.path, style="bold"))
+    for stream in log.streams:
+        size = f"{counted(len(stream), 'row')}, {counted(len(stream.columns), 'column')}"
+        listed(out, "", [f"{stream.name}: {size} of numbers"])
+
+
+def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> None:
+    """Print a recording column by column beside the columns it came from, and the remarks."""
+    print_log(out, log)
+    recording = done.recording
+    span = recording.time[-1] - recording.time[0]
+    steps = np.diff(recording.time)
+    rate = 1 / float(np.median(steps)) if len(steps) else 0.0
+    sizes = f"{counted(len(recording), 'row')}, {number(float(span), 4)} s, {number(rate, 4)} rows a second"
+    listed(out, "recording", [sizes])
+    heading(out, "Columns", "(SI = sign x scale x value + offset)")
+    rows, there = [], dict(recording.columns())
+    for name, column in plan.columns.items():
+        values = there.get(name, np.zeros(0))  # none of one that motors took the place of
+        known = values[np.isfinite(values)]
+        ends = [number(float(end), 4) for end in (known.min(), known.max())] if len(known) else ["", ""]
+        factor = f" x {number(column.sign * column.scale, 4)}" if column.sign * column.scale != 1 else ""
+        rows.append((name, column.source, column.unit.name + factor, *ends, _si_of(name, column)))
+    print_table(out, make_table(("recording", "column of the log", "in", ">from", ">to", ""), rows))
+    for group in plan.motors:
+        paragraph(out, f"{', '.join(group.joints)} from the motors {', '.join(group.names)} by their matrix.", "- ")
+    odd = [*done.remarks, *suspicions(recording), *recording.remarks]
+    bullets(out, "Remarks", odd)
+    if names := (*done.unused, *log.left_out):
+        heading(out, "Not used")
+        listed(out, "", names)
+
+
+def _si_of(name: str, column: Column) -> str:
+    """Return the SI unit of a column of the recording."""
+    dimension = dimension_of(column.unit.name)
+    return SI_WORDS[dimension] if dimension is not None else unit_of(name)
+
+
+# -- a simulation ------------------------------------------------------------------------------------------------------
+
+
+#: So many row numbers are listed.
+_SHOWN = 8
+#: More values than this are counted, not written out: a calibration's.
+_MOST_VALUES = 12
+
+
+def print_simulation(
+    out: Console,
+    robot: Robot,
+    effects: Sequence[Effect],
+    recording: Recording,
+    prediction: Prediction,
+    notes: Sequence[str] = (),
+    effort_noise: Mapping[str, float] | None = None,
+) -> None:
+    """Print the closing summary of a simulation; `recording` holds what was measured, if anything was."""
+    how = "the efforts of its motion" if not prediction.position.shape[1] else "loaded, in its deformed position"
+    out.print(Text(f"{robot.name}, {how}", style="bold"))
+    listed(out, "with", [effect_text(effect) for effect in effects] or ["nothing added to the robot file"], "; ")
+    _print_rows(out, prediction)
+    found = compare(recording, prediction, effort_noise)
+    if found:
+        _print_agreement(out, robot, found)
+    odd = [*suspicions(recording), *recording.remarks, *prediction.remarks, *notes]
+    bullets(out, "Remarks", odd)
+
+
+def effect_text(effect: Effect) -> str:
+    """Return an effect as it is typed; of many values only how many."""
+    aspect = f":{effect.place.aspect}" if effect.place.aspect else ""
+    values = " ".join(f"{name}={number(value, 6)}" for name, value in effect.values.items())
+    if len(effect.values) > _MOST_VALUES:
+        values = f"({len(effect.values)} values)"
+    return f"{effect.law.physics}@{effect.place.name}{aspect} {values}".strip()
+
+
+def _print_rows(out: Console, prediction: Prediction) -> None:
+    failures = prediction.failures
+    failed = sum(len(rows) for rows in failures.values())
+    good = f"{len(prediction) - failed} predicted" if failed else "all predicted"
+    listed(out, "rows", [f"{len(prediction)}, {good}"])
+    print_failures(out, failures, prediction.reasons)
+
+
+def print_failures(out: Console, failures: Mapping[str, np.ndarray], reasons: Mapping[str, str]) -> None:
+    """Print which rows, counted from 0, have no answer, as lines of the file, whose first one holds names, and why."""
+    for word, rows in failures.items():
+        first = ", ".join(str(row + 2) for row in rows[:_SHOWN].tolist())
+        more = ", …" if len(rows) > _SHOWN else ""
+        listed(out, word, [f"{counted(len(rows), 'row')}: line{'s' if len(rows) > 1 else ''} {first}{more}"])
+        if word in reasons:
+            paragraph(out, f"line {rows[0] + 2}: {reasons[word]}", "  ")
+
+
+def _print_agreement(out: Console, robot: Robot, found: Sequence[Agreement]) -> None:
+    heading(out, "Measured less predicted", "(root mean square)")
+    efforts = any(item.share is not None for item in found)
+    rows = []
+    for item in found:
+        unit, factor = _unit(robot, item.channel)
+        noise = "not known" if item.noise is None else number(factor * item.noise, 3)
+        multiple = "-" if item.in_noise is None else number(item.in_noise, 3)
+        cells = [item.channel, number(factor * item.rms, 4), unit, noise, multiple]
+        rows.append((*cells, *["" if item.share is None else number(100 * item.share, 3)] * efforts))
+    columns = ("", ">RMS", "unit", ">noise", ">RMS / noise", *[">% of the effort"] * efforts)
+    print_table(out, make_table(columns, rows))
+
+
+def _unit(robot: Robot, channel: str) -> tuple[str, float]:
+    """Return the unit in which a channel is shown, and its factor."""
+    kind, _, name = channel.partition(" ")
+    if kind == "effort":
+        return ("N", 1.0) if robot.mechanism.joint(name).slides else ("N m", 1.0)
+    return ("µrad", 1e6) if channel.endswith("rotation") else ("µm", 1e6)
+
+
+# -- a diagnosis -------------------------------------------------------------------------------------------------------
+
+
+def print_diagnosis(
+    out: Console, robot: Robot, recording: Recording | Sequence[Recording], diagnosis: Diagnosis
+) -> None:
+    """Print the verdict, the findings with intervals, the residuals before and after, doubts and remarks."""
+    _verdict(out, verdict_text(diagnosis))
+    out.print()
+    listed(out, "robot", [robot.name])
+    recordings = [recording] if isinstance(recording, Recording) else list(recording)
+    if len(recordings) > 1:
+        for name, *texts in recording_rows(diagnosis):
+            listed(out, "recording", [name, *texts], ", ")
+    else:
+        used = len(diagnosis.samples)
+        held = length_of(diagnosis, recordings[0])
+        listed(out, "recording", [f"{counted(len(recordings[0]), 'sample')}, {used} used", held], ", ")
+    listed(out, "noise", noise_text(diagnosis), ", ")
+    if diagnosis.findings:
+        heading(out, "How to simulate it" if diagnosis.verdict == "nothing_missing" else "Left out")
+        for index, finding in enumerate(diagnosis.told, 1):
+            _print_finding(out, diagnosis, index, finding)
+    heading(out, "Measured less simulated", "(root mean square)")
+    print_table(out, make_table(("", ">before", ">after", ""), channel_rows(diagnosis)))
+    if rows := effort_rows(diagnosis):
+        heading(out, "Efforts, joint by joint", "(held out)")
+        print_table(out, make_table(("joint", ">noise", ">× noise", ">% of the effort"), rows))
+        if note := multiple_text(diagnosis):
+            paragraph(out, f"({note})")
+    if diagnosis.not_detectable:
+        print_hidden(out, diagnosis.not_detectable)
+    why = diagnosis.next_experiment.get("why")
+    if why:
+        heading(out, "Next experiment")
+        paragraph(out, str(why))
+    bullets(out, "Remarks", diagnosis.remarks)
+
+
+def print_hidden(out: Console, hidden: Sequence[Detectable]) -> None:
+    """Print what data could not show, and the size from which they would."""
+    heading(out, "What these data could not show", "(and from which size they would)")
+    for physics, where, needed in hidden_rows(hidden):
+        paragraph(out, f"{physics}{f' ({where})' if where else ''}: {needed}", "- ")
+
+
+def _verdict(out: Console, text: str) -> None:
+    """Print a bold paragraph at the margin."""
+    for line in lines_of(text, out.width):
+        out.print(Text(line, style="bold"), soft_wrap=True)
+
+
+def _print_finding(out: Console, diagnosis: Diagnosis, index: int, finding: Finding) -> None:
+    paragraph(out, finding_text(finding), f"{index}  ")
+    paragraph(out, finding.statement, "   ")
+    places = by_place(finding)
+    for place, texts in places.items():
+        told = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in texts)
+        paragraph(out, f"{place}: {told}", "   ")
+    for name, value, interval in () if places else parameter_texts(finding.parameters):
+        paragraph(out, f"{name} {value} (95 %: {interval})", "   ")
+    if finding.curve is not None:
+        pairs = zip(finding.curve.load, finding.curve.deformation, strict=True)
+        points = "  ".join(f"{number(load, 3)}: {number(1e6 * moved, 3)}" for load, moved in pairs)
+        paragraph(out, f"curve, load [N, N m]: deformation [µm, µrad]  {points}", "   ")
+    for text in (*alternative_text(diagnosis, finding), cost_text(finding)):
+        if text:
+            paragraph(out, text, "   ")
+    if finding.remedy:
+        paragraph(out, f"to do: {finding.remedy}", "   ")
+
+
+# -- a calibration -----------------------------------------------------------------------------------------------------
+
+
+#: Parameters that are shown: the best known ones, and all that lie far from the robot file.
+_SHOWN, _FAR = 20, 2.0
+#: What is learned less than this was not seen.
+_UNSEEN = 0.01
+#: Of parameters that were not seen so many of a kind are named, and how many more there are.
+_NAMED = 3
+
+
+def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording], found: Calibration) -> None:
+    """Print before and after, what was learned, what these data tell only together and what they never saw."""
+    _verdict(out, _within_tolerances(found))
+    out.print()
+    listed(out, "robot", [robot.name])
+    for recording in recordings:
+        name = [Path(recording.path).name] if len(recordings) > 1 else []
+        listed(out, "recording", [*name, counted(len(recording), "sample")], ", ")
+    listed(out, "used", [counted(found.samples, "sample")])
+    listed(out, "parameters", [f"{len(found.parameters)} that may be off"], ", ")
+    acting = [effect.statement(robot.mechanism) for effect in found.effects[1:]]
+    if acting:
+        listed(out, "acting", acting)
+    heading(out, "What was learned", "(off: in tolerances; known: share of the tolerance that is left)")
+    rows = []
+    known = [item for item in found.parameters if item.learned > _UNSEEN]
+    for place, item in enumerate(known):
+        if place < _SHOWN or abs(item.x) > _FAR:
+            unit, factor = readable_unit(max(abs(item.value), item.sd), item.deviation.unit)
+            value = f"{number(factor * item.value, 5)} ± {number(factor * item.sd, 2)}"
+            rows.append((item.name, value, unit, f"{item.x:+.2f}", f"{number(100 * item.share, 3)} %"))
+    print_table(out, make_table(("", ">calibrated", "", ">off", ">known"), rows))
+    if found.twins:
+        heading(out, "Told only together")
+        for group in found.twins:
+            paragraph(out, ", ".join(group), "- ")
+    unseen = [item.name for item in found.parameters if item.learned <= _UNSEEN]
+    if unseen:
+        heading(out, "Never seen by these data", f"({len(unseen)} parameters)")
+        alike: dict[str, list[str]] = {}
+        for parameter in unseen:
+            owner, _, kind = parameter.rpartition(".")
+            alike.setdefault(kind, []).append(owner)
+        for kind, owners in alike.items():
+            paragraph(out, f"{kind} of {', '.join(some(owners, _NAMED))}", "- ")
+    bullets(out, "Remarks", found.remarks)
+
+
+def _within_tolerances(found: Calibration) -> str:
+    before, after = number(found.nominal, 3), number(found.calibrated, 3)
+    end = "which is noise" if found.is_explained else "more than noise: something is left out, see prup-pin diagnose"
+    return f"The drawing leaves {before} times the noise; within its tolerances it leaves {after}, {end}."
