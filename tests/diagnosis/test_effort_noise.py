@@ -10,10 +10,10 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.efforts.noise import noise_of_efforts
+from prup_pin.diagnosis.efforts.noise import noise_of_efforts, rounding_that_follows
 from prup_pin.diagnosis.efforts.prepare import PreparedEfforts
 from prup_pin.diagnosis.efforts.residuals import EffortResiduals
-from prup_pin.diagnosis.efforts.unexplained import _worse, time_varying
+from prup_pin.diagnosis.efforts.unexplained import _saved, _worse, time_varying
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.numbers import number
 from prup_pin.recordings import Noise, Recording
@@ -84,6 +84,26 @@ def test_counts_are_off_by_a_step_over_the_root_of_twelve():
     noise = told(counted)
     assert noise.how == "quantisation"
     assert noise.size == pytest.approx(step / np.sqrt(12), rel=1e-6)
+
+
+@pytest.mark.parametrize("before", [0.02, 0.2, 0.35, 1.0])
+def test_rounding_follows_a_slow_effort_but_where_noise_hides_the_steps(before):
+    """The error of rounding, less what it does not tell of the effort: its mean for each effort, over many draws."""
+    rng, slow = np.random.default_rng(3), np.linspace(0.0, 7.0, 400)
+    counted = np.round(slow + before * rng.normal(size=(4000, 400)))
+    mean = (counted - slow).mean(axis=0)
+    follows = np.sqrt(max((mean**2).mean() - (before**2 + 1 / 12) / 4000, 0.0))
+    assert rounding_that_follows(1.0, np.hypot(before, 1 / np.sqrt(12))) == pytest.approx(follows, rel=0.05, abs=1e-3)
+
+
+def test_what_rounds_is_slow_where_no_noise_hides_it():
+    rng, values = np.random.default_rng(1), recorded(0.0).efforts["carriage"]
+    coarse, fine = (
+        told(recorded(0.0).with_measurements(efforts={"carriage": 4 * np.round((values + each) / 4)}))
+        for each in (0.02 * rng.normal(size=6000), 4 * rng.normal(size=6000))
+    )
+    assert coarse.below(0.01) == pytest.approx(4 / np.sqrt(12), rel=0.01)
+    assert fine.below(0.01) == pytest.approx(fine.size * np.sqrt(0.02 / 250), rel=0.01)
 
 
 def test_a_column_that_holds_its_samples_has_the_noise_of_those():
@@ -231,6 +251,17 @@ def test_what_is_a_little_of_the_effort_or_of_the_noise_is_no_matter(two):
 def test_the_same_at_other_times_follows_nothing(two):
     left, measured, noise = comes_and_goes(two, 0.2)
     assert time_varying(two, np.roll(left, len(left) // 3, axis=0), measured, noise) is None
+
+
+def test_where_a_joint_stands_nothing_is_followed_better_or_worse():
+    """Nothing is compared there: as many rows of it between the others change neither what is followed nor chance."""
+    rng, lags = np.random.default_rng(7), np.linspace(0, 0.9, 10)
+    left, columns, blocks = rng.normal(size=300), rng.normal(size=(300, 2)), np.arange(300) // 60
+    stands = np.insert(np.zeros(300, bool), 120, np.ones(200, bool))
+    among = [np.insert(each, 120, np.zeros((200, *each.shape[1:])), axis=0) for each in (left, columns, blocks)]
+    among[2][stands] = 2
+    plain = _saved(left, columns, blocks, np.ones(300, bool), lags)
+    assert _saved(*among, ~stands, lags) == pytest.approx(plain)
 
 
 def test_noise_as_large_as_the_effort_follows_nothing(two):

@@ -25,7 +25,7 @@ from ...recordings import Recording
 from ...recordings.recording import STANDSTILL
 from ...spatial import Array
 
-__all__ = ["EffortNoise", "noise_of", "noise_of_efforts"]
+__all__ = ["EffortNoise", "noise_of", "noise_of_efforts", "rounding_that_follows"]
 
 #: Samples from which the next one is foretold, and samples for each of them at least.
 _ORDER, _FOR_EACH = 40, 10
@@ -40,6 +40,8 @@ _HELD = 0.1
 _GAP = 8.0
 #: A joint stands where its speed over this time [s] is below this share of its usual one; and rests that last.
 _REST, _SLOW = 0.25, 2e-3
+#: Harmonics of a sawtooth that hold all but a thousandth of it.
+_HARMONICS = 700
 #: The middle of normal numbers' sizes over their standard deviation.
 _MIDDLE = 0.6745
 
@@ -48,17 +50,20 @@ _MIDDLE = 0.6745
 class EffortNoise:
     """The noise of one sample of a recorded effort [N or N m], NaN where it is unknown, and the rate [Hz].
 
-    how: it is known by 'innovations', 'rest', 'repeats', 'quantisation', 'declared'; '' where it is unknown.
+    how: it is known by 'innovations', 'rest', 'repeats', 'quantisation', 'declared'; '' where it is unknown. rounding:
+    the part of it that follows the effort, and is as slow as that.
     """
 
     size: float
     how: str
     rate: float
+    rounding: float = 0.0
 
     def below(self, frequency: float) -> float:
-        """Return the noise below a frequency [Hz]: at rest it may be slow, the others are white."""
+        """Return the noise below a frequency [Hz]: at rest it may be slow, and rounding is; the others are white."""
         share = 1.0 if self.how == "rest" else min(2 * frequency / self.rate, 1.0)
-        return self.size * float(np.sqrt(share))
+        slow = min(self.rounding, self.size) ** 2
+        return float(np.sqrt(share * (self.size**2 - slow) + slow))
 
 
 def noise_of(recording: Recording, at: InMotion) -> Mapping[str, EffortNoise]:
@@ -80,7 +85,8 @@ def _noise(recording: Recording, effort: Array, still: np.ndarray, standing: boo
     rows = _sampled(effort)
     parts = list(_parts(recording.time, recording.run, rows))
     steps = np.concatenate([np.diff(recording.time[part]) for part in parts]) if parts else np.ones(1)
-    sizes = {"quantisation": _step(effort[rows]) / np.sqrt(12)}
+    step = _step(effort[rows])
+    sizes = {"quantisation": step / np.sqrt(12)}
     if standing:
         again = np.flatnonzero(still[1:]) + 1
         sizes["repeats"] = float(np.nanstd(effort[again] - effort[again - 1]) / np.sqrt(2)) if len(again) > 1 else 0.0
@@ -90,7 +96,22 @@ def _noise(recording: Recording, effort: Array, still: np.ndarray, standing: boo
     how = max(sizes, key=lambda name: sizes[name])
     if not sizes[how] > 0:
         return EffortNoise(float("nan"), "", 1.0)
-    return EffortNoise(sizes[how], how, 1 / max(float(np.median(steps)), np.finfo(float).tiny))
+    rate = 1 / max(float(np.median(steps)), np.finfo(float).tiny)
+    return EffortNoise(sizes[how], how, rate, rounding_that_follows(step, sizes[how]))
+
+
+def rounding_that_follows(step: float, size: float) -> float:
+    """Return the root mean square of what rounding to steps does to a slow value, beside noise of some size in all.
+
+    The mean error of a value x is a sawtooth, of which noise s before rounding leaves the harmonics step / (pi k)
+    exp(-2 (pi k s / step)^2) sin(2 pi k x / step): all of it, step / sqrt(12), where there is none, and next to nothing
+    from half a step on (Widrow and Kollar, Quantization Noise, 2008, on Gaussian dither).
+    """
+    if not step > 0:
+        return 0.0
+    before = max(size**2 - step**2 / 12, 0.0)
+    k = np.arange(1, _HARMONICS)
+    return float(np.sqrt(((step / (np.pi * k) * np.exp(-2 * (np.pi * k / step) ** 2 * before)) ** 2).sum() / 2))
 
 
 def _repeated(recording: Recording) -> np.ndarray:

@@ -247,9 +247,7 @@ def time_varying(efforts: PreparedEfforts, left: Array, measured: Array, noise: 
     good = efforts.away_from_ends(min(efforts.judged.cutoffs)) & np.isfinite(left)
     left = np.where(good, left, 0.0)
     white = Whitening(autoregression(left, good, efforts.piece), usable(good, efforts.piece))
-    starts = np.flatnonzero(np.diff(efforts.blocks, prepend=-1))
-    lags = np.unique(np.linspace(_NEAR, 1 - _NEAR, EFFORT_FLIPS) * len(left)).astype(int)
-    lags = np.concatenate(([0], lags))
+    lags = np.concatenate(([0.0], np.linspace(_NEAR, 1 - _NEAR, EFFORT_FLIPS)))
     found, own, others = [], [], []
     for column, joint in enumerate(efforts.at.driven):
         here = good[:, column]
@@ -262,11 +260,11 @@ def time_varying(efforts: PreparedEfforts, left: Array, measured: Array, noise: 
         rest = white.of_joint(column, plain)
         motions = list(_motions(efforts.at, joint))
         table = np.column_stack([_compared(efforts, column, values) for _, _, values in motions])
-        saved = _saved(rest, white.of_joint(column, table), starts, lags)
+        saved = _saved(rest, white.of_joint(column, table), efforts.blocks, white.good[:, column], lags)
         mean, spread = saved[1:].mean(axis=0), np.maximum(saved[1:].std(axis=0), np.finfo(float).tiny)
         own += ((saved[0] - mean) / spread).tolist()
         others.append(((saved[1:] - mean) / spread).max(axis=1))
-        plainly = _saved(plain, np.where(here[:, None], table, 0.0), starts, lags)
+        plainly = _saved(plain, table, efforts.blocks, here, lags)
         chance = plainly[1:].mean(axis=0)
         follows = np.maximum(plainly[0] - chance, 0.0)
         # amounts for each block take a part of anything away: of the rest
@@ -299,15 +297,21 @@ def _compared(efforts: PreparedEfforts, column: int, values: Array) -> Array:
     return efforts.judged.of_joint(column)(values - values.mean(), efforts.at.motion.piece)[efforts.kept]
 
 
-def _saved(left: Array, columns: Array, starts: np.ndarray, lags: np.ndarray) -> Array:
-    """Return the squares (s, m) of a residual (n,), shifted by some samples (s,), that columns (n, m) take away.
+def _saved(left: Array, columns: Array, blocks: np.ndarray, good: np.ndarray, lags: Array) -> Array:
+    """Return the squares (s, m) of a residual (n,), shifted by shares (s,) of it, that columns (n, m) take away.
 
-    Each column by one amount for each block; `starts` (b,): the first samples of blocks.
+    Each column by one amount for each block (n,). What counts, `good` (n,), is shifted among itself: where a joint
+    stands there is no residual, and most often no motion, so that any motion would be followed best where it stands.
     """
+    left, columns, blocks = left[good], columns[good], blocks[good]
     count, out = len(left), np.zeros((len(lags), columns.shape[1]))
+    if not count:
+        return out
+    starts = np.flatnonzero(np.diff(blocks, prepend=-1))
+    shifts = (lags * count).astype(int)[:, None]
     sizes = np.add.reduceat(columns**2, starts)
     told = sizes > _TELLS * sizes.max(axis=0, initial=0.0)
     for start, end, size, tells in zip(starts, [*starts[1:], count], sizes, told, strict=True):
-        shifted = left[(np.arange(start, end) - lags[:, None]) % count]
+        shifted = left[(np.arange(start, end) - shifts) % count]
         out[:, tells] += (shifted @ columns[start:end, tells]) ** 2 / size[tells]
     return out
