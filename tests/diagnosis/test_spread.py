@@ -81,6 +81,16 @@ def test_a_third_of_all_is_gross_where_nothing_lies_between_and_a_machine_where_
     assert not spread._stand_apart(squares[8:], squares[8:] > 36)
 
 
+def test_one_gross_pose_is_told_though_a_tenth_of_all_scatters_more_widely_than_the_middle_half():
+    """As a real arm's hand was seen: two dozen poses, three of them beyond six sigma of the middle half."""
+    told = [0.4, 0.5, 0.5, 0.7, 0.8, 0.9, 0.9, 1, 1.1, 1.1, 1.3, 1.3, 1.7, 1.8, 2.3, 2.7, 2.8, 3.3, 3.6, 3.6, 4.6]
+    far, size = spread.far_off(np.square([*told, 8.3, np.nan, 8.7, 73.9]))
+    assert np.flatnonzero(far).tolist() == [24]
+    assert 1 < size < 16  # what the others scatter by, not what the gross one does
+    alike, _ = spread.far_off(np.square([*told, 65.0, 70.0, 73.9]))
+    assert not alike.any()  # an eighth of all is the machine
+
+
 def test_what_neighbours_in_posture_share_is_the_machine_and_no_gross_error():
     """A corner of the postures where something lets go; in it, and far from it, a tracker slips once."""
     draw = np.random.default_rng(1)
