@@ -17,9 +17,8 @@ from .law import Law, Place
 from .modules_at import actuator_places, drive_of, travel_per_turn
 from .setup import Setup
 
-
-#: A disc that is read at 20 mm from its axis and sits 0.1 mm beside it errs by 5 mrad, five times where a fit starts; an
-#: offset of the zero has no such measure: it may be any number.
+#: Standard deviation of sine and cosine, by where a fit starts. A disc that is read at 20 mm from its axis and sits
+#: 0.1 mm beside it errs by 5 mrad. An offset of the zero has no such measure: it may be any number.
 _USUAL = 5.0
 
 

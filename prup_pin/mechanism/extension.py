@@ -202,7 +202,9 @@ class ExtensionDocument(Document):
                 )
             value = number[0] if shape in (None, ()) else np.array(number).reshape(shape)
             lines[short] = item.sourceline
-            said = unit if quantity and unit in quantity.unit.split(" or ") else None  # one of those its joint may ask for
+            said = (
+                unit if quantity and unit in quantity.unit.split(" or ") else None
+            )  # one of those its joint may ask for
             values[short] = Parameter(
                 f"{name}.{short}",
                 value,

@@ -573,7 +573,7 @@ class Mechanism:
                     continue
                 text = (
                     f"module '{module.name}': parameter '{quantity.name}' is in {value.unit}, but joint '{joint.name}' "
-                    f"{'slides' if joint.slides else 'turns'}; expected unit=\"{unit}\", and the value in it"
+                    f'{"slides" if joint.slides else "turns"}; expected unit="{unit}", and the value in it'
                 )
                 problems.append(Problem(text, given.lines.get(quantity.name, given.line)))
         return problems
