@@ -36,12 +36,12 @@ class EffortCurve:
 class EffortDiagnosis:
     """What the efforts say.
 
-    joints (k) with `units`; time (n,), measured, rigid and predicted (n, k) efforts below `band` [Hz] by joint, with
-    speed, position (n, k) and which of them count (n, k). `shares`: what is left of each joint's effort, as a share of
-    it: 'rigid', 'fit' and 'heldout'; under 'all' of all joints. `noise` (k,) [N or N m] of a recorded sample, NaN where
-    nothing tells it, and `how` (k) it was told: 'declared', or 'innovations', 'rest', 'repeats', 'quantisation' of the
-    column itself; before, after: of the residual in multiples of it, each {'fit', 'heldout'}. curves: by the place of
-    a finding.
+    joints (k) with `units`, AS_LOGGED of drives that report in units of their own, and which of them are `sliding`;
+    time (n,), measured, rigid and predicted (n, k) efforts below `band` [Hz] by joint, with speed, position (n, k) and
+    which of them count (n, k). `shares`: what is left of each joint's effort, as a share of it: 'rigid', 'fit' and
+    'heldout'; under 'all' of all joints. `noise` (k,) of a recorded sample in these units, NaN where nothing tells it,
+    and `how` (k) it was told: 'declared', or 'innovations', 'rest', 'repeats', 'quantisation' of the column itself;
+    before, after: of the residual in multiples of it, each {'fit', 'heldout'}. curves: by the place of a finding.
     """
 
     joints: tuple[str, ...]
@@ -69,6 +69,7 @@ class EffortDiagnosis:
     remarks: tuple[str, ...]
     rows: np.ndarray
     standing: bool = False
+    sliding: tuple[str, ...] = ()
 
     @property
     def declared(self) -> bool:

@@ -114,12 +114,9 @@ def gains_found(outcome: Outcome) -> Iterator[Finding]:
     gains, factor = outcome.gains.gains, np.exp(1.96 * outcome.gains.deviation)
     unit = {name: outcome.mechanism.joint(name).effort_unit for name in outcome.at.driven}
     parameters = {
-        f"{name}.gain": FittedParameter(float(g - 1), "", (float(g / f - 1), float(g * f - 1)))
+        f"{name}.reported": FittedParameter(float(g), f"per {unit[name]}", (float(g / f), float(g * f)))
         for name, g, f in zip(outcome.at.driven, gains, factor, strict=True)
     }
-    told = ", ".join(
-        f"{name} {number(float(g), 3)} per {unit[name]}" for name, g in zip(outcome.at.driven, gains, strict=True)
-    )
     # where no drive is in N m, that is how the log is written, and no fault of any of them
     by_drive = dict(zip(outcome.at.driven, map(float, gains), strict=True))
     conventions = tuple(
@@ -132,8 +129,8 @@ def gains_found(outcome: Outcome) -> Iterator[Finding]:
         parameters=parameters,
         heldout_gain=_saved_by_gains(outcome),
         statement=(
-            f"the drives report in units of their own: {told}; all gains together and all masses together are one "
-            "unknown, which the robot file's masses decide"
+            "the drives report in units of their own; all gains together and all masses together are one unknown, "
+            "which the robot file's masses decide"
             + (
                 f". Where that is right, declare it: {' '.join(f'--convention {c}' for c in conventions)}"
                 * bool(conventions)
@@ -166,6 +163,7 @@ def _of_all_links(outcome: Outcome, term: EffortCandidate) -> Finding:
             float(drawn[i] + change[i]),
             units[law.linear[told.leads[i]].rpartition(".")[2]],
             (float(drawn[i] + change[i] - reach[i]), float(drawn[i] + change[i] + reach[i])),
+            float(drawn[i]),
         )
         for i in differ[np.argsort(chance[differ], kind="stable")][:MOST_COMBINATIONS]
     }
@@ -177,7 +175,7 @@ def _of_all_links(outcome: Outcome, term: EffortCandidate) -> Finding:
         heldout_gain=float(np.clip(1 - outcome.held.sum() / max(without.sum(), np.finfo(float).tiny), 0.0, 1.0)),
         statement=(
             f"the links' masses, centres and inertias are not those of the robot file: of {len(change)} "
-            f"combinations that this motion tells, {len(differ)} are surely others"
+            f"combinations that this motion tells, {len(differ)} surely have other values"
             f"{_alone_of_all(outcome, term, without)}"
         ),
         law=law,

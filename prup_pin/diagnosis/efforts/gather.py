@@ -68,7 +68,7 @@ class Efforts:
         self.blocks = column_blocks(self.every, postures=len(np.unique(self.piece)) if motion.standing else 0)
         self.measured = self.filter(motion.efforts)
         self.rigid = self.filter(at.rigid)
-        self.good = self._good()
+        self.good = np.isfinite(self.measured[self.every]) & motion.compared[self.every]
         self.bases = effort_deviations(at, tolerances)
         self._fixed: list[_Seen] = []
         self._moving: list[tuple[EffortLaw, Place]] = []
@@ -106,21 +106,6 @@ class Efforts:
         for where in pieces(self.piece):
             inside[where.start : where.start + end] = inside[max(where.stop - end, where.start) : where.stop] = False
         return np.where(inside.any(axis=0), inside, good)
-
-    def _good(self) -> np.ndarray:
-        """Return the kept samples that count (n, k): a joint at rest rubs by what it likes, up to its limit.
-
-        And a drive at its limit gives what it has, whatever is asked of it.
-        """
-        motion = self.at.motion
-        good = np.isfinite(self.measured[self.every]) & ~motion.saturated[self.every]
-        for column, name in enumerate(self.at.driven):
-            if name not in motion.names:
-                continue
-            still = motion.still[self.every, motion.names.index(name)]
-            if still.mean() < 0.8:
-                good[:, column] &= ~still
-        return good
 
     def _whitened(self) -> tuple[Whitening, Whitening]:
         """Return the whitening for what all laws fitted together leave, and each joint's size alone."""

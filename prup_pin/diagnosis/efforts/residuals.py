@@ -12,15 +12,16 @@ __all__ = ["residuals_of", "rms_of", "shares_of"]
 
 
 def residuals_of(
-    outcome: Outcome, added: Array, noise: Array
+    outcome: Outcome, added: Array, noise: Array, scale: Array
 ) -> tuple[dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
     """Return the residual in multiples of the noise (k,) before and after, of all and by joint.
 
-    NaN where the noise is unknown. What is left above where it is judged counts as white noise does, at most: a motor
-    that vibrates is none of the rigid robot's matter.
+    Before: the rigid robot over `scale` (k,), the part of the drives' gains that the log is not read with. NaN where
+    the noise is unknown. What is left above where it is judged counts as white noise does, at most: a motor that
+    vibrates is none of the rigid robot's matter.
     """
     every, good = outcome.efforts.every, outcome.efforts.away_from_ends(outcome.motion.band.highest)
-    told = outcome.motion.efforts - outcome.at.rigid / outcome.scale
+    told = outcome.motion.efforts - outcome.at.rigid / scale
     left = outcome.motion.efforts - outcome.at.rigid - added
     judged, piece = outcome.efforts.judged, outcome.motion.piece
     cutoffs = np.array(judged.cutoffs)
@@ -52,13 +53,13 @@ def _held_ratio(outcome: Outcome) -> float:
     return float(np.sqrt(max(outcome.held.sum() / max(fitted, np.finfo(float).tiny), 1.0)))
 
 
-def shares_of(outcome: Outcome, predicted: Array, held: Array) -> dict[str, dict[str, float]]:
+def shares_of(outcome: Outcome, rigid: Array, predicted: Array, held: Array) -> dict[str, dict[str, float]]:
     """Return what is left of each joint's effort below the cut-off, as a share of it, and of all together.
 
-    predicted (n, k); held (n, k): where each block of time was not fitted.
+    rigid, predicted (n, k); held (n, k): where each block of time was not fitted.
     """
     efforts = outcome.efforts
-    measured, rigid = efforts.measured[efforts.every] * outcome.scale, efforts.rigid[efforts.every]
+    measured = efforts.measured[efforts.every] * outcome.scale
     out: dict[str, dict[str, float]] = {}
     columns = {name: [k] for k, name in enumerate(outcome.at.driven)}
     for name, where in {**columns, "all": list(range(measured.shape[1]))}.items():

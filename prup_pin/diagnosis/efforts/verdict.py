@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from ...laws.efforts.effort_sensor import AS_LOGGED
 from ...spatial import Array
 from ..criteria import (
     EFFORT_FOREIGN,
@@ -48,16 +49,17 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
     efforts, motion = outcome.efforts, outcome.motion
     added = efforts.added(outcome.named, outcome.x_named)
     every = efforts.every
-    measured, rigid = efforts.measured[every] * outcome.scale, efforts.rigid[every]
-    predicted = (rigid + efforts.filter(added)[every]) * outcome.scale
+    gains = list(gains_found(outcome))
+    in_own_units = any(finding.conventions for finding in gains)
+    # where that is how the log is written, it is read so before the robot file is held against it
+    read = outcome.scale if in_own_units else np.ones_like(outcome.scale)
+    measured, rigid = efforts.measured[every] * outcome.scale, efforts.rigid[every] * read
+    predicted = (efforts.rigid + efforts.filter(added))[every] * outcome.scale
     told = outcome.noise
     declared = bool(outcome.recording.noise.effort)
     noise = outcome.noise_sizes
-    before, after, by_joint = residuals_of(outcome, added, noise)
-    findings = [
-        *gains_found(outcome),
-        *laws_found(outcome),
-    ]
+    before, after, by_joint = residuals_of(outcome, added, noise, outcome.scale / read)
+    findings = [*gains, *laws_found(outcome)]
     unknown = [
         *(curve_unknown(outcome, term) for term in outcome.free),
         *(body_unknown(outcome, term) for term in outcome.impossible),
@@ -72,7 +74,7 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
         findings += beyond
     findings.sort(key=lambda finding: -finding.heldout_gain)
     held = measured - efforts.held_out_residual(outcome.given, outcome.named) * outcome.scale
-    shares = shares_of(outcome, predicted, held)
+    shares = shares_of(outcome, rigid, predicted, held)
     if outcome.given.columns.count < FEWEST_EFFORT_BLOCKS:
         unknown = [unknown_at("robot", f"{len(every)} samples of efforts are too few to judge anything by others")]
     else:
@@ -98,7 +100,9 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
     verdict = "unexplained" if unknown else "explained" if findings else "nothing_missing"
     return EffortDiagnosis(
         joints=outcome.at.driven,
-        units=tuple(outcome.mechanism.joint(name).effort_unit for name in outcome.at.driven),
+        units=tuple(
+            AS_LOGGED if in_own_units else outcome.mechanism.joint(name).effort_unit for name in outcome.at.driven
+        ),
         time=motion.time[every],
         measured=measured,
         rigid=rigid,
@@ -122,6 +126,7 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
         remarks=(*outcome.doubts, *remarks),
         rows=motion.rows[every],
         standing=motion.standing,
+        sliding=tuple(name for name in outcome.at.driven if outcome.mechanism.joint(name).slides),
     )
 
 
