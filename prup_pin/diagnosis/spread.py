@@ -148,7 +148,7 @@ class Spread:
         if noise.source != "assumed":
             return noise
         position, rotation = self.scale * noise.position, self.scale * noise.rotation
-        return replace(noise, position=position, rotation=rotation, source="estimated")
+        return replace(noise, position=position, rotation=rotation, source="residual")
 
     def widened(self, together: Together) -> Together:
         """Return recordings that declare what is off."""

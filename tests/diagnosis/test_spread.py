@@ -121,7 +121,7 @@ def test_a_sensor_that_slips_for_a_while_along_a_way_is_not_the_machine():
 
 def test_the_noise_is_that_which_the_tracker_has(given):
     assert given.problem.noise.position == pytest.approx(NOISE, rel=0.1)
-    assert given.problem.noise.source == "estimated"
+    assert given.problem.noise.source == "residual"
 
 
 def test_kinds_are_off_by_as_much_as_they_are(given):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from rich.console import Console
@@ -12,6 +13,7 @@ from rich.text import Text
 from ...compensation import Compensation
 from ...errors import InputError, UnknownNameError
 from ...laws import Effect
+from ...laws.efforts.effort_sensor import AS_LOGGED, EffortUnit
 from ...mechanism import Mechanism
 from ...numbers import counted, number
 from ...recordings import Recording, suspicions
@@ -23,6 +25,8 @@ from .terminal import bullets, heading, listed, make_table, paragraph, print_tab
 
 #: So many row numbers are listed.
 _SHOWN = 8
+#: More effects than this are counted by their physics.
+_MOST_EFFECTS = 6
 #: More values than this are counted, not written out: a calibration's.
 _MOST_VALUES = 12
 
@@ -35,15 +39,26 @@ def print_simulation(
     prediction: Prediction,
     notes: Sequence[str] = (),
     effort_noise: Mapping[str, float] | None = None,
+    band: Mapping[str, float] | None = None,
+    source: str = "",
 ) -> None:
-    """Print the closing summary of a simulation; `recording` holds what was measured, if anything was."""
+    """Print the closing summary of a simulation; `recording` holds what was measured, if anything was.
+
+    band: as `compare` takes it. source: the file that the effects are from, where they are from one.
+    """
     how = "the efforts of its motion" if not prediction.position.shape[1] else "loaded, in its deformed position"
     out.print(Text(f"{robot.name}, {how}", style="bold"))
-    listed(out, "with", [effect_text(effect) for effect in effects] or ["nothing added to the robot file"], "; ")
+    listed(out, "with", _effects_told(effects, source), "; ")
     _print_rows(out, prediction)
-    found = compare(recording, prediction, effort_noise)
+    found = compare(recording, prediction, effort_noise, robot.mechanism, band)
     if found:
-        _print_agreement(out, robot, found)
+        _print_agreement(out, robot, found, _in_own_units(effects))
+        if band and any(item.share is not None for item in found):
+            paragraph(
+                out,
+                "(% of the effort as a diagnosis says it: below the frequencies at which an effort is compared, where "
+                "the joint moves; all else of all rows as they were measured)",
+            )
     odd = [*suspicions(recording), *recording.remarks, *prediction.remarks, *notes]
     bullets(out, "Remarks", odd)
 
@@ -55,6 +70,25 @@ def effect_text(effect: Effect) -> str:
     if len(effect.values) > _MOST_VALUES:
         values = f"({len(effect.values)} values)"
     return f"{effect.law.physics}@{effect.place.name}{aspect} {values}".strip()
+
+
+def _effects_told(effects: Sequence[Effect], source: str) -> list[str]:
+    """Return effects as they are typed, or of many how many there are of each physics, and where they stand."""
+    if len(effects) <= _MOST_EFFECTS:
+        return [effect_text(effect) for effect in effects] or ["nothing added to the robot file"]
+    kinds = Counter(effect.law.physics.replace("_", " ") for effect in effects)
+    counts = [f"{name} at {counted(count, 'place')}" for name, count in kinds.items()]
+    return [*counts[:-1], f"{counts[-1]} ({len(effects)} effects{f' in {source}' if source else ''})"]
+
+
+def _in_own_units(effects: Sequence[Effect]) -> frozenset[str]:
+    """Return the joints whose drives report efforts in a unit of their own, where none does in N m or N."""
+    gains = {e.place.name: 1 + e.values["gain"] for e in effects if isinstance(e.law, EffortUnit)}
+    if not gains:
+        return frozenset()
+    from ...diagnosis.efforts.conventions import gains_apart  # heavy, and most simulations have no gains
+
+    return frozenset(gains) if gains_apart(gains) else frozenset()
 
 
 def _print_rows(out: Console, prediction: Prediction) -> None:
@@ -75,13 +109,13 @@ def print_failures(out: Console, failures: Mapping[str, np.ndarray], reasons: Ma
             paragraph(out, f"line {rows[0] + 2}: {reasons[word]}", "  ")
 
 
-def _print_agreement(out: Console, robot: Robot, found: Sequence[Agreement]) -> None:
+def _print_agreement(out: Console, robot: Robot, found: Sequence[Agreement], own: Collection[str]) -> None:
     heading(out, "Measured less predicted", "(root mean square)")
     efforts = any(item.share is not None for item in found)
     columns = [("", "left"), ("RMS", "right"), ("unit", "left"), ("noise", "right"), ("RMS / noise", "right")]
     table = make_table(*columns, *[("% of the effort", "right")] * efforts)
     for item in found:
-        unit, factor = _unit(robot, item.channel)
+        unit, factor = _unit(robot, item.channel, own)
         noise = "not known" if item.noise is None else number(factor * item.noise, 3)
         multiple = "-" if item.in_noise is None else number(item.in_noise, 3)
         cells = [item.channel, number(factor * item.rms, 4), unit, noise, multiple]
@@ -89,9 +123,11 @@ def _print_agreement(out: Console, robot: Robot, found: Sequence[Agreement]) -> 
     print_table(out, table)
 
 
-def _unit(robot: Robot, channel: str) -> tuple[str, float]:
-    """Return the unit in which a channel is shown, and its factor."""
+def _unit(robot: Robot, channel: str, own: Collection[str]) -> tuple[str, float]:
+    """Return the unit in which a channel is shown, and its factor; own: joints whose efforts are in another one."""
     kind, _, name = channel.partition(" ")
+    if kind == "effort" and name in own:
+        return AS_LOGGED, 1.0
     if kind == "effort":
         return ("N", 1.0) if robot.mechanism.joint(name).slides else ("N m", 1.0)
     return ("µrad", 1e6) if channel.endswith("rotation") else ("µm", 1e6)
