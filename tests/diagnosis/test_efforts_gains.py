@@ -8,8 +8,9 @@ from prup_pin.diagnosis.diagnosis import FittedParameter
 from prup_pin.diagnosis.efforts.gains import gains_of, in_newtons
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.laws import Effect, Place
-from prup_pin.laws.efforts.effort_sensor import AS_LOGGED, EffortUnit
+from prup_pin.laws.efforts.effort_sensor import EffortUnit
 from prup_pin.recordings import Recording, Tolerances
+from prup_pin.recordings.columns import AS_LOGGED
 from prup_pin.simulation import Prediction, compare
 from prup_pin.simulation.moving_efforts import efforts_in_motion
 from prup_pin.views.text.diagnosis_words import noise_text, parameter_texts

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ...laws.efforts.effort_sensor import AS_LOGGED
+from ...recordings.columns import AS_LOGGED
 from ...spatial import Array
 from ..criteria import (
     EFFORT_FOREIGN,

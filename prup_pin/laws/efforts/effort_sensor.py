@@ -69,10 +69,6 @@ class EffortGain(DrivenEffortLaw):
         )
 
 
-#: The unit of efforts that drives report in units of their own, which no log names.
-AS_LOGGED = "as logged"
-
-
 class EffortUnit(EffortGain):
     """The effort is reported in a unit of its own, friction and all: a current, or per cent of a rating."""
 

@@ -11,9 +11,9 @@ import numpy as np
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.diagnosis import Detectable, FittedParameter
 from ...laws.efforts import EFFORT
-from ...laws.efforts.effort_sensor import AS_LOGGED
 from ...numbers import counted, number, quantity, readable_unit
 from ...recordings import Convention, Recording
+from ...recordings.columns import AS_LOGGED
 
 #: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
 _ABSURD = 1e9

@@ -13,10 +13,11 @@ from rich.text import Text
 from ...compensation import Compensation
 from ...errors import InputError, UnknownNameError
 from ...laws import Effect
-from ...laws.efforts.effort_sensor import AS_LOGGED, EffortUnit
+from ...laws.efforts.effort_sensor import EffortUnit
 from ...mechanism import Mechanism
 from ...numbers import counted, number
 from ...recordings import Recording, suspicions
+from ...recordings.columns import AS_LOGGED
 from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
 from ...simulation.model_file import law_named, place_named
