@@ -83,7 +83,12 @@ def carry(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: Name
         words, doubt = _in_words(mechanism, best, rivals), _doubt(mechanism, best, rivals)
         sure &= not doubt and body.called in frames
         if body.called not in frames:
-            where = ": a tracker that the robot carries; a recording has places in base axes" if best.seen_from else ""
+            where = ""
+            if best.seen_from:
+                where = (
+                    ": a tracker that the robot carries; a recording has places in base axes, which those of a robot file "
+                    f"are that begins at {_body(mechanism, best.seen_from)}"
+                )
             seen.others.append(body)
             seen.movers[body.called] = f"{words}{where}"
             continue

@@ -40,14 +40,15 @@ def remarks_of(outcome: Outcome) -> list[str]:
     """Return what is odd about the motion, and what it cannot tell."""
     motion, efforts = outcome.motion, outcome.efforts
     remarks = list(motion.remarks)
-    for column, name in enumerate(outcome.at.driven):
-        left_out = 1 - (efforts.good | motion.saturated[efforts.every])[:, column].mean()
-        if left_out > 0.02:
-            remarks.append(
-                f"{name} stands still in {number(100 * left_out, 2)} % of the samples: friction takes any "
-                "value there, "
-                "and they were left out for it"
-            )
+    counted = (efforts.good | motion.saturated[efforts.every]).mean(axis=0)
+    still = [(name, 1 - share) for name, share in zip(outcome.at.driven, counted, strict=True) if share < 0.98]
+    if still:
+        (first, share), *others = still
+        more = "".join(f", {name} in {number(100 * share, 2)} %" for name, share in others)
+        remarks.append(
+            f"{first} stands still in {number(100 * share, 2)} %{more} of the samples: friction takes any value there, "
+            "and they were left out for it"
+        )
     remarks += masses_in_doubt(outcome.mechanism)
     rank, count = efforts.inertial_rank()
     if count:

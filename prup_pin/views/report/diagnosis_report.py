@@ -21,6 +21,7 @@ from ...spatial import WRENCH_NAMES
 from ..drawing import diagnosis_figures as figures
 from ..drawing.effort_figures import effort_curve_figure, effort_figure
 from ..text.diagnosis_words import (
+    MOST_PARAMETERS,
     alternative_text,
     by_place,
     channel_rows,
@@ -76,6 +77,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         plan=_plan(plan, robot),
         poses=len(plan.get("poses", ())),
         effects=len(diagnosis.effects),
+        most=MOST_PARAMETERS,
     )
 
 

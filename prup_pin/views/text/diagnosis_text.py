@@ -14,6 +14,7 @@ from ...numbers import counted, number, readable_unit
 from ...recordings import Recording
 from ...robot import Robot
 from .diagnosis_words import (
+    MOST_PARAMETERS,
     alternative_text,
     by_place,
     channel_rows,
@@ -89,8 +90,12 @@ def _print_finding(out: Console, diagnosis: Diagnosis, index: int, finding: Find
     for place, texts in places.items():
         told = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in texts)
         paragraph(out, f"{place}: {told}", "   ")
-    for name, value, interval in () if places else parameter_texts(finding.parameters):
+    alone = [] if places else parameter_texts(finding.parameters)
+    shown = MOST_PARAMETERS if len(alone) > MOST_PARAMETERS + 1 else len(alone)
+    for name, value, interval in alone[:shown]:
         paragraph(out, f"{name} {value} (95 %: {interval})", "   ")
+    if shown < len(alone):
+        paragraph(out, f"and {len(alone) - shown} more, in diagnosis.json", "   ")
     if finding.curve is not None:
         pairs = zip(finding.curve.load, finding.curve.deformation, strict=True)
         points = "  ".join(f"{number(load, 3)}: {number(1e6 * moved, 3)}" for load, moved in pairs)

@@ -21,6 +21,9 @@ _ABSURD = 1e9
 _IN_A_SENTENCE = 6
 #: ... and whose statements a paragraph holds.
 _MOST_TOLD = 3
+#: Laws that fit as well, and parameters of a finding, that are told one by one.
+_MOST_RIVALS = 4
+MOST_PARAMETERS = 6
 #: Multiples of the noise up to which what is left is little more than that.
 _LITTLE_MORE = 1.5
 _COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six")
@@ -197,7 +200,11 @@ def summary_text(diagnosis: Diagnosis) -> str:
     named = [finding for finding in every if finding.physics != "finite_deflection"]
     causes = [finding.statement for finding in named] if len(named) <= _MOST_TOLD else _all_told(named)
     them = "it" if len(causes) == 1 else "them"
-    texts = [*(f"{finding.statement}." for finding in logs), first]
+    read = [convention for finding in logs for convention in finding.conventions]
+    if len(read) <= _IN_A_SENTENCE:
+        texts = [*(f"{finding.statement}." for finding in logs), first]
+    else:  # which ones, the findings say
+        texts = [f"The log is read {_read_so(read)}.", first]
     if logs:
         texts[-1] = f"Read so: {first}"
     if diagnosis.verdict == "nothing_missing":
@@ -220,7 +227,12 @@ def summary_text(diagnosis: Diagnosis) -> str:
         texts.append(f"With {them} in the model {last}, {scatter}.")
     else:
         texts.append(f"With {them} in the model {last}" if causes else "No law of the library takes it away")
-        texts[-1] += ": something is missing that has no name here, and the corrected model holds only near these data."
+        places = dict.fromkeys(item.location for item in diagnosis.findings if item.physics == "unknown")
+        where = _joined([place for place in places if place != "robot"])
+        texts[-1] += (
+            f": something is missing{where and f' at {where}'} that has no name here, and the corrected model holds "
+            "only near these data."
+        )
     doubted = [finding for finding in diagnosis.findings if finding.physics == "unknown" and finding.advice]
     first_remedy = next((finding.remedy for finding in (*logs, *doubted, *named) if finding.remedy), "")
     if first_remedy:
@@ -312,8 +324,10 @@ def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
     if parts:
         texts.append(f"it may sit in {places_text(parts)} alone")
     if finding.alternatives:
-        laws = (name.partition(" at ") for name in finding.alternatives)
-        texts.append(f"as good a fit: {', '.join(law.replace('_', ' ') + at + place for law, at, place in laws)}")
+        laws = [name.partition(" at ") for name in finding.alternatives]
+        told = ", ".join(law.replace("_", " ") + at + place for law, at, place in laws[:_MOST_RIVALS])
+        more = len(laws) - _MOST_RIVALS
+        texts.append(f"as good a fit: {told}{f' and {more} more, in diagnosis.json' if more > 0 else ''}")
     return texts
 
 
