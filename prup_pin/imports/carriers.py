@@ -86,8 +86,8 @@ def carry(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: Name
             where = ""
             if best.seen_from:
                 where = (
-                    ": a tracker that the robot carries; a recording has places in base axes, which those of a robot file "
-                    f"are that begins at {_body(mechanism, best.seen_from)}"
+                    ": a tracker that the robot carries; a recording has places in base axes, and they are that of a "
+                    f"robot file that begins at {_body(mechanism, best.seen_from)}"
                 )
             seen.others.append(body)
             seen.movers[body.called] = f"{words}{where}"
