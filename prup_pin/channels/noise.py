@@ -16,6 +16,7 @@ __all__ = ["Noise"]
 class Noise:
     """Standard deviations: position [m], rotation [rad], force [N], moment [N m], effort [N or N m]; their source.
 
+    'declared', 'estimated' by repeats or by what is white, or 'residual': what is left beside all that may be off.
     Of several recordings with noise of their own, `each` by their places, and which (N,) of them each sample is from;
     the four are then those of all samples together.
     """

@@ -16,7 +16,7 @@ from ..laws import Effect
 from ..numbers import counted
 from ..recordings import Convention, Recording, add_noise, read_plan, read_recording, write_prediction, write_recording
 from ..robot import Robot
-from ..simulation import Prediction, as_recorded, in_format, read_model
+from ..simulation import CorrectedModel, Prediction, as_recorded, in_format, read_model
 from ..views.text import terminal
 from ..views.text.bench_tests import print_simulation
 from . import progress
@@ -132,12 +132,7 @@ def predict(
         read = replace(read, own_by_run=tuple(dict.fromkeys((*read.own_by_run, "pose_sensor"))))
     if corrected.effort_noise and not read.noise.effort:
         notes.append("The noise of efforts is that which the diagnosis found.")
-    if corrected.band:
-        notes.append(
-            "Efforts are compared row by row as they were measured; a diagnosis compares them below the frequencies "
-            "that its remarks say, where less is left."
-        )
-    _predict(loaded, read, corrected.effects, out, workers, stop, notes, (), corrected.band, corrected.effort_noise)
+    _predict(loaded, read, corrected.effects, out, workers, stop, notes, model=corrected, source=model.name)
 
 
 def _predict(
@@ -149,10 +144,14 @@ def _predict(
     stop: bool,
     notes: Sequence[str],
     markers: Sequence[str] = (),
-    band: Mapping[str, float] | None = None,
-    effort_noise: Mapping[str, float] | None = None,
+    model: CorrectedModel | None = None,
+    source: str = "",
 ) -> None:
-    """Write what the robot would have measured, as the log is written, and print how it compares."""
+    """Write what the robot would have measured, as the log is written, and print how it compares.
+
+    model: what a diagnosis found, of the file `source`.
+    """
+    band, effort_noise = (model.band, model.effort_noise) if model is not None else (None, None)
     logged = recording
     (recording,) = in_format(robot, logged)
     try:
@@ -166,7 +165,7 @@ def _predict(
         raise
     prediction = _placed(prediction, recording)
     _write_prediction(out, recording, prediction, robot, logged.conventions)
-    print_simulation(terminal.console(), robot, effects, recording, prediction, notes, effort_noise)
+    print_simulation(terminal.console(), robot, effects, recording, prediction, notes, effort_noise, band, source)
     list_written((out,))
 
 

@@ -405,7 +405,8 @@ def trusted(squares: np.ndarray) -> np.ndarray:
 LOAD_LIKELIER: Final = 5.0
 #: A number so many standard deviations off, by the middle half of all, is gross and left out: normal numbers never are.
 OUTLIER: Final = 6.0
-#: ... unless they are more than this share: then they are the machine, not its sensor ...
+#: ... unless they are more than this share: then numbers scatter more widely than their middle half says, and those are
+#: gross that lie so far off by all the others ...
 MOST_OUTLIERS: Final = 0.1
 #: ... but for up to so many where the nearest of them is so many times as far off as the farthest of the others: no law
 #: leaves that gap.

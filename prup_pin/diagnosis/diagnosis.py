@@ -41,11 +41,12 @@ VERDICTS = ("nothing_missing", "explained", "unexplained")
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """A fitted value with its unit and 95 % confidence interval."""
+    """A fitted value with its unit and 95 % confidence interval; `drawn`: what the robot file has, where it has one."""
 
     value: float
     unit: str
     interval: tuple[float, float]
+    drawn: float | None = None
 
 
 @dataclass(frozen=True)

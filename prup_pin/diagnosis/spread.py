@@ -151,7 +151,7 @@ class Spread:
         if noise.source != "assumed":
             return noise
         position, rotation = self.scale[0] * noise.position, self.scale[1] * noise.rotation
-        return replace(noise, position=position, rotation=rotation, source="estimated")
+        return replace(noise, position=position, rotation=rotation, source="residual")
 
     def widened(self, together: Together) -> Together:
         """Return recordings that declare what is off."""
@@ -775,10 +775,7 @@ class _Seen:
             known = np.isfinite(here)
             if not known.any():
                 continue
-            size = float(np.median(here[known])) / chi2_median(3)
-            far = known & (here > OUTLIER**2 * size)
-            if far.sum() > MOST_OUTLIERS * known.sum() and not _stand_apart(here[known], far[known]):
-                continue
+            far, size = far_off(here)
             inputs = self.problem.simulator.inputs
             off = np.where(known[:, None], rest[:, group.where] / (scatter[index] * np.sqrt(size)), np.nan)
             far &= ~_shared(far, off, inputs.actuators, inputs.blocks)
@@ -788,6 +785,21 @@ class _Seen:
                 found.append(Outlier(int(sample), group.name, by / np.sqrt(size), by * unit, group.unit))
         sizes = [group.where.stop - group.where.start for group in stack.groups()]
         return _exchanged(found, rest / np.repeat(scatter, sizes), stack)
+
+
+def far_off(squares: Array) -> tuple[np.ndarray, float]:
+    """Return which of squared distances (N,) of three numbers each are gross, and the variance of one number.
+
+    The variance is that of the middle half. Where more than a few lie far off by it, they scatter more widely than that
+    half says: then it is that of all but the largest share that may be gross. NaN where nothing was measured.
+    """
+    known = np.isfinite(squares)
+    size = float(np.median(squares[known])) / chi2_median(3)
+    far = known & (squares > OUTLIER**2 * size)
+    if far.sum() > MOST_OUTLIERS * known.sum() and not _stand_apart(squares[known], far[known]):
+        size = float(np.quantile(squares[known], 1 - MOST_OUTLIERS)) / chi2_isf(MOST_OUTLIERS, 3)
+        far = known & (squares > OUTLIER**2 * size)
+    return far, size
 
 
 def _stand_apart(squares: Array, far: np.ndarray) -> bool:

@@ -34,6 +34,8 @@ _REACHED = 1.0
 _WIDER = 2.0
 #: A joint stands still below this many times the noise of its speed, and below this share of its usual speed.
 _STILL, _STILL_SHARE = 4.0, 2e-3
+#: A joint that stands for more than this share of the time is compared there too: else nothing would be left of it.
+_ALWAYS = 0.8
 #: A joint that is slow for no longer than this [s] turns round and does not rest.
 _TURNING = 0.2
 #: Fewest samples between two stretches that are left out, for any of them to count.
@@ -100,6 +102,18 @@ class Motion:
     def with_motion(self, position: Array, speed: Array, acceleration: Array) -> Motion:
         """Return the same samples with another motion."""
         return replace(self, position=position, speed=speed, acceleration=acceleration)
+
+    @property
+    def compared(self) -> np.ndarray:
+        """Which samples of efforts count (N, k): a joint at rest rubs by what it likes, up to its limit.
+
+        And a drive at its limit gives what it has, whatever is asked of it.
+        """
+        counts = np.isfinite(self.efforts) & ~self.saturated
+        for column, name in enumerate(self.driven):
+            if name in self.names and (still := self.still[:, self.names.index(name)]).mean() < _ALWAYS:
+                counts[:, column] &= ~still
+        return counts
 
     def bridged(self, rigid: Array) -> Motion:
         """Return the same with what efforts at a limit may have been, by the rigid robot's (N, k).

@@ -14,6 +14,8 @@ _AXIS = re.compile(
     r"^(?P<body>.*?)[\s._/:\-]*(?P<kind>(?<![A-Za-z])[tTpPqQrR])?(?P<axis>(?<![A-Za-z])[xyzwXYZW]|(?<=[tTpPqQrR])[xyzwXYZW])"
     r"(?:\s*[\[(]\s*[^\])]*[\])]|_(?:mm|m|cm|deg|rad))?(?P<twice> \(\d+\))?$"
 )
+#: Markers by number: x1 y1 z1, and how it is turned: phix1 phiy1 phiz1.
+_NUMBERED = re.compile(r"(?P<kind>|phi|rot|r)[\s._]?(?P<axis>[xyz])[\s._]?(?P<number>\d+)", re.I)
 _PLACE = ("position", "translation", "pos", "marker", "smr", "tracker", "trans", "location")
 _TURNED = ("orientation", "quaternion", "quat", "rotation", "rot")
 _NEITHER = ("velocity", "vel", "speed", "twist", "force", "torque", "moment", "acc", "accel", "acceleration", "gyro",
@@ -39,6 +41,16 @@ class Body:
     askew: float | None = None
 
 
+def numbered_places(stream: Stream) -> dict[str, dict[str, str]]:
+    """Return the places of markers that have numbers for names, x1 y1 z1: number -> axis -> column, all three there."""
+    found: dict[str, dict[str, str]] = {}
+    for name in stream.columns:
+        match = _NUMBERED.fullmatch(name)
+        if match is not None and not match["kind"]:
+            found.setdefault(match["number"], {})[match["axis"].lower()] = name
+    return {number: place for number, place in found.items() if set(place) == set("xyz")}
+
+
 def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Body]:
     """Return the bodies of a stream in the order of their columns; those that are `taken` are something else.
 
@@ -48,7 +60,16 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
     places: dict[str, dict[str, str]] = {}
     turns: dict[str, dict[str, str]] = {}
     matrices: dict[str, dict[int, str]] = {}
+    by_number = numbered_places(stream)
     for name in stream.columns:
+        match = _NUMBERED.fullmatch(name)
+        if match is not None and match["number"] in by_number and name not in taken:
+            number, axis = match["number"], match["axis"].lower()
+            if match["kind"]:
+                turns.setdefault(number, {})[f"r{axis}"] = name
+            else:
+                places.setdefault(number, {})[axis] = name
+            continue
         if name in taken or set(words_of(name)) & {*_NEITHER, *WISHED}:
             continue
         numbered = re.fullmatch(r"(.*?)[.\s_/]*(?:rot|R|rotation|matrix)[\[_ ]*(\d)\]?", name, re.I)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..spatial import Array
-from .bodies import bodies_of, frame_of
+from .bodies import bodies_of, frame_of, numbered_places
 from .draft import Guessing, Line, Seen
 from .log import Log, Stream
 from .map import NamedRobot, driven
@@ -101,7 +101,10 @@ def add_joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, fo
     groups: dict[tuple[str, str], list[tuple[int, str, str]]] = {}
     labels = _labels(stream, mechanism)
     alone = mechanism is not None and len(driven(mechanism)) == 1
+    markers = {name for place in numbered_places(stream).values() for name in place.values()}
     for name in stream.columns:
+        if name in markers and not _joint_in(name, mechanism):
+            continue
         words = words_of(name)
         kinds = [KIND[word] for word in words if word in KIND]
         joint = _joint_in(name, mechanism)
@@ -287,6 +290,7 @@ def seen_poses(log: Log, taken: set[str], mechanism: NamedRobot | None) -> Seen:
     found = [body for stream in log.streams for body in bodies_of(stream, taken, frames)]
     homes = {body.called: frame_of(body.called, frames) for body in found}
     nobody = [body for body in found if not homes[body.called]]
+    seen.unnamed = nobody
     for body in sorted(found, key=lambda body: len(body.called)):  # tool0 comes before its markers
         frame = homes[body.called]
         place = f".{frame}" if frame else ""

@@ -28,6 +28,9 @@ class Line:
 class Seen:
     """Lines of places, bodies whose orientation is told, by target; and bodies that no frame is called like.
 
+    others: those of them that have no line yet; unnamed: all of them.
+    carried: name of one that moves as a body of the robot does -> how far it may sit from the frame of its lines [m].
+    movers: name of one that does so as seen from another body -> that in words. copies: name -> the same marker again.
     alike: stream without a time -> the stream that it goes with, row by row.
     rests: how often the joints stood, where only these rows should be kept.
     delays: stream -> how far its clock is ahead of the joints' [s], how that is known, and what is not sure of it.
@@ -36,6 +39,10 @@ class Seen:
     lines: dict[str, Line] = field(default_factory=dict)
     turns: dict[str, Body] = field(default_factory=dict)
     others: list[Body] = field(default_factory=list)
+    unnamed: list[Body] = field(default_factory=list)
+    carried: dict[str, float] = field(default_factory=dict)
+    movers: dict[str, str] = field(default_factory=dict)
+    copies: dict[str, str] = field(default_factory=dict)
     delays: dict[str, tuple[float, str, str]] = field(default_factory=dict)
     rests: int = 0
     alike: dict[str, str] = field(default_factory=dict)

@@ -9,6 +9,8 @@ proof is a doubt, and says so in the map.
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +22,7 @@ from ..recordings.columns import is_known, joint_of, unit_of
 from ..recordings.problems import shown
 from ..recordings.writer import write_whole
 from .by_unit import add_by_unit
+from .carriers import carry
 from .clocks import set_beside
 from .columns import Clocks, add_joints, place_line, seen_poses, time_column, wrench_lines
 from .draft import Guessing, Line, Seen
@@ -27,6 +30,7 @@ from .log import Log
 from .map import NamedRobot
 from .unit_by_numbers import settle_units
 from .units import UNSCALED
+from .weight import doubt_efforts
 
 
 def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = None) -> Guess:
@@ -48,7 +52,10 @@ def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = Non
         places = {name for body in seen.others for name in body.place.values()}
         turns = {name for body in (*seen.turns.values(), *seen.others) for name in body.turn}
         add_by_unit(log, {line.source for line in found.lines} | places | turns | times, mechanism, found)
+    unsaid = {line.target for line in found.lines if line.unit is None and line.target.startswith("tau.")}
     settle_units(log, clocks, found, mechanism)
+    doubt_efforts(log, found, unsaid, mechanism)
+    carry(log, clocks, found, seen, mechanism)
     set_beside(log, clocks, found, seen, mechanism)
     return written(log, clocks, found, seen, mechanism, robot)
 
@@ -127,7 +134,7 @@ def written(
         lines.append("  # q.<joint>: {from: NAME, unit: rad}")
         doubts.append("no column was found that is the position of a joint; write lines q.<joint>")
     if any(line.target.startswith("q.") for line in chosen):
-        lines += [told(*_open(joint, found, mechanism), f"q.{joint}") for joint in found.open]
+        lines += _without(found, mechanism, told)
     lines += _of_others(seen, mechanism, doubts)
     if seen.turns:
         lines += ["", "rotations:"]
@@ -152,15 +159,33 @@ def written(
             "# Where nobody knows the scale of the efforts, diagnose finds it against the masses; no `scale` then:",
         ]
         lines.append("# tolerances: {effort_gain: 1, mass: 0.1, inertia: 0.1}")
+    reach = max(seen.carried.values(), default=0.0)
     if any(log.stream_of(line.source).name in seen.delays for line in chosen if line.target.startswith("p.")):
-        lines += ["", "# The camera may stand anywhere, and what it saw may sit 5 cm beside its frame:"]
-        lines.append("tolerances: {frame_position: 10, frame_rotation: 3, target_position: 0.05}")
+        reach = max(reach, 0.05)
+    if reach:
+        lines += ["", f"# The camera may stand anywhere, and what it saw may sit {100 * reach:g} cm beside its frame:"]
+        lines.append(f"tolerances: {{frame_position: 10, frame_rotation: 3, target_position: {reach:g}}}")
     sources = {line.source for line in chosen} | {name for body in seen.turns.values() for name in body.turn}
     sources |= {name for name, _, _ in clocks.values() if name}
     unused = [name for name in log.names if name not in sources]
     if unused or log.left_out:
         lines += ["", "# Not used:", *(f"#   {name}" for name in (*unused, *log.left_out))]
     return Guess("\n".join(lines) + "\n", tuple(doubts))
+
+
+#: Joints without a column that have a line each; of more, such as a hand's, the names are listed.
+_LISTED = 4
+
+
+def _without(found: Guessing, mechanism: NamedRobot | None, told: Callable[[str, str, str], str]) -> list[str]:
+    """Return lines of comment for driven joints whose position no column is; `told` notes what is not sure of one."""
+    each = {joint: _open(joint, found, mechanism) for joint in found.open}
+    sure = [joint for joint, (_, doubt) in each.items() if not doubt]
+    if len(sure) <= _LISTED:
+        return [told(*each[joint], f"q.{joint}") for joint in each]
+    names = textwrap.wrap(", ".join(sure), 110, initial_indent="  #   ", subsequent_indent="  #   ")
+    lines = [told(*each[joint], f"q.{joint}") for joint in each if joint not in sure]
+    return [*lines, f"  # {len(sure)} joints are without a column, and taken to stand at home:", *names]
 
 
 def _open(joint: str, found: Guessing, mechanism: NamedRobot | None) -> tuple[str, str]:
@@ -181,14 +206,19 @@ def _open(joint: str, found: Guessing, mechanism: NamedRobot | None) -> tuple[st
 
 def _of_others(seen: Seen, mechanism: NamedRobot | None, doubts: list[str]) -> list[str]:
     """Return a line of comment for each body that no frame is called like, to be completed."""
+    lines = [f"  # marker {again} is marker {first} again, number by number" for again, first in seen.copies.items()]
+    for called, moves in seen.movers.items():
+        moving = f"marker {called or 'without a name'} {moves}"
+        lines.append(f"  # CHECK: {moving}")
+        doubts.append(moving)
     if not seen.others:
-        return []
-    lines = ["  # Seen as well; in the place of FRAME the frame of the robot that carries it:"]
+        return lines
+    lines.append("  # Seen as well; in the place of FRAME the frame of the robot that carries it:")
     for body in seen.others:
         for axis, name in body.place.items():
             line = place_line("", name, body.stream, True)
             lines.append(f"  # p.FRAME.{axis}: {{from: {_text(name)}, unit: {line.unit}}}")
-    if not seen.lines and not seen.turns:
+    if not (seen.lines or seen.turns or seen.carried or seen.movers):
         called = ", ".join(body.called or "a body without a name" for body in seen.others[:6])
         there = f": {', '.join(list(mechanism.frame_names)[-8:])} …" if mechanism is not None else ""
         doubts.append(f"seen were {called}, and no frame of the robot is called like one; write lines p.FRAME.x{there}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -200,8 +201,10 @@ def _printable(log: Log) -> Log:
 
 
 def read_logs(paths: Sequence[str | Path]) -> Log:
-    """Return several logs of one motion as one: the robot's and the camera's. Streams are called like their files.
+    """Return several logs of one motion as one: the robot's and the camera's.
 
+    Streams are called like their files, but for words that all begin or end with: run3_position.csv and
+    run3_velocity.csv are position and velocity, so that a map of one run does for the next.
     A column that stands in several of them is called `name (file)`. Raises RecordingFileError for several logs of the
     same columns: those are several recordings.
     """
@@ -215,7 +218,7 @@ def read_logs(paths: Sequence[str | Path]) -> Log:
                 f"holds the same columns as '{logs[0].path}': these are two recordings; import each by the same map"
             )
             raise refuse(Path(log.path), message)
-    stems = [Path(log.path).stem for log in logs]
+    stems = told_apart([Path(log.path).stem for log in logs])
     streams = []
     for stem, log in zip(stems, logs, strict=True):
         called = stem if stems.count(stem) == 1 else Path(log.path).name
@@ -232,6 +235,17 @@ def read_logs(paths: Sequence[str | Path]) -> Log:
             )
     left_out = tuple(name for log in logs for name in log.left_out)
     return Log(logs[0].path, tuple(streams), left_out, tuple(text for log in logs for text in log.remarks))
+
+
+def told_apart(stems: Sequence[str]) -> list[str]:
+    """Return names of files without the words, and what stands between words, that all begin or end with."""
+    parts = [re.split(r"([\s_.\-]+)", stem) for stem in stems]
+    for _ in range(2):  # from the front, then from the end
+        while all(len(words) > 2 for words in parts) and len({(words[0], words[1]) for words in parts}) == 1:
+            parts = [words[2:] for words in parts]
+        parts = [words[::-1] for words in parts]
+    found = ["".join(words) for words in parts]
+    return found if len(set(found)) == len(found) else list(stems)
 
 
 def _besides(left_out: Sequence[str]) -> str:

@@ -17,6 +17,10 @@ from .law import Law, Place
 from .modules_at import actuator_places, drive_of, travel_per_turn
 from .setup import Setup
 
+#: Standard deviation of sine and cosine, by where a fit starts. A disc that is read at 20 mm from its axis and sits
+#: 0.1 mm beside it errs by 5 mrad. An offset of the zero has no such measure: it may be any number.
+_USUAL = 5.0
+
 
 class UnevenEncoder(Law):
     """An actuator stands at q + s sin(n a) + c cos(n a) where its encoder, turned by the angle a, reports q.
@@ -46,6 +50,9 @@ class UnevenEncoder(Law):
         share = turn / (2 * np.pi)
         start, most = 1e-3 * share, 0.1 * share
         return tuple(replace(each, unit="m", default=start, lower=-most, upper=most) for each in self.quantities)
+
+    def usual_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, tuple[float, float]]:
+        return {each.name: (0.0, _USUAL * float(each.default)) for each in self.quantities_at(place, mechanism)}  # type: ignore[arg-type]
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return drive_of(place.name, mechanism)

@@ -202,10 +202,13 @@ class ExtensionDocument(Document):
                 )
             value = number[0] if shape in (None, ()) else np.array(number).reshape(shape)
             lines[short] = item.sourceline
+            said = (
+                unit if quantity and unit in quantity.unit.split(" or ") else None
+            )  # one of those its joint may ask for
             values[short] = Parameter(
                 f"{name}.{short}",
                 value,
-                quantity.unit if quantity else "",
+                said or (quantity.unit if quantity else ""),
                 item.get("source", ""),
                 quantity.description if quantity else "",
                 quantity,

@@ -187,7 +187,7 @@ class Mechanism:
         self.modules = tuple(self._modules_of(description, problems))
         if model is None and not problems:
             problems += self._misplaced_beams()
-        problems += [*self._loose_and_loaded(), *self._restated()]
+        problems += [*self._loose_and_loaded(), *self._restated(), *self._misstated_units()]
         if problems:
             raise RobotFileError(description.path, sorted(problems, key=lambda found: found.line or 0))
         self._modules = {module.name: module for module in self.modules}
@@ -204,8 +204,7 @@ class Mechanism:
         if " or " not in parameter.unit:
             return parameter
         joint = self.joint(self._modules[parameter.name.rpartition(".")[0]].joint)
-        slides, turns = parameter.unit.split(" or ")
-        return replace(parameter, unit={"m": slides, "rad": turns}.get(joint.unit or "", parameter.unit))
+        return replace(parameter, unit=_of_joint(parameter.unit, joint) or parameter.unit)
 
     def __reduce__(self):
         # Pinocchio's model is built anew: the description says all of it.
@@ -561,6 +560,24 @@ class Mechanism:
             if not loops[again.name].same_as(self._loop(again))
         ]
 
+    def _misstated_units(self) -> list[Problem]:
+        """Return values in a unit that their joint does not have: N/m where it turns, N m/rad where it slides."""
+        problems = []
+        described = {module.name: module for module in self.description.modules}
+        for module in self.modules:
+            joint, given = self.joint(module.joint), described[module.name]
+            for quantity in module.kind.quantities:
+                value = given.values.get(quantity.name)
+                unit = _of_joint(quantity.unit, joint)
+                if value is None or unit is None or value.unit in (unit, quantity.unit):
+                    continue
+                text = (
+                    f"module '{module.name}': parameter '{quantity.name}' is in {value.unit}, but joint '{joint.name}' "
+                    f'{"slides" if joint.slides else "turns"}; expected unit="{unit}", and the value in it'
+                )
+                problems.append(Problem(text, given.lines.get(quantity.name, given.line)))
+        return problems
+
     def home_configuration(self) -> Array:
         """Return the configuration of the file's home position: neutral, within limits, with its joint values.
 
@@ -694,6 +711,12 @@ def _with_values(module: ModuleDescription, values: Mapping[str, Any]) -> Module
     except ModuleValuesError as error:
         raise InputError(str(error)) from error
     return changed
+
+
+def _of_joint(unit: str, joint: Joint) -> str | None:
+    """Return which of 'N/m or N m/rad' a joint has: the first where it slides, the other where it turns, else None."""
+    slides, alternative, turns = unit.partition(" or ")
+    return {"m": slides, "rad": turns}.get(joint.unit or "") if alternative else None
 
 
 def _all_parameters(description: RobotDescription, modules: tuple[Module, ...]) -> dict[str, Parameter]:

@@ -27,6 +27,8 @@ UNITS = {
     "temperature": "degrees Celsius",
     "run": "",
 }
+#: The unit of efforts that drives report in units of their own, which no column names.
+AS_LOGGED = "as logged"
 #: Nothing on a bench falls faster [m/s^2].
 LARGEST_GRAVITY = 100.0
 #: Larger numbers are of no bench, and their squares of no computer: of time [s], and of all else in its SI unit.

@@ -11,11 +11,12 @@ from ..dynamics import InMotion, is_standing, motion_of
 from ..errors import InputError
 from ..laws import Effect
 from ..laws.efforts import EffortLaw
+from ..mechanism import Mechanism
 from ..recordings import Recording
 from ..robot import Robot
 from ..spatial import Array
 
-__all__ = ["efforts_at_rest", "efforts_in_motion", "is_of_efforts"]
+__all__ = ["efforts_at_rest", "efforts_in_motion", "is_of_efforts", "share_left"]
 
 
 def is_of_efforts(recording: Recording, robot: Robot, effects: Sequence[Effect] = ()) -> bool:
@@ -62,6 +63,33 @@ def efforts_in_motion(
         for column in range(len(driven)):
             out[rows, column] = np.interp(recording.time[rows], motion.time[own], total[own, column])
     return dict(zip(driven, out.T, strict=True)), motion.remarks
+
+
+def share_left(
+    recording: Recording, predicted: Mapping[str, Array], mechanism: Mechanism, band: Mapping[str, float]
+) -> dict[str, float]:
+    """Return what a prediction leaves of each joint's effort as a diagnosis says it: a share, root mean square.
+
+    Below `band` [Hz] by joint, where the joint moves and its drive is at no limit. predicted: (N,) [N or N m] by joint.
+    Empty of postures.
+    """
+    motion = motion_of(recording, mechanism, band=band)
+    if motion.standing:
+        return {}
+    found = np.full(motion.efforts.shape, np.nan)
+    for column, name in enumerate(motion.driven):
+        known = np.isfinite(predicted.get(name, np.empty(0)))
+        if known.any():
+            found[:, column] = np.interp(motion.time, recording.time[known], predicted[name][known])
+    told = np.isfinite(found).all(axis=0)
+    counts, measured = motion.compared, motion.band(motion.efforts, motion.piece)
+    left = measured - motion.band(np.where(told, found, 0.0), motion.piece)
+    squares, whole = (np.where(counts, values**2, 0.0).sum(axis=0) for values in (left, measured))
+    return {
+        name: float(np.sqrt(squares[column] / whole[column]))
+        for column, name in enumerate(motion.driven)
+        if told[column] and whole[column] > 0
+    }
 
 
 def efforts_at_rest(robot: Robot, recording: Recording, effects: Sequence[Effect], held: Array) -> Array:

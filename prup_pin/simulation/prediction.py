@@ -17,7 +17,7 @@ from ..recordings import Convention, Recording, written_as
 from ..robot import Robot
 from ..spatial import Array, rotation_exp, turn_between
 from .as_recorded import as_recorded, drawn_for
-from .moving_efforts import efforts_at_rest, efforts_in_motion, is_of_efforts
+from .moving_efforts import efforts_at_rest, efforts_in_motion, is_of_efforts, share_left
 from .parts import NOT_COMPUTED, OK, STATUSES, Wanted, plan_parts, solve_all, take_inputs
 
 __all__ = ["Agreement", "Prediction", "compare", "inputs_of", "simulate"]
@@ -83,8 +83,9 @@ class Agreement:
     """How far measurements are from a prediction: root mean square of one channel.
 
     `channel`: 'position', 'rotation', 'effort <joint>', 'marker <name>' or 'marker <name> rotation'; `rms` [m, rad, N
-    or N m] over `count` numbers; `noise` is the sensor's standard deviation, or None. `share`: `rms` over the root mean
-    square of the measured efforts themselves; None of other channels, and where those are zero.
+    or N m] over `count` numbers; `noise` is the sensor's standard deviation, or None. `share`: what is left of an
+    effort over that effort, root mean squares, as a diagnosis says it where a model tells below which frequencies; None
+    of other channels, and where efforts are zero.
     """
 
     channel: str
@@ -311,12 +312,17 @@ def _not_in_efforts(effects: Sequence[Effect], asked: bool, standing: bool) -> I
 
 
 def compare(
-    recording: Recording, prediction: Prediction, effort_noise: Mapping[str, float] | None = None
+    recording: Recording,
+    prediction: Prediction,
+    effort_noise: Mapping[str, float] | None = None,
+    mechanism: Mechanism | None = None,
+    band: Mapping[str, float] | None = None,
 ) -> tuple[Agreement, ...]:
     """Return how far the measurements are from a prediction, channel by channel; channels without numbers are left out.
 
-    effort_noise: by joint [N or N m], where the recording declares none. Where a rotation was measured whole, the
-    difference is the rotation vector from the predicted to the measured one.
+    effort_noise: by joint [N or N m], where the recording declares none. band: of the mechanism's joints, the frequency
+    [Hz] below which the share that is left of an effort is judged; without one it is that of all rows. Where a rotation
+    was measured whole, the difference is the rotation vector from the predicted to the measured one.
     """
     noise, told = recording.noise, effort_noise or {}
     differences: list[tuple[str, Array, float | None]] = []
@@ -334,14 +340,17 @@ def compare(
         if name in prediction.marker_rotations:
             apart = _turn(values, prediction.marker_rotations[name])
             differences.append((f"marker {name} rotation", apart, noise.rotation))
-    found = []
+    found, shares = [], {}
+    if band and mechanism is not None:
+        there = {name: values for name, values in prediction.efforts.items() if name in recording.efforts}
+        shares = share_left(recording, there, mechanism, band)
     for channel, values, deviation in differences:
         known = np.isfinite(values)
         if known.any():
             rms, share = _root_mean_square(values[known]), None
             kind, _, joint = channel.partition(" ")
             if kind == "effort" and (size := _root_mean_square(recording.efforts[joint][known])):
-                share = rms / size
+                share = shares.get(joint, rms / size)
             found.append(Agreement(channel, rms, int(known.sum()), deviation, share))
     return tuple(found)
 

@@ -5,7 +5,11 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.candidates import candidates
+from prup_pin.diagnosis.criteria import PARAMETER_COST
+from prup_pin.diagnosis.evidence import implausible
 from prup_pin.recordings import Noise, Recording
+from prup_pin.simulation import inputs_of
 
 ARM = """<robot name="two hinges">
   <link name="base"/><link name="upper"/><link name="fore"/><link name="hand"/>
@@ -57,3 +61,11 @@ def test_where_the_joint_turns_little_a_wave_and_a_ratio_are_told_together(arm):
     (finding,) = found.findings
     assert finding.physics == "lead_error"  # the simpler one
     assert "eccentric_encoder at bend (once a turn)" in finding.alternatives
+
+
+def test_a_disc_hardly_sits_a_millimetre_beside_its_axis(arm):
+    """An offset of the zero as large is nothing rare: where data cannot tell the two, it is that."""
+    library = {item.name: item for item in candidates(arm.mechanism, inputs_of(seen(1.0, np.zeros_like, 4), arm))}
+    runout = library["eccentric_encoder at bend (once a turn)"].term(np.array([0.0, 0.04]))
+    offset = library["encoder_offset at bend"].term(np.array([0.04]))
+    assert implausible(runout) > implausible(offset) + PARAMETER_COST

@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 
 from prup_pin import diagnose, load
+from prup_pin.diagnosis.diagnosis import FittedParameter
 from prup_pin.diagnosis.efforts.gains import gains_of, in_newtons
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts.effort_sensor import EffortUnit
 from prup_pin.recordings import Recording, Tolerances
+from prup_pin.recordings.columns import AS_LOGGED
+from prup_pin.simulation import Prediction, compare
 from prup_pin.simulation.moving_efforts import efforts_in_motion
+from prup_pin.views.text.diagnosis_words import noise_text, parameter_texts
 
 from .test_efforts import device
 
@@ -95,8 +99,9 @@ def test_a_prediction_is_in_the_drives_own_units(robot, moving):
         assert own[name] == pytest.approx(gain * plain[name], rel=1e-9)
 
 
-def test_gains_that_are_told_leave_none_that_are_declared_to_be_anything(robot, moving):
-    """Two gains of one drive were solved for, and the corrected model predicted its own log 14 times too large."""
+@pytest.fixture(scope="module")
+def logged(robot, moving):
+    """The motion as drives log it that report in units of their own, and what is found in it."""
     motion = moving.motion
     recording = Recording(
         time=motion.time,
@@ -104,5 +109,53 @@ def test_gains_that_are_told_leave_none_that_are_declared_to_be_anything(robot, 
         efforts=dict(zip(motion.driven, (motion.efforts * GAINS).T, strict=True)),
         tolerances=Tolerances(effort_gain=1.0),
     )
-    gains = [effect.place.name for effect in diagnose(robot, recording).effects if "gain" in effect.values]
-    assert sorted(gains) == sorted(motion.driven)
+    return recording, diagnose(robot, recording)
+
+
+def test_gains_that_are_told_leave_none_that_are_declared_to_be_anything(moving, logged):
+    """Two gains of one drive were solved for, and the corrected model predicted its own log 14 times too large."""
+    gains = [effect.place.name for effect in logged[1].effects if "gain" in effect.values]
+    assert sorted(gains) == sorted(moving.motion.driven)
+
+
+def test_a_gain_is_told_in_one_form_and_no_effort_of_a_drive_in_its_own_unit_in_newtons(moving, logged):
+    _, found = logged
+    (told,) = (finding for finding in found.findings if finding.conventions)
+    declared = {convention.joint: float(convention.argument[0]) for convention in told.conventions}
+    for name, gain in declared.items():
+        reported = told.parameters[f"{name}.reported"]
+        assert reported.value == pytest.approx(gain, rel=5e-3)
+        assert reported.unit == "per N m"
+        assert f"{name} {gain:g}" not in told.statement  # it stands in the words that declare it
+    assert {*found.efforts.units, *(curve.y_unit for curve in found.efforts.curves)} == {AS_LOGGED}
+    assert not any("N m" in text for text in noise_text(found))
+    # the robot file is held against the log as it is read: not newton metres against amperes
+    assert max(found.efforts.shares[name]["rigid"] for name in moving.motion.driven[:5]) < 2
+    rigid, measured = found.efforts.rigid[:, 1], found.efforts.measured[:, 1]
+    assert np.corrcoef(rigid, measured)[0, 1] > 0.9
+    assert np.std(rigid) == pytest.approx(np.std(measured), rel=0.5)
+
+
+def test_a_prediction_says_of_its_own_log_what_the_diagnosis_does(robot, logged):
+    recording, found = logged
+    nowhere = np.empty((len(recording), 0))
+    efforts, _ = efforts_in_motion(robot, recording, found.effects, found.efforts.band)
+    predicted = Prediction(recording.time, nowhere, nowhere, efforts)
+    said = {
+        item.channel: item.share
+        for item in compare(recording, predicted, mechanism=robot.mechanism, band=found.efforts.band)
+    }
+    row_by_row = {item.channel: item.share for item in compare(recording, predicted)}
+    for name in found.efforts.joints:
+        assert said[f"effort {name}"] == pytest.approx(found.efforts.shares[name]["fit"], rel=0.1)
+    weak = f"effort {found.efforts.joints[-1]}"
+    assert row_by_row[weak] > 2 * said[weak]  # noise above the band counted as if it were left
+
+
+def test_what_is_fitted_stands_beside_what_the_robot_file_has(logged):
+    _, found = logged
+    (masses,) = (finding for finding in found.findings if finding.physics == "inertial_parameters")
+    apart = [abs(one.value - one.drawn) > abs(one.interval[1] - one.value) for one in masses.parameters.values()]
+    assert all(apart)  # they surely differ, be their intervals over zero
+    assert all(" instead of " in value for _, value, _ in parameter_texts(masses.parameters))
+    assert " instead of " not in parameter_texts({"x": FittedParameter(1.0, "m", (0.9, 1.1), 1.0)})[0][1]

@@ -55,7 +55,7 @@ def test_a_hexapod_that_nobody_has_calibrated(tmp_path):
     assert set(kinds) - FRAME <= set(actual)
     for kind in ("encoder_offset", "position"):
         assert kinds[kind] == pytest.approx(actual[kind], rel=0.6)
-    assert given.problem.noise.source == "estimated"
+    assert given.problem.noise.source == "residual"
     assert given.problem.noise.position == pytest.approx(drawn["noise"]["position"], rel=0.25)
     problem = given.within_tolerances(given.problem)
     effects = [*problem.tolerances.at(problem.first.x), *given.placed.every]

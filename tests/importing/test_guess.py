@@ -8,6 +8,8 @@ import yaml
 
 import prup_pin
 from prup_pin.imports import Log, Stream, convert, guess, read_log, read_map
+from prup_pin.imports.draft import Guessing
+from prup_pin.imports.guess import _without
 from prup_pin.imports.log import frozen
 from prup_pin.imports.units import spelled, unit_in_name, words_of
 
@@ -233,6 +235,15 @@ def test_a_driven_joint_without_a_position_is_told():
     none = guess(log_of(arm_columns()), LiftAndArm())
     assert "# q.lift: {from: NAME, unit: m}  # no column is its position" in none.text
     assert none.doubts == ()
+
+
+def test_many_joints_without_a_column_are_listed_not_told_one_by_one():
+    robot = LiftAndArm()
+    made = Guessing(open={f"finger_{k}": () for k in range(9)})
+    told = _without(made, robot, lambda text, doubt, what: pytest.fail(text))
+    assert told[0] == "  # 9 joints are without a column, and taken to stand at home:"
+    assert len(told) == 2
+    assert all(f"finger_{k}" in told[1] for k in range(9))
 
 
 def test_a_recording_with_other_separators_is_one(tmp_path):

@@ -79,6 +79,12 @@ def test_the_arm_itself_is_fine(write):
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
+        # units: the joint turns
+        (
+            'unit="N m/rad"',
+            'unit="N/m"',
+            "parameter 'stiffness' is in N/m, but joint 'shoulder' turns; expected unit=\"N m/rad\", and the value",
+        ),
         # names
         ('frame="tool"', 'frame="tol"', "tool: no frame named 'tol'. Did you mean 'tool'"),
         ('joint="shoulder">', 'joint="sholder">', "no movable joint named 'sholder'. Did you mean 'shoulder'"),

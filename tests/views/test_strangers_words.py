@@ -13,12 +13,13 @@ from prup_pin.diagnosis.prospects import prospects
 from prup_pin.errors import InputError
 from prup_pin.imports.columns import wrench_lines
 from prup_pin.imports.log import Log, Stream
-from prup_pin.numbers import counted
+from prup_pin.numbers import counted, quantity
 from prup_pin.recordings import Convention, Noise, Recording, Tolerances, add_noise
-from prup_pin.simulation import simulate
-from prup_pin.views.text.bench_tests import print_failures
+from prup_pin.simulation import effect_named, simulate
+from prup_pin.views.text.bench_tests import print_failures, print_simulation
 from prup_pin.views.text.diagnosis_words import (
     _takes,
+    alternative_text,
     diagnosis_text,
     multiple_text,
     noise_text,
@@ -26,6 +27,7 @@ from prup_pin.views.text.diagnosis_words import (
     summary_text,
     verdict_text,
 )
+from prup_pin.views.text.robot_files import _alike
 from prup_pin.views.text.terminal import console
 
 
@@ -167,3 +169,70 @@ def test_a_clean_recording_of_the_drawing_under_large_loads_misses_nothing():
     assert found.verdict == "nothing_missing"
     assert verdict_text(found).startswith("Nothing is missing: ")
     assert "in its deformed position" in verdict_text(found)
+
+
+def test_a_log_of_many_conventions_is_told_by_how_many_columns_each_is_of(diagnosed):
+    _, _, diagnosis = diagnosed
+    gains = tuple(Convention(f"tau.j{k}", "gain", (0.1 * k,)) for k in range(1, 9))
+    log = Finding("log_convention", "robot", ("robot",), {}, 1.0, "the drives report otherwise", conventions=gains)
+    found = replace(diagnosis, findings=(log, *diagnosis.findings))
+    assert "(the log read with gain of 8 columns)" in verdict_text(found)
+    assert "tau.j3" not in verdict_text(found) + summary_text(found)
+    assert summary_text(found).startswith("The log is read with gain of 8 columns. Read so: ")
+
+
+def test_a_noise_that_is_what_was_left_makes_no_multiples_of_itself(diagnosed):
+    _, _, diagnosis = diagnosed
+    assert "times the noise" in verdict_text(diagnosis)
+    said = verdict_text(replace(diagnosis, noise=replace(diagnosis.noise, source="residual")))
+    after = diagnosis.by_channel["position"]["after_um"] * diagnosis.after["heldout"] / diagnosis.after["fit"]
+    assert f"to {quantity(1e-6 * after, 'm')} (root mean square, held out); no noise was declared" in said
+    assert "times the noise" not in said
+
+
+def test_of_many_laws_that_fit_as_well_a_few_are_told(diagnosed):
+    _, _, diagnosis = diagnosed
+    many = replace(diagnosis.findings[0], alternatives=tuple(f"some_law at j{k}" for k in range(20)))
+    (told,) = (text for text in alternative_text(diagnosis, many) if text.startswith("as good a fit"))
+    assert told.endswith("some law at j3 and 16 more, in diagnosis.json")
+
+
+def test_what_is_missing_without_a_name_has_its_place_in_the_summary(diagnosed):
+    _, _, diagnosis = diagnosed
+    unknown = Finding("unknown", "elbow", ("elbow",), {}, 0.0, "something is left at the elbow")
+    found = replace(diagnosis, findings=(*diagnosis.findings, unknown), verdict="unexplained")
+    assert "something is missing at elbow that has no name here" in summary_text(found)
+
+
+def test_laws_that_a_motion_cannot_tell_apart_are_told_once_for_all_their_places():
+    pairs = [(f"effort_delay at j{k}", f"effort_filter at j{k}") for k in range(3)]
+    pairs += [("payload at hand", "effort_gain at j1")]
+    assert _alike(pairs) == ["effort delay and effort filter: at j0, j1, j2", "payload at hand and effort gain at j1"]
+
+
+def test_many_effects_of_a_model_are_counted_and_few_are_typed(capsys):
+    robot = prup_pin.load("ur5")
+    friction = [
+        effect_named("viscous_friction", name, "effort", {"damping": 2.0}, robot.mechanism)
+        for name in robot.mechanism.actuated
+    ]
+    gains = [
+        effect_named("effort_gain", name, "effort in a unit of its own", {"gain": -0.9}, robot.mechanism)
+        for name in robot.mechanism.actuated
+    ]
+    time = np.arange(0.0, 4.0, 0.01)
+    moves = {name: np.sin((1 + k) * time) for k, name in enumerate(robot.mechanism.actuated)}
+    recording = Recording(time, positions=moves, efforts=dict.fromkeys(moves, np.zeros(len(time))))
+    predicted = simulate(robot, recording, [*friction, *gains])
+
+    def said(effects):
+        print_simulation(console(), robot, effects, recording, predicted, source="corrected_model.json")
+        return " ".join(capsys.readouterr().out.split())
+
+    assert "viscous friction at 6 places; effort gain at 6 places (12 effects in corrected_model.json)" in said(
+        [*friction, *gains]
+    )
+    assert "as logged" in said([*friction, *gains])
+    assert "N m" not in said([*friction, *gains])
+    assert "viscous_friction@elbow_joint:effort damping=2" in said(friction)
+    assert "N m" in said(friction)

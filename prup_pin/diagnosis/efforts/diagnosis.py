@@ -36,11 +36,12 @@ class EffortCurve:
 class EffortDiagnosis:
     """The diagnosis of the efforts of a recording.
 
-    joints (k) with `units`; time (n,), measured, rigid and predicted (n, k) efforts below `band` [Hz] by joint, with
-    speed, position (n, k) and the samples that count, `good` (n, k). `shares`: residual of each joint's effort, as a
-    share of it: 'rigid', 'fit' and 'heldout'; under 'all' of all joints. `noise` (k,) [N or N m] of a recorded sample,
-    NaN where it is unknown, and `how` (k) it is known: 'declared', or 'innovations', 'rest', 'repeats', 'quantisation'
-    of the column itself; before, after: the residual in multiples of it, each {'fit', 'heldout'}.
+    joints (k) with `units`, AS_LOGGED of drives that report in units of their own, and which of them are `sliding`;
+    time (n,), measured, rigid and predicted (n, k) efforts below `band` [Hz] by joint, with speed, position (n, k) and
+    the samples that count, `good` (n, k). `shares`: residual of each joint's effort, as a share of it: 'rigid', 'fit'
+    and 'heldout'; under 'all' of all joints. `noise` (k,) of a recorded sample in these units, NaN where it is unknown,
+    and `how` (k) it is known: 'declared', or 'innovations', 'rest', 'repeats', 'quantisation' of the column itself;
+    before, after: the residual in multiples of it, each {'fit', 'heldout'}.
     """
 
     joints: tuple[str, ...]
@@ -68,6 +69,7 @@ class EffortDiagnosis:
     remarks: tuple[str, ...]
     rows: np.ndarray
     standing: bool = False
+    sliding: tuple[str, ...] = ()
 
     @property
     def declared(self) -> bool:

@@ -11,10 +11,12 @@ import numpy as np
 from ...laws import Effect, Law, Place
 from ...laws.efforts import Body
 from ...recordings import Recording
+from ...recordings.columns import AS_LOGGED
 from ...robot import Robot
 from ...spatial import Array
 from ..chances import hotelling_sf, student_ppf, student_sf
 from ..criteria import EFFORT_GAIN, EFFORT_IMITATED, EFFORT_MATTERS, EFFORT_PLAINLY, EFFORT_SURE, FALSE_ALARM
+from .conventions import gains_apart
 from .evidence import held_out, relative_gain
 from .gains import Gains
 from .inertial import BaseParameters, consistent_fit
@@ -43,9 +45,9 @@ class FinalState:
 
     `model`: what the corrected model holds, with coefficients `x` (p,) and their `normal` matrix (p, p); `with_time`:
     the same with curves over time; `laws`: terms that are findings by name; `impossible`: links whose parameters no
-    body has; `curves`: curves of no law; `scale` (k,): reported per true effort; `noise`: of a recorded sample of each
-    effort; `held_out` (B,): squared residuals of blocks that were not fitted; `squared_strain`: of toleranced
-    parameters.
+    body has; `curves`: curves of no law; `scale` (k,): reported per true effort; `in_own_units`: whether no drive
+    reports in N or N m, which is how the log is written; `noise`: of a recorded sample of each effort; `held_out` (B,):
+    squared residuals of blocks that were not fitted; `squared_strain`: of toleranced parameters.
     """
 
     def __init__(
@@ -64,6 +66,7 @@ class FinalState:
         self.gains, self.outliers, self.doubts = gains, outliers, doubts
         # all figures are in the recording's own unit
         self.scale = np.ones(len(efforts.at.driven)) if gains is None else gains.gains
+        self.in_own_units = gains_apart(dict(zip(efforts.at.driven, map(float, self.scale), strict=True)))
         self.recording, self.efforts, self.noise = recording, efforts, noise
         self.problem, self.with_time, self.curves = model.problem, model, list(curves)
         self.mechanism, self.at, self.motion = robot.mechanism, efforts.at, efforts.at.motion
@@ -125,6 +128,17 @@ class FinalState:
             return True
         beside = [other for other in self.impossible if self.joint_of(other.place.name) == term.place.name]
         return any(self.held_out_saving(other) > EFFORT_IMITATED * self.held_out_saving(term) for other in beside)
+
+    @property
+    def read_scale(self) -> Array:
+        """The gains (k,) with which the log is read before the robot file is held against it: none of single drives."""
+        return self.scale if self.in_own_units else np.ones_like(self.scale)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """The units of the recorded efforts (k)."""
+        joints = map(self.mechanism.joint, self.at.driven)
+        return tuple(AS_LOGGED if self.in_own_units else joint.effort_unit for joint in joints)
 
     @cached_property
     def covariances(self) -> tuple[Array, Array, int]:

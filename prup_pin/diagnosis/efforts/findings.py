@@ -14,7 +14,6 @@ from ...spatial import Array
 from ..chances import student_ppf
 from ..criteria import EFFORT_ALONE, FALSE_ALARM, MOST_COMBINATIONS, beyond_tolerance
 from ..diagnosis import Finding, FittedParameter, heldout_gain
-from .conventions import gains_apart
 from .evidence import CrossValidation, held_out
 from .final_state import FinalState
 from .gains import law_of_gains
@@ -97,15 +96,15 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
     factor = np.exp(1.96 * final.gains.deviation)
     gains = dict(zip(final.at.driven, map(float, final.gains.gains), strict=True))
     parameters = {
-        f"{name}.gain": FittedParameter(g - 1, "", (float(g / f - 1), float(g * f - 1)))
+        f"{name}.reported": FittedParameter(
+            g, f"per {final.mechanism.joint(name).effort_unit}", (float(g / f), float(g * f))
+        )
         for (name, g), f in zip(gains.items(), factor, strict=True)
     }
-    told = ", ".join(
-        f"{name} {number(g, 3)} per {final.mechanism.joint(name).effort_unit}" for name, g in gains.items()
-    )
     # where no drive is in N m, that is how the log is written, and no fault of any of them
-    apart = gains_apart(gains)
-    conventions = tuple(Convention(f"tau.{name}", "gain", (float(f"{g:.3g}"),)) for name, g in gains.items() if apart)
+    conventions = tuple(
+        Convention(f"tau.{name}", "gain", (float(f"{g:.3g}"),)) for name, g in gains.items() if final.in_own_units
+    )
     # the share that gains and all that is found take away of what the efforts leave as they are recorded
     efforts, good = final.efforts, final.efforts.good
     recorded = efforts.measured[efforts.kept] - efforts.rigid[efforts.kept] / final.scale
@@ -117,10 +116,10 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
         parameters=parameters,
         heldout_gain=heldout_gain((left[good] ** 2).sum(), (recorded[good] ** 2).sum()),
         statement=(
-            f"the drives report in units of their own: {told}; all gains together and all masses together are one "
-            "unknown, which the robot file's masses decide"
+            "the drives report in units of their own; all gains together and all masses together are one unknown, "
+            "which the robot file's masses decide"
             + f". Where that is right, declare it: {' '.join(f'--convention {c}' for c in conventions)}"
-            * apart
+            * final.in_own_units
         ),
         conventions=conventions,
     )
@@ -140,6 +139,7 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
             float(drawn[i] + change[i]),
             _UNITS[law.linear[base.leads[i]].rpartition(".")[2]],
             (float(drawn[i] + change[i] - reach[i]), float(drawn[i] + change[i] + reach[i])),
+            float(drawn[i]),
         )
         for i in differ[np.argsort(chance[differ], kind="stable")][:MOST_COMBINATIONS]
     }
@@ -151,7 +151,7 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
         heldout_gain=heldout_gain(final.held_out.sum(), without.sum()),
         statement=(
             f"the links' masses, centres and inertias are not those of the robot file: of {len(change)} "
-            f"combinations that this motion tells, {len(differ)} are surely others"
+            f"combinations that this motion tells, {len(differ)} surely have other values"
             f"{_alone_of_all(final, term, without)}"
         ),
         law=law,

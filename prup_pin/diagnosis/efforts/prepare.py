@@ -64,7 +64,7 @@ class PreparedEfforts:
         self.measured = self.filter(motion.efforts)
         self.rigid = self.filter(at.rigid)
         self.target = (self.measured - self.rigid)[self.kept]
-        self.good = self._good()
+        self.good = np.isfinite(self.measured[self.kept]) & motion.compared[self.kept]
         self.deviations = effort_deviations(at, tolerances)
         self._fixed: list[_LawColumns] = []
         self._moving: list[tuple[EffortLaw, Place]] = []
@@ -107,20 +107,6 @@ class PreparedEfforts:
         for where in pieces(self.piece):
             inside[where.start : where.start + end] = inside[max(where.stop - end, where.start) : where.stop] = False
         return np.where(inside.any(axis=0), inside, good)
-
-    def _good(self) -> np.ndarray:
-        """Return the kept samples that count (n, k): not where a joint at rest is held by any friction up to its limit,
-        nor where a drive at its limit gives what it has, whatever is asked of it.
-        """
-        motion = self.at.motion
-        good = np.isfinite(self.measured[self.kept]) & ~motion.saturated[self.kept]
-        for column, name in enumerate(self.at.driven):
-            if name not in motion.names:
-                continue
-            still = motion.still[self.kept, motion.names.index(name)]
-            if still.mean() < 0.8:
-                good[:, column] &= ~still
-        return good
 
     def _whitened(self) -> tuple[Whitening, Whitening]:
         """Return the whitening of what all laws fitted together leave, and one by each joint's size alone."""

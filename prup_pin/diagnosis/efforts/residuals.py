@@ -20,8 +20,8 @@ _BINS = 24
 
 
 class EffortResiduals(NamedTuple):
-    """Efforts (n, k) in the recording's unit at the kept samples: measured, as drawn, predicted, and predicted where
-    each block was not fitted; and the residual.
+    """Efforts (n, k) in the recording's unit at the kept samples: measured, as drawn and read so, predicted, and
+    predicted where each block was not fitted; and the residual.
 
     before, after: root mean square in multiples of the noise, {'fit', 'heldout'}; by_joint: {'before', 'after'} of
     each; shares: of the measured effort of each joint and of 'all', {'rigid', 'fit', 'heldout'}.
@@ -41,7 +41,7 @@ def residuals_of(final: FinalState) -> EffortResiduals:
     """Return the efforts and residuals of a final state."""
     efforts, driven = final.efforts, final.at.driven
     measured, rigid = efforts.measured[efforts.kept] * final.scale, efforts.rigid[efforts.kept]
-    predicted = (rigid + final.explained) * final.scale
+    predicted, rigid = (rigid + final.explained) * final.scale, rigid * final.read_scale
     held_out = measured - efforts.held_out_residual(final.model) * final.scale
     squares, counts = _squares_over_noise(final)
     before, after = (_root_mean(each, counts) for each in squares)
@@ -75,7 +75,8 @@ def _squares_over_noise(final: FinalState) -> tuple[list[Array], Array]:
     cutoffs = np.array(judged.cutoffs)
     white = np.zeros_like(noise) if motion.standing else np.maximum(1 - 2 * cutoffs / motion.rate, 0.0)
     squares = []
-    for values in (motion.efforts - final.at.rigid / final.scale, motion.efforts - final.at.rigid - final.added):
+    unread = final.scale / final.read_scale  # drives' gains that stay in the log as it is read
+    for values in (motion.efforts - final.at.rigid / unread, motion.efforts - final.at.rigid - final.added):
         inside = judged(values, motion.piece)
         parts = [np.where(good, part[final.efforts.kept], 0.0) for part in (inside, values - inside)]
         inner, outer = (np.square(part).sum(axis=0) / np.maximum(good.sum(axis=0), 1) / noise**2 for part in parts)
@@ -116,7 +117,7 @@ def curves_of(final: FinalState) -> Iterator[EffortCurve]:
         drawn = _means(x[good], (left[:, column] + own)[good], None if curve or not own.any() else own[good])
         driven = final.mechanism.joint(joint)
         unit = VARIABLES[variable][1 if driven.slides else 0]
-        yield EffortCurve(joint, variable, *drawn, unit, driven.effort_unit)
+        yield EffortCurve(joint, variable, *drawn, unit, final.units[column])
 
 
 def _effort_of(final: FinalState, term: EffortCandidate) -> Array:

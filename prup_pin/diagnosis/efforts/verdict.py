@@ -48,7 +48,7 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
     unknown += [interval.finding() for interval in final.outliers]
     return EffortDiagnosis(
         joints=driven,
-        units=tuple(final.mechanism.joint(name).effort_unit for name in driven),
+        units=final.units,
         time=motion.time[efforts.kept],
         measured=residuals.measured,
         rigid=residuals.rigid,
@@ -72,6 +72,7 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
         remarks=(*final.doubts, *remarks),
         rows=motion.rows[efforts.kept],
         standing=motion.standing,
+        sliding=tuple(name for name in driven if final.mechanism.joint(name).slides),
     )
 
 
@@ -108,13 +109,15 @@ def _remarks_of(final: FinalState) -> list[str]:
     """Return remarks on the motion, and on what it cannot tell."""
     motion, efforts = final.motion, final.efforts
     remarks = list(motion.remarks)
-    for column, name in enumerate(final.at.driven):
-        left_out = 1 - (efforts.good | motion.saturated[efforts.kept])[:, column].mean()
-        if left_out > 0.02:
-            remarks.append(
-                f"{name} stands still in {number(100 * left_out, 2)} % of the samples: friction takes any value there, "
-                "and they were left out for it"
-            )
+    counted = (efforts.good | motion.saturated[efforts.kept]).mean(axis=0)
+    still = [(name, 1 - share) for name, share in zip(final.at.driven, counted, strict=True) if share < 0.98]
+    if still:
+        (first, share), *others = still
+        more = "".join(f", {name} in {number(100 * share, 2)} %" for name, share in others)
+        remarks.append(
+            f"{first} stands still in {number(100 * share, 2)} %{more} of the samples: friction takes any value there, "
+            "and they were left out for it"
+        )
     remarks += masses_in_doubt(final.mechanism)
     rank, count = efforts.inertial_rank()
     if count:

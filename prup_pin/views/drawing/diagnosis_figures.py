@@ -422,7 +422,7 @@ def _draw_left(axes, efforts: EffortDiagnosis, column: int) -> None:
         left = (efforts.measured - values)[good, column]
         axes.scatter(speed, left, s=3, color=colour, linewidths=0, alpha=0.5, zorder=order, rasterized=True)
     axes.set_ylabel(f"left [{efforts.units[column]}]", fontsize=9)
-    axes.set_xlabel(f"speed [{'m/s' if efforts.units[column] == 'N' else 'rad/s'}]", fontsize=9)
+    axes.set_xlabel(f"speed [{'m/s' if efforts.joints[column] in efforts.sliding else 'rad/s'}]", fontsize=9)
     plain_axes(axes, 8.5)
 
 

@@ -272,6 +272,7 @@ def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | N
         "candidates": list(finding.candidates),
         "parameters": {
             name: {"value": fitted.value, "unit": fitted.unit, "ci95": sorted(fitted.interval)}
+            | ({} if fitted.drawn is None else {"robot_file": fitted.drawn})
             for name, fitted in finding.parameters.items()
         },
         "heldout_gain": finding.heldout_gain,

@@ -20,6 +20,7 @@ from ...robot import Robot
 from ...spatial import WRENCH_NAMES
 from ..drawing import diagnosis_figures as figures
 from ..text.diagnosis_words import (
+    MOST_PARAMETERS,
     alternative_text,
     by_place,
     channel_rows,
@@ -74,6 +75,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         plan=_plan(plan, robot),
         poses=len(plan.get("poses", ())),
         effects=len(diagnosis.effects),
+        most=MOST_PARAMETERS,
     )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +13,19 @@ from rich.text import Text
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.calibration import Calibration
 from ...diagnosis.diagnosis import Detectable
+from ...diagnosis.efforts.conventions import gains_apart
 from ...imports import Conversion, Log, LogMap
 from ...imports.map import Column
 from ...imports.units import SI_WORDS, dimension_of
 from ...laws import Effect
+from ...laws.efforts.effort_sensor import EffortUnit
 from ...numbers import counted, number, readable_unit, some
 from ...recordings import Recording, suspicions
-from ...recordings.columns import unit_of
+from ...recordings.columns import AS_LOGGED, unit_of
 from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
 from .diagnosis_words import (
+    MOST_PARAMETERS,
     alternative_text,
     by_place,
     channel_rows,
@@ -85,6 +89,8 @@ def _si_of(name: str, column: Column) -> str:
 
 #: So many row numbers are listed.
 _SHOWN = 8
+#: More effects than this are counted by their physics.
+_MOST_EFFECTS = 6
 #: More values than this are counted, not written out: a calibration's.
 _MOST_VALUES = 12
 
@@ -97,15 +103,26 @@ def print_simulation(
     prediction: Prediction,
     notes: Sequence[str] = (),
     effort_noise: Mapping[str, float] | None = None,
+    band: Mapping[str, float] | None = None,
+    source: str = "",
 ) -> None:
-    """Print the closing summary of a simulation; `recording` holds what was measured, if anything was."""
+    """Print the closing summary of a simulation; `recording` holds what was measured, if anything was.
+
+    band: as `compare` takes it. source: the file that the effects are from, where they are from one.
+    """
     how = "the efforts of its motion" if not prediction.position.shape[1] else "loaded, in its deformed position"
     out.print(Text(f"{robot.name}, {how}", style="bold"))
-    listed(out, "with", [effect_text(effect) for effect in effects] or ["nothing added to the robot file"], "; ")
+    listed(out, "with", _effects_told(effects, source), "; ")
     _print_rows(out, prediction)
-    found = compare(recording, prediction, effort_noise)
+    found = compare(recording, prediction, effort_noise, robot.mechanism, band)
     if found:
-        _print_agreement(out, robot, found)
+        _print_agreement(out, robot, found, _in_own_units(effects))
+        if band and any(item.share is not None for item in found):
+            paragraph(
+                out,
+                "(% of the effort as a diagnosis says it: below the frequencies at which an effort is compared, where "
+                "the joint moves; all else of all rows as they were measured)",
+            )
     odd = [*suspicions(recording), *recording.remarks, *prediction.remarks, *notes]
     bullets(out, "Remarks", odd)
 
@@ -117,6 +134,21 @@ def effect_text(effect: Effect) -> str:
     if len(effect.values) > _MOST_VALUES:
         values = f"({len(effect.values)} values)"
     return f"{effect.law.physics}@{effect.place.name}{aspect} {values}".strip()
+
+
+def _effects_told(effects: Sequence[Effect], source: str) -> list[str]:
+    """Return effects as they are typed, or of many how many there are of each physics, and where they stand."""
+    if len(effects) <= _MOST_EFFECTS:
+        return [effect_text(effect) for effect in effects] or ["nothing added to the robot file"]
+    kinds = Counter(effect.law.physics.replace("_", " ") for effect in effects)
+    counts = [f"{name} at {counted(count, 'place')}" for name, count in kinds.items()]
+    return [*counts[:-1], f"{counts[-1]} ({len(effects)} effects{f' in {source}' if source else ''})"]
+
+
+def _in_own_units(effects: Sequence[Effect]) -> frozenset[str]:
+    """Return the joints whose drives report efforts in a unit of their own, where none does in N m or N."""
+    gains = {e.place.name: 1 + e.values["gain"] for e in effects if isinstance(e.law, EffortUnit)}
+    return frozenset(gains) if gains_apart(gains) else frozenset()
 
 
 def _print_rows(out: Console, prediction: Prediction) -> None:
@@ -137,12 +169,12 @@ def print_failures(out: Console, failures: Mapping[str, np.ndarray], reasons: Ma
             paragraph(out, f"line {rows[0] + 2}: {reasons[word]}", "  ")
 
 
-def _print_agreement(out: Console, robot: Robot, found: Sequence[Agreement]) -> None:
+def _print_agreement(out: Console, robot: Robot, found: Sequence[Agreement], own: Collection[str]) -> None:
     heading(out, "Measured less predicted", "(root mean square)")
     efforts = any(item.share is not None for item in found)
     rows = []
     for item in found:
-        unit, factor = _unit(robot, item.channel)
+        unit, factor = _unit(robot, item.channel, own)
         noise = "not known" if item.noise is None else number(factor * item.noise, 3)
         multiple = "-" if item.in_noise is None else number(item.in_noise, 3)
         cells = [item.channel, number(factor * item.rms, 4), unit, noise, multiple]
@@ -151,9 +183,11 @@ def _print_agreement(out: Console, robot: Robot, found: Sequence[Agreement]) -> 
     print_table(out, make_table(columns, rows))
 
 
-def _unit(robot: Robot, channel: str) -> tuple[str, float]:
-    """Return the unit in which a channel is shown, and its factor."""
+def _unit(robot: Robot, channel: str, own: Collection[str]) -> tuple[str, float]:
+    """Return the unit in which a channel is shown, and its factor; own: joints whose efforts are in another one."""
     kind, _, name = channel.partition(" ")
+    if kind == "effort" and name in own:
+        return AS_LOGGED, 1.0
     if kind == "effort":
         return ("N", 1.0) if robot.mechanism.joint(name).slides else ("N m", 1.0)
     return ("µrad", 1e6) if channel.endswith("rotation") else ("µm", 1e6)
@@ -218,8 +252,12 @@ def _print_finding(out: Console, diagnosis: Diagnosis, index: int, finding: Find
     for place, texts in places.items():
         told = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in texts)
         paragraph(out, f"{place}: {told}", "   ")
-    for name, value, interval in () if places else parameter_texts(finding.parameters):
+    alone = [] if places else parameter_texts(finding.parameters)
+    shown = MOST_PARAMETERS if len(alone) > MOST_PARAMETERS + 1 else len(alone)
+    for name, value, interval in alone[:shown]:
         paragraph(out, f"{name} {value} (95 %: {interval})", "   ")
+    if shown < len(alone):
+        paragraph(out, f"and {len(alone) - shown} more, in diagnosis.json", "   ")
     if finding.curve is not None:
         pairs = zip(finding.curve.load, finding.curve.deformation, strict=True)
         points = "  ".join(f"{number(load, 3)}: {number(1e6 * moved, 3)}" for load, moved in pairs)

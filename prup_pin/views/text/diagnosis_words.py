@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -11,7 +12,8 @@ from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.diagnosis import Detectable, FittedParameter
 from ...laws.efforts import EFFORT
 from ...numbers import counted, number, quantity, readable_unit
-from ...recordings import Recording
+from ...recordings import Convention, Recording
+from ...recordings.columns import AS_LOGGED
 
 #: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
 _ABSURD = 1e9
@@ -19,6 +21,9 @@ _ABSURD = 1e9
 _IN_A_SENTENCE = 6
 #: ... and whose statements a paragraph holds.
 _MOST_TOLD = 3
+#: Laws that fit as well, and parameters of a finding, that are told one by one.
+_MOST_RIVALS = 4
+MOST_PARAMETERS = 6
 #: Multiples of the noise up to which what is left is little more than that.
 _LITTLE_MORE = 1.5
 _COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six")
@@ -47,13 +52,15 @@ def verdict_text(diagnosis: Diagnosis) -> str:
     named = [item for item in diagnosis.findings if item.physics != "unknown" and not item.conventions]
     told = _joined(_all_told(named))
     efforts = None if diagnosis.columns else diagnosis.efforts
-    if efforts is not None and not efforts.declared and diagnosis.verdict == "explained" and math.isfinite(after):
-        takes, left = _of_efforts(efforts.shares["all"], after), ""
+    if efforts is not None and not efforts.declared and math.isfinite(after):
+        takes, left = _of_efforts(efforts.shares["all"], after, diagnosis.verdict == "explained"), ""
+    elif diagnosis.verdict == "explained" and (sizes := _not_declared(diagnosis)):
+        takes = sizes
     else:
         takes = _takes(before, after)
     read = [convention for item in diagnosis.findings for convention in item.conventions]
     if read:
-        takes = f"{takes} (the log read with {', '.join(map(str, read))})"
+        takes = f"{takes} (the log read {_read_so(read)})"
     if diagnosis.verdict == "explained" and not named:
         return f"Explained: {takes}{left and f', and {left} are left'}."
     if diagnosis.verdict == "explained":
@@ -67,6 +74,15 @@ def verdict_text(diagnosis: Diagnosis) -> str:
         )
     stands = "no noise is known to compare with" if math.isnan(before) else f"the residual is {_times(before)}"
     return f"Unexplained: {stands}, and no law of the library takes it away{left and f': {left} are left'}{where}."
+
+
+def _read_so(conventions: Sequence[Convention]) -> str:
+    """Return how a log is read: with these conventions, or of many how many columns each word is said of."""
+    if len(conventions) <= _IN_A_SENTENCE:
+        return f"with {', '.join(map(str, conventions))}"
+    words = Counter(convention.word for convention in conventions)
+    told = [f"{word} of {counted(many, 'column')}" for word, many in words.items()]
+    return f"with {_joined(told)}"
 
 
 def _nothing_missing(diagnosis: Diagnosis, left: str) -> str:
@@ -93,13 +109,35 @@ def _takes(before: float, after: float) -> str:
     return f"the residual {way} from {number(before, 3)} to {_times(after)}"
 
 
-def _of_efforts(shares: Mapping[str, float], after: float) -> str:
+def _not_declared(diagnosis: Diagnosis) -> str:
+    """Return from where to where what is left falls in millimetres where its end is all that is known of the noise."""
+    if diagnosis.noise.source != "residual" or diagnosis.efforts is not None:
+        return ""
+    squares: dict[str, list[float]] = {"before": [], "after": []}
+    for name, unit, _ in diagnosis.columns:
+        values = diagnosis.by_channel.get(name, {})
+        if unit == "m" and math.isfinite(values.get("before_um", math.nan)):
+            for key, each in squares.items():
+                each.append((1e-6 * values[f"{key}_um"]) ** 2)
+    if not squares["after"]:
+        return ""
+    before, after = (math.sqrt(sum(each) / len(each)) for each in squares.values())
+    after *= diagnosis.after["heldout"] / diagnosis.after["fit"]
+    ends = [quantity(size, "m") for size in (before, after)]
+    taken = quantity(diagnosis.noise.position, "m")
+    return (
+        f"what is left of the positions falls from {ends[0]} to {ends[1]} (root mean square, held out); no noise was "
+        f"declared, and {taken}, what is left where all may be off, was taken for it"
+    )
+
+
+def _of_efforts(shares: Mapping[str, float], after: float, ends_there: bool = True) -> str:
     """Return what is left of efforts whose noise nobody declared: as a share, for that noise proves little."""
     ends = [_percent(shares[key]) for key in ("rigid", "heldout")]
     falls = "" if ends[0] == ends[1] else f"what is left of the efforts falls from {ends[0]} to {ends[1]}"
     return (
-        f"{falls or f'{ends[1]} of the efforts are left'}, {number(after, 3)} times what a sample scatters by itself, "
-        "and follows no motion to an extent that matters"
+        f"{falls or f'{ends[1]} of the efforts are left'}, {number(after, 3)} times what a sample scatters by itself"
+        f"{', and follows no motion to an extent that matters' if ends_there else ''}"
     )
 
 
@@ -162,7 +200,11 @@ def summary_text(diagnosis: Diagnosis) -> str:
     named = [finding for finding in every if finding.physics != "finite_deflection"]
     causes = [finding.statement for finding in named] if len(named) <= _MOST_TOLD else _all_told(named)
     them = "it" if len(causes) == 1 else "them"
-    texts = [*(f"{finding.statement}." for finding in logs), first]
+    read = [convention for finding in logs for convention in finding.conventions]
+    if len(read) <= _IN_A_SENTENCE:
+        texts = [*(f"{finding.statement}." for finding in logs), first]
+    else:  # which ones, the findings say
+        texts = [f"The log is read {_read_so(read)}.", first]
     if logs:
         texts[-1] = f"Read so: {first}"
     if diagnosis.verdict == "nothing_missing":
@@ -185,7 +227,12 @@ def summary_text(diagnosis: Diagnosis) -> str:
         texts.append(f"With {them} in the model {last}, {scatter}.")
     else:
         texts.append(f"With {them} in the model {last}" if causes else "No law of the library takes it away")
-        texts[-1] += ": something is missing that has no name here, and the corrected model holds only near these data."
+        places = dict.fromkeys(item.location for item in diagnosis.findings if item.physics == "unknown")
+        where = _joined([place for place in places if place != "robot"])
+        texts[-1] += (
+            f": something is missing{where and f' at {where}'} that has no name here, and the corrected model holds "
+            "only near these data."
+        )
     doubted = [finding for finding in diagnosis.findings if finding.physics == "unknown" and finding.advice]
     first_remedy = next((finding.remedy for finding in (*logs, *doubted, *named) if finding.remedy), "")
     if first_remedy:
@@ -236,6 +283,8 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
         unit, factor = readable_unit(fitted.value, fitted.unit)
         low, high = sorted(fitted.interval)
         value = f"{number(factor * fitted.value, 4)} {unit}".strip()
+        if fitted.drawn is not None and number(factor * fitted.drawn, 4) != number(factor * fitted.value, 4):
+            value = f"{value} instead of {number(factor * fitted.drawn, 4)}"
         words = name if "." in name else name.replace("_", " ")  # else it names a part of the robot
         if fitted.value == 0 and factor * max(abs(low), abs(high)) > 0.99 * _ABSURD:
             rows.append((words, "not determined by this recording", "any size"))
@@ -275,8 +324,10 @@ def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
     if parts:
         texts.append(f"it may sit in {places_text(parts)} alone")
     if finding.alternatives:
-        laws = (name.partition(" at ") for name in finding.alternatives)
-        texts.append(f"as good a fit: {', '.join(law.replace('_', ' ') + at + place for law, at, place in laws)}")
+        laws = [name.partition(" at ") for name in finding.alternatives]
+        told = ", ".join(law.replace("_", " ") + at + place for law, at, place in laws[:_MOST_RIVALS])
+        more = len(laws) - _MOST_RIVALS
+        texts.append(f"as good a fit: {told}{f' and {more} more, in diagnosis.json' if more > 0 else ''}")
     return texts
 
 
@@ -352,15 +403,20 @@ def noise_text(diagnosis: Diagnosis) -> list[str]:
             texts.append(f"{name} {quantity(value, unit)}")
     efforts = diagnosis.efforts
     if efforts is None or efforts.declared:
-        return [*texts, noise.source]
+        return [
+            *texts,
+            "not declared: what is left where all may be off" if noise.source == "residual" else noise.source,
+        ]
     ways = _joined([_WAYS.get(way, way) for way in dict.fromkeys(efforts.how) if way])
     return [*texts, f"{noise.source}, of efforts by {ways}" if ways else f"{noise.source}, of efforts unknown"]
 
 
 def _effort_unit(diagnosis: Diagnosis) -> str:
-    """Return the unit of efforts' noise; '' where estimates of some are in N and others in N m: none is all theirs."""
+    """Return the unit of efforts' noise; '' where estimates are in several units: none is all theirs."""
     efforts = diagnosis.efforts
     units = sorted({*efforts.units}) if efforts is not None else ["N", "N m"]
+    if AS_LOGGED in units and efforts is not None and not efforts.declared:
+        return ""
     return " or ".join(units) if len(units) == 1 or efforts is None or efforts.declared else ""
 
 

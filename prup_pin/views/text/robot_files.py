@@ -309,11 +309,27 @@ def print_prospects(out: Console, robot: Robot, recording: Recording, found: Pro
         print_table(out, make_table(("joint", ">travel", ">top speed", ">at rest", ">effort"), rows))
     if found.alike:
         heading(out, "What this motion cannot tell apart")
-        for first, second in found.alike:
-            paragraph(out, f"{first.replace('_', ' ', 1)} and {second.replace('_', ' ', 1)}", "- ")
+        for text in _alike(found.alike):
+            paragraph(out, text, "- ")
     if found.not_detectable:
         print_hidden(out, found.not_detectable)
     bullets(out, "Remarks", found.remarks)
+
+
+def _alike(pairs: Sequence[tuple[str, str]]) -> list[str]:
+    """Return what cannot be told apart, pairs of 'law at place': a sentence for each two laws, with their places."""
+    groups: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for pair in pairs:
+        (one, _, here), (other, _, there) = (name.partition(" at ") for name in pair)
+        groups.setdefault((one.replace("_", " "), other.replace("_", " ")), []).append((here, there))
+    texts = []
+    for (one, other), places in groups.items():
+        if len(places) == 1:
+            texts.append(f"{one} at {places[0][0]} and {other} at {places[0][1]}")
+            continue
+        where = ", ".join(here if here == there else f"{here} and {there}" for here, there in places)
+        texts.append(f"{one} and {other}: at {where}" if one != other else f"{one}: at {where}")
+    return texts
 
 
 # -- laws --------------------------------------------------------------------------------------------------------------
