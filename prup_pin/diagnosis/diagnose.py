@@ -29,6 +29,7 @@ from .efforts.with_poses import (
     with_efforts_at_rest,
 )
 from .evidence import (
+    cross_validated,
     count_beyond_tolerance,
     fold_labels,
     is_clean,
@@ -135,8 +136,9 @@ class _Searched(NamedTuple):
 
     @property
     def left(self) -> float:
-        """What is left at the end, whatever its noise: chi squared times the noise's variance."""
-        return self.selection.last.chi2 * self.problem.noise.position**2
+        """What is left of blocks that are held out in turn, whatever the noise: chi squared times its variance."""
+        last = self.selection.last
+        return cross_validated(self.problem, last, self.labels[last.samples]) * self.problem.noise.position**2
 
 
 def _under_loads(
@@ -152,7 +154,7 @@ def _under_loads(
             few = _searched(prepared, tell, FEW_FITS)
             if not few.is_clean:
                 again = _searched(other, tell)
-                if again.is_clean or again.left < EXPLAINED * few.left:
+                if again.left < EXPLAINED * few.left:
                     return other, again
     return prepared, _searched(prepared, tell)
 
