@@ -29,8 +29,8 @@ from .efforts.with_poses import (
     with_efforts_at_rest,
 )
 from .evidence import (
-    cross_validated,
     count_beyond_tolerance,
+    cross_validated,
     fold_labels,
     is_clean,
     minus_2_log_posterior,

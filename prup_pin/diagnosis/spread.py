@@ -441,8 +441,8 @@ def _fitted(
             size = float((found.mean[here] ** 2).sum()) / max(known, 1e-9)
             new[here] = np.maximum(np.clip(size, _NONE**2, 1e8), floors[here])
         free = np.flatnonzero(told)  # the others hold none of the numbers, however sensitive these are to them
-        inner = np.ix_(free, free)
-        held = np.einsum("ij,uij->u", found.covariance[inner], data.normal[:, *inner]) / noise
+        column = free[:, None]
+        held = np.einsum("ij,uij->u", found.covariance[column, free], data.normal[:, column, free]) / noise
         quiet = np.maximum(data.left(found.mean) / np.maximum(data.count - held, 1.0), max(least, _SILENT))
         moved = np.abs(np.log(np.concatenate((new / variances, quiet / noise)))).max()
         variances, noise = new, quiet
