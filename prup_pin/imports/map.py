@@ -205,7 +205,9 @@ def load_yaml(path: Path, problems: Problems, keys: Sequence[str]) -> tuple[dict
         mark = getattr(error, "problem_mark", None)
         what = getattr(error, "problem", None) or str(error)
         line = mark.line + 1 if mark is not None else None
-        problems.add(KeyProblem(f"is not valid YAML: {shown(what)}", line, path.name))
+        # A newer libyaml counts how deep brackets stand before it tells the first of them.
+        wrong = "nests its values too deep" if "maximum nesting" in what else f"is not valid YAML: {shown(what)}"
+        problems.add(KeyProblem(wrong, line, path.name))
         return {}, {}
     except (ValueError, TypeError, AttributeError, LookupError) as error:  # a date that is none, a number of digits
         problems.add(KeyProblem(f"holds a value that cannot be read: {shown(error)}", None, path.name))
