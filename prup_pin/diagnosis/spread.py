@@ -49,6 +49,7 @@ from .criteria import (
     CALIBRATION_STEP,
     EXPLAINED,
     FALSE_ALARM,
+    FOLDS,
     MOST_APART,
     MOST_OUTLIERS,
     MOST_TERMS,
@@ -571,7 +572,8 @@ def spread_of(
 def _promising(ways: Sequence[_Seen], exists: np.ndarray) -> _Seen | None:
     """Return the likeliest way in which weight may act, by the first order about the robot file.
 
-    None where what is off all over explains too little of what was measured, exists (N, K), or noise all of it.
+    None where what is off all over explains too little of poses that are held out in turn, exists (N, K), or where noise
+    may be all of it: many parameters follow anything in a few poses, and foretell others only where it is theirs.
     """
     looks = []
     for seen in ways:
@@ -582,11 +584,20 @@ def _promising(ways: Sequence[_Seen], exists: np.ndarray) -> _Seen | None:
         data = _linear(target, columns, here.white, None, seen.problem.stack)
         if float((here.residual**2).sum()) <= chi2_isf(FALSE_ALARM, data.count.sum()) and seen.least:
             return None
-        looks.append((seen.fitted(data, np.ones(len(seen.floors)), np.full(2, _LOUD)), data, seen))
+        fit = seen.fitted(data, np.ones(len(seen.floors)), np.full(2, _LOUD))
+        looks.append((fit, here, target, columns, seen))
     if not looks:
         return None
-    fit, data, seen = min(looks, key=lambda look: look[0].cost)
-    return seen if _explains(data, fit, seen) else None
+    fit, here, target, columns, seen = min(looks, key=lambda look: look[0].cost)
+    blocks, stack = seen.problem.simulator.inputs.blocks[here.samples], seen.problem.stack
+    folds = np.unique(blocks, return_inverse=True)[1] % FOLDS
+    left = drawn = 0.0
+    for fold in np.unique(folds):
+        out = folds == fold
+        known, asked = (_linear(target[at], columns[at], here.white[at], None, stack) for at in (~out, out))
+        left += float((asked.left(_posterior(known, fit.variances, fit.noise).mean) / fit.noise).sum())
+        drawn += float((asked.left(_posterior(known, seen.floors, fit.noise).mean) / fit.noise).sum())
+    return seen if left < EXPLAINED * drawn else None
 
 
 def _unrecorded_force(problem: Problem, outliers: Sequence[Outlier], rest: Array) -> float:
