@@ -6,7 +6,7 @@ import json
 import tempfile
 import time
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -65,12 +65,14 @@ def robot_file(robot: str) -> Path:
     return ROOT / "tests" / "robots" / KINDS[robot].file
 
 
-def trial(seed: int, robot: str, beside: bool = False) -> dict[str, Any]:
+def trial(
+    seed: int, robot: str, beside: bool = False, drawn: Callable[[int, str], dict[str, Any]] = how
+) -> dict[str, Any]:
     """Draw, seal, diagnose, predict the held-out recording, and only then open the answer.
 
-    `beside`: also by what people do today.
+    `beside`: also by what people do today; `drawn(seed, robot)`: how a device is drawn.
     """
-    given = how(seed, robot)
+    given = drawn(seed, robot)
     with tempfile.TemporaryDirectory() as folder:
         out, sealed = Path(folder) / "out", Path(folder) / "sealed"
         write(draw_scattered(**given), out, sealed, "device", str(robot_file(robot)))
@@ -167,4 +169,4 @@ def told(result: Mapping[str, Any]) -> str:
     return f"{'ok' if good else '--'} {result['robot']} {result['seed']} {result['group']}: {true} -> {found}  {change}"
 
 
-__all__ = ["GROUPS", "LARGE", "how", "robot_file", "summary", "told", "trial"]
+__all__ = ["GROUPS", "LARGE", "OURS", "how", "robot_file", "summary", "told", "trial"]

@@ -3,6 +3,7 @@
     python scripts/concealed_trials.py [--count 200] [--first-seed 1000] [--workers 2] [--out out/trials] [--docs]
         [--scattered 0] [--robot 3prup --robot six_ups --robot elastic_arm] [--today] [--efforts 0] [--markers 0]
         [--elastic 0] [--json DIR] [--loop 0] [--misread 0] [--uncalibrated 0] [--tracked 0]
+        [--friction 0]
     python scripts/concealed_trials.py --export DIR --scattered 100 [--robot …] [--first-seed 1000]
     python scripts/concealed_trials.py --export DIR --efforts 40 | --markers 40 | --elastic 40
     python scripts/concealed_trials.py --score DIR
@@ -16,12 +17,13 @@ all, of five kinds in turn, that are seen by their efforts (OUT/efforts.jsonl), 
 yield and whose motors vibrate (OUT/elastic.jsonl; `--json`: and a file for each), `--markers` so many arms under their
 own weight that a camera sees (OUT/markers.jsonl), `--tracked` so many arms whose poses are logged in motion
 (OUT/tracked.jsonl), `--uncalibrated` so many parallel robots of which everything is off
-(OUT/uncalibrated.jsonl). `--loop` draws so many 3-PRUPs without scatter, or with `--robot` so
+(OUT/uncalibrated.jsonl), `--friction` so many whose parameters scatter and of which a joint has dry friction
+(OUT/friction.jsonl). `--loop` draws so many 3-PRUPs without scatter, or with `--robot` so
 many of each of these whose parameters scatter, and carries out the experiment that an ambiguous verdict proposes
 (OUT/loop.jsonl). `--misread` draws so many logs in all, of six robots in turn, that are written otherwise than they say
 (OUT/misread.jsonl). `--docs` writes the summaries into docs/concealed_trials.md, docs/scattered_trials.md,
 docs/effort_trials.md, docs/elastic_trials.md, docs/marker_trials.md, docs/tracked_trials.md,
-docs/uncalibrated_trials.md, docs/loop_trials.md and docs/misread_trials.md.
+docs/uncalibrated_trials.md, docs/friction_trials.md, docs/loop_trials.md and docs/misread_trials.md.
 
 `--export` writes the scattered devices, their sealed answers and a description of the format, for any other tool;
 `--score` reads that tool's answers.
@@ -47,6 +49,7 @@ from pathlib import Path
 
 import _efforts
 import _elastic
+import _friction
 import _loop
 import _markers
 import _misread
@@ -384,6 +387,7 @@ def main() -> None:
     parser.add_argument("--markers", type=int, default=0, help="arms under their own weight, seen by markers")
     parser.add_argument("--uncalibrated", type=int, default=0, help="parallel robots of which everything is off")
     parser.add_argument("--tracked", type=int, default=0, help="arms whose poses are logged in motion")
+    parser.add_argument("--friction", type=int, default=0, help="scattered devices with dry friction in a joint")
     parser.add_argument("--loop", type=int, default=0, help="devices whose next experiment is carried out")
     parser.add_argument("--misread", type=int, default=0, help="logs that are written otherwise than they say")
     parser.add_argument("--today", action="store_true", help="what people do today, beside, on scattered devices")
@@ -458,6 +462,11 @@ def main() -> None:
         jobs = {(robot, seed): (_tracked.trial, seed, robot) for robot, seed in devices}
         summarise, asked = partial(_tracked.summary, share=wilson), f"--count 0 --tracked {options.tracked}"
         page("tracked", _tracked.HEAD, jobs, _tracked.told, summarise, asked)
+    if options.friction:
+        devices = _turns(_friction.ROBOTS, options.friction, first)
+        jobs = {(robot, seed): (_friction.trial, seed, robot) for robot, seed in devices}
+        summarise, asked = partial(_friction.summary, share=wilson), f"--count 0 --friction {options.friction}"
+        page("friction", _friction.HEAD, jobs, _friction.told, summarise, asked)
     if options.loop:
         loops = [(kind, first + index) for kind in options.robot or [_loop.PLAIN] for index in range(options.loop)]
         jobs = {(kind, seed): (_loop.trial, seed, kind) for kind, seed in loops}

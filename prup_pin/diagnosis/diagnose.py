@@ -134,11 +134,14 @@ class _Searched(NamedTuple):
         """True where what is left may be noise."""
         return is_clean(self.problem, self.selection.last)
 
-    @property
-    def left(self) -> float:
-        """What is left of blocks that are held out in turn, whatever the noise: chi squared times its variance."""
-        last = self.selection.last
-        return cross_validated(self.problem, last, self.labels[last.samples]) * self.problem.noise.position**2
+    def by_noise(self, noise: Noise) -> tuple[float, bool]:
+        """Return what is left of blocks that are held out in turn, chi squared by a noise, and whether all may be that.
+
+        What two preparations leave is not compared by two noises, nor metres by one and radians by another.
+        """
+        problem, last = replace(self.problem, noise=noise), self.selection.last
+        fit = problem.relinearised(problem.fit_at(last.terms, last.run, last))
+        return cross_validated(problem, fit, self.labels[fit.samples]), is_clean(problem, fit)
 
 
 def _under_loads(
@@ -154,9 +157,19 @@ def _under_loads(
             few = _searched(prepared, tell, FEW_FITS)
             if not few.is_clean:
                 again = _searched(other, tell)
-                if again.left < EXPLAINED * few.left:
+                if _explains_more(again, few):
                     return other, again
     return prepared, _searched(prepared, tell)
+
+
+def _explains_more(again: _Searched, few: _Searched) -> bool:
+    """Return True where what is off all over leaves a small part of what few laws do, or noise where they leave more.
+
+    By the noise beside what is off all over, which may be known from nothing else.
+    """
+    noise = again.problem.noise
+    (left, _), (before, may_be_noise) = again.by_noise(noise), few.by_noise(noise)
+    return left < (1.0 if again.is_clean and not may_be_noise else EXPLAINED) * before
 
 
 def _cleaner(prepared: Prepared, found: _Searched, other: Prepared, tell: Tell) -> tuple[Prepared, _Searched]:

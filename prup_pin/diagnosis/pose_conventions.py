@@ -66,6 +66,7 @@ class _Postures:
         frames = [name for name in recording.marker_names if name in self.mechanism.frame_names]
         self.frames = list(dict.fromkeys(frames))
         self._places: dict[bytes, dict[str, Array]] = {}
+        self._placed: dict[bytes, tuple[list[Array], Array, bool]] = {}
         self.turning = np.array([self.mechanism.joint(name).turns for name in self.mechanism.actuated], bool)
         home = robot.home.base_from_tool if self.mechanism.tool is not None else np.eye(4)
         sizes = [float(np.linalg.norm(home[:3, 3]))]
@@ -121,7 +122,11 @@ class _Postures:
         groups += [(k, recording.markers.get(k), recording.marker_rotations.get(k)) for k in self.frames]
         points = [(places[k], p) for k, p, _ in groups if k in places and p is not None]
         if points:
-            left, turn, stays = _positions(points, near, fitted, self.reach)
+            read = [recording.actuator_positions(self.mechanism.actuated), *(seen for _, seen in points)]
+            key = b"".join((*(item.tobytes() for item in read), fitted.tobytes(), bytes((near,))))
+            if key not in self._placed:  # readings of orientations leave positions as they are
+                self._placed[key] = _positions(points, near, fitted, self.reach)
+            left, turn, stays = self._placed[key]
             for own, (_, seen) in zip(left, points, strict=True):
                 known = np.isfinite(seen).all(axis=1)
                 size = np.minimum(np.nan_to_num(own, nan=np.inf), 1e3 * self.reach) ** 2
@@ -212,29 +217,28 @@ def _positions(
 
 def _orientations(drawn: Array, seen: Array, fitted: np.ndarray, near: bool, turn: Array) -> Array:
     """Return angles (n,) between measured and drawn orientations; NaN where the robot cannot be."""
-    good = fitted & np.isfinite(drawn[:, 0, 0])
-    best = None
-    for start in (np.eye(3), turn):
-        left, right = start, np.eye(3)
-        for _ in range(1 if not good.any() else _ROUNDS):
-            right = _nearest((drawn[good].mT @ left.T @ seen[good]).sum(axis=0))
-            left = _nearest((seen[good] @ (drawn[good] @ right).mT).sum(axis=0))
-        if near and max(np.linalg.norm(turn_between(np.eye(3), each)) for each in (left, right)) > CONVENTION_NEAR:
-            left, right = np.eye(3), np.eye(3)
-        angles = np.full(len(drawn), np.nan)
-        there = np.isfinite(drawn[:, 0, 0])
-        angles[there] = np.linalg.norm(turn_between(left @ drawn[there] @ right, seen[there]), axis=1)
-        size = float(np.nanmean(angles[good] ** 2)) if good.any() else np.inf
-        if best is None or size < best[0]:
-            best = size, angles
-    assert best is not None
-    return best[1]
+    there = np.isfinite(drawn[:, 0, 0])
+    good = fitted & there
+    left, right = np.stack((np.eye(3), turn)), np.broadcast_to(np.eye(3), (2, 3, 3))  # from two starts at once
+    at, aim = drawn[good], seen[good]
+    for _ in range(_ROUNDS if good.any() else 1):
+        right = _nearest((at.mT @ left.mT[:, None] @ aim).sum(axis=1))
+        left = _nearest((aim @ (at @ right[:, None]).mT).sum(axis=1))
+    if near:
+        turned = np.maximum(*(np.linalg.norm(turn_between(np.eye(3), each), axis=-1) for each in (left, right)))
+        left, right = (np.where(turned[:, None, None] > CONVENTION_NEAR, np.eye(3), each) for each in (left, right))
+    angles = np.full((2, len(drawn)), np.nan)
+    angles[:, there] = np.linalg.norm(turn_between(left[:, None] @ drawn[there] @ right[:, None], seen[there]), axis=2)
+    sizes = (angles[:, good] ** 2).mean(axis=1) if good.any() else np.zeros(2)
+    return np.asarray(angles[int(sizes[1] < sizes[0])])
 
 
 def _nearest(matrix: Array) -> Array:
-    """Return the rotation nearest to a matrix (3, 3)."""
+    """Return the rotations nearest to matrices (..., 3, 3)."""
     left, _, right = np.linalg.svd(matrix)
-    return left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    signs = np.ones(matrix.shape[:-1])
+    signs[..., 2] = np.sign(np.linalg.det(left @ right))
+    return (left * signs[..., None, :]) @ right
 
 
 def conventions_of_poses(robot: Robot, recording: Recording, anywhere: bool) -> Evidence | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from threadpoolctl import threadpool_limits
 
 import prup_pin
 from prup_pin.diagnosis import diagnose, spread
+from prup_pin.diagnosis.evidence import fold_labels
+from prup_pin.diagnosis.search import Selection
 from prup_pin.laws import Effect
 from prup_pin.laws.payload import Payload
 from prup_pin.recordings import Noise, read_recording
@@ -20,6 +23,7 @@ from prup_pin.simulation import simulate
 from ..reference.concealed.rotations import matrix
 from ..reference.concealed.uncalibrated import KINDS, Oracle, apart, draw_uncalibrated, write
 
+whole = importlib.import_module("prup_pin.diagnosis.diagnose")
 ROBOTS = Path(__file__).parents[1] / "robots"
 #: Where the tracker stands is no error of the robot.
 FRAME = {"frame_position", "frame_rotation"}
@@ -98,6 +102,38 @@ def test_what_one_law_explains_under_loads_is_not_off_all_over(tmp_path):
     found = diagnose(robot, recording)
     assert {item.physics for item in found.findings} <= {"payload", "self_weight"}
     assert found.verdict == "explained"
+
+
+def test_what_two_preparations_leave_is_weighed_by_one_noise(tmp_path):
+    robot, recording, _ = read(draw_uncalibrated(10, "six_ups"), tmp_path)
+    given = asked(robot, recording)
+    noise = replace(given.problem.noise, position=2e-4, rotation=1e-4)
+    found = []
+    for own in (given.problem.noise, replace(given.problem.noise, position=3e-5, rotation=3e-2), noise):
+        problem = replace(given.problem, noise=own)
+        nothing = Selection.nothing(problem.first, given.library)
+        found.append(whole._Searched(problem, nothing, fold_labels(given.inputs.blocks), None).by_noise(noise))
+    chi2 = problem.first.chi2
+    assert found == [(pytest.approx(chi2, rel=1e-9), False)] * 3
+    loud = replace(noise, position=1.0, rotation=1.0)
+    assert whole._Searched(problem, nothing, fold_labels(given.inputs.blocks), None).by_noise(loud)[1]
+
+
+@pytest.mark.parametrize(
+    ("again", "few", "more"),
+    [
+        ((30.0, True), (90.0, False), True),  # noise, where few laws leave more: by a noise that nothing else tells
+        ((30.0, True), (29.0, False), False),  # blocks held out say otherwise
+        ((30.0, True), (40.0, True), False),  # few laws do as well
+        ((300.0, False), (900.0, False), False),  # neither explains it: a law may be missing
+        ((80.0, False), (900.0, False), True),
+    ],
+)
+def test_what_is_off_all_over_takes_the_place_of_few_laws(again, few, more):
+    def searched(told):
+        return SimpleNamespace(problem=SimpleNamespace(noise=None), is_clean=told[1], by_noise=lambda noise: told)
+
+    assert whole._explains_more(searched(again), searched(few)) is more
 
 
 @pytest.mark.slow
