@@ -151,15 +151,17 @@ def _under_loads(
 
     Most robots under load lack a law or two and no more; where all is off instead, whoever looks for laws looks long.
     """
-    if not prepared.inputs.weight_alone:
+    if prepared.inputs.weight_alone:
+        return prepared, _searched(prepared, tell)
+    few = _searched(prepared, tell, FEW_FITS)
+    if not few.is_clean:
         other = prepare(robot, recordings, tell, all_over=True)
         if other.kinds:
-            few = _searched(prepared, tell, FEW_FITS)
-            if not few.is_clean:
-                again = _searched(other, tell)
-                if _explains_more(again, few):
-                    return other, again
-    return prepared, _searched(prepared, tell)
+            again = _searched(other, tell)
+            if _explains_more(again, few):
+                return other, again
+    ended = few.selection.fits <= FEW_FITS
+    return prepared, few if ended else _searched(prepared, tell)
 
 
 def _explains_more(again: _Searched, few: _Searched) -> bool:
