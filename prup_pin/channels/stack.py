@@ -48,11 +48,6 @@ class Stack:
         return np.concatenate([channel.exists for channel in self.channels], axis=1)
 
     @property
-    def mainly(self) -> PoseChannel:
-        """The pose that most is measured of: the tool's, else the first marker's."""
-        return next((channel for channel in self.poses if channel.exists.any()), self.poses[0])
-
-    @property
     def poses(self) -> tuple[PoseChannel, ...]:
         """The tool's pose and those of markers."""
         return tuple(channel for channel in self.channels if isinstance(channel, PoseChannel))

@@ -3,7 +3,6 @@
 from .closure import Closure, LoopForces, LoopGaps
 from .columns import Columns
 from .compiled import Configuration, FixedFrames, LoopedTree, Passing
-from .machine import Machine
 from .program import Expression, Pipeline, Program, Tape, eliminated, largest, least
 from .rank import (
     NEGLIGIBLE,
@@ -31,7 +30,6 @@ __all__ = [
     "LoopForces",
     "LoopGaps",
     "LoopedTree",
-    "Machine",
     "Passing",
     "Pipeline",
     "Program",

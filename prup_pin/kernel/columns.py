@@ -1,7 +1,7 @@
-"""Pipelines by numpy alone: an operation at a time for a column of poses, so many that the columns stay in the cache.
+"""Pipelines on columns of poses, so many that they stay in the cache: by machine code, or an operation at a time.
 
-What `Machine` does, without the extra and ten times as slow. Arrays of matrices take another fifty times as long,
-mostly for products with zeros and for calls about matrices that are too small.
+numpy takes four times as long as machine code. Arrays of matrices take another twenty times as long, mostly for
+products with zeros and for calls about matrices that are too small.
 """
 
 from __future__ import annotations
@@ -10,27 +10,32 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..spatial import Array
-from .program import FUNCTIONS, LONG, SHORT, STEPS, Pipeline, Program
+from .machine import LANES, MachineCode
+from .program import FUNCTIONS, GIVEN, LONG, SHORT, STEPS, Pipeline, Program
 
 __all__ = ["Columns"]
 
-#: Poses of a column: a call costs as much as some hundred of them.
-_POSES = 8192
+#: Poses of a column. A call of numpy costs as much as some hundred of them; machine code has more columns in its hands.
+_POSES, _POSES_COMPILED = 8192, 1024
 #: After so many steps those that have not ended go on by themselves.
 _TOGETHER = 3
 
 
 class Columns:
-    """A pipeline that numpy runs; `run` and `fill` as of a `Machine`."""
+    """A pipeline that numpy runs, or machine code. It pickles as that and is compiled anew."""
 
-    def __init__(self, pipeline: Pipeline, widths: Sequence[int] = ()):
-        self.pipeline = pipeline
+    def __init__(self, pipeline: Pipeline, widths: Sequence[int] = (), compiled: bool = False):
+        """`widths`: the outputs, failure and way at their end, go to so many arrays, as many columns to each."""
+        self.pipeline, self.compiled = pipeline, compiled
         self.widths = tuple(widths) or (len(pipeline.final.outputs) + 2,)
-        self._start, self._final = _Calls(pipeline.start), _Calls(pipeline.final)
-        self._step = None if pipeline.step is None else _Calls(pipeline.step)
+        made = MachineCode if compiled else _Calls
+        self._start, self._final = made(pipeline.start), made(pipeline.final)
+        self._step = None if pipeline.step is None else made(pipeline.step)
+
+    def __reduce__(self):
+        return Columns, (self.pipeline, self.widths, self.compiled)
 
     def run(self, inputs: Array) -> Array:
         """Return outputs, failure and way (n, m + 2) of coordinates (n, t)."""
@@ -39,178 +44,107 @@ class Columns:
         return np.concatenate(parts, axis=1)
 
     def fill(self, inputs: Array, into: Sequence[Array]) -> None:
-        """Write outputs, failure and way of coordinates (n, t) to arrays, rows of `widths` numbers each."""
+        """Write outputs, failure and way of coordinates (n, t) to contiguous arrays, rows of `widths` numbers each."""
         count, size = len(inputs), len(self.pipeline.start.outputs)
-        block = min(_POSES, count)
+        block = min(_POSES_COMPILED if self.compiled else _POSES, _whole(count))
         # Rows: the solution y, then coordinates x.
-        given = np.empty((size + self.pipeline.start.inputs, block))
+        given, found = np.empty((size + self.pipeline.start.inputs, block)), np.empty((sum(self.widths), block))
         y, x = given[:size], given[size:]
-        start, final = self._start.on(x), self._final.on(given)
-        step = None if self._step is None else self._step.on(given)
+        start, final, settle = self._start.on(x, y), self._final.on(given, found[:-2]), self._settling(given)
+        failed, way = found[-2:]
         for first in range(0, count, block):
             rows = inputs[first : first + block]
             x[:, : len(rows)] = rows.T
             x[:, len(rows) :] = rows[-1:].T
-            for row, value in zip(y, start(), strict=True):
-                row[:] = value
-            way, failed = np.zeros(block), np.zeros(block)
-            if step is not None:
-                failed[:] = 1.0
-                self._settle(given, step, way, failed, 0)
-            columns = iter([*final(), failed, way])
+            start()
+            way[:], failed[:] = 0.0, 0.0
+            settle(way, failed, 0)
+            final()
+            columns = iter(found[:, : len(rows)])
             for array, width in zip(into, self.widths, strict=True):
                 part = array.reshape(count, width)[first : first + block]
                 for at in range(width):
-                    column = next(columns)
-                    part[:, at] = column[: len(rows)] if column.ndim else column
+                    part[:, at] = next(columns)
 
-    def _settle(self, given: Array, step: Callable[[], list[Array]], way: Array, failed: Array, turn: int) -> None:
-        """Take Newton's steps from a turn on, in place."""
-        size = len(self.pipeline.start.outputs)
-        busy = np.ones(given.shape[1], bool)
-        squared, square = np.empty(given.shape[1]), np.empty(given.shape[1])
-        for index in range(turn, STEPS):
-            if index == turn + _TOGETHER:
-                self._settle_rest(given, way, failed, index, np.flatnonzero(busy))
-                return
-            out = step()
-            np.multiply(out[0], out[0], squared)
-            for part in out[1:size]:
-                np.add(squared, np.multiply(part, part, square), squared)
-            moving: NDArray[np.bool_] = busy & (squared <= LONG)
-            ended = moving & (squared <= SHORT)
-            for condition in out[size:]:
-                ended &= condition == 1.0
-            where: dict[str, Any] = {} if moving.all() else {"where": moving}
-            for row, part in zip(given, out[:size], strict=False):
-                np.subtract(row, part, row, **where)
-            np.add(way, np.sqrt(squared, square), way, **where)
-            failed[ended] = 0.0
-            busy = moving & ~ended
-            if not busy.any():
-                return
+    def _settling(self, given: Array) -> Callable[[Array, Array, int], None]:
+        """Return what takes Newton's steps in place, from a turn on, and adds up way and failure (n,)."""
+        if self._step is None or self.pipeline.step is None:
+            return lambda way, failed, turn: None
+        y, out = given[: len(self.pipeline.start.outputs)], np.empty((len(self.pipeline.step.outputs), given.shape[1]))
+        step = self._step.on(given, out)
+        moved, squared, conditions = out[: len(y)], out[len(y)], out[len(y) + 1 :]
 
-    def _settle_rest(self, given: Array, way: Array, failed: Array, turn: int, rest: NDArray[np.int_]) -> None:
-        assert self._step is not None
-        some, parts = np.ascontiguousarray(given[:, rest]), (way[rest], failed[rest])
-        self._settle(some, self._step.on(some), *parts, turn)
-        given[:, rest] = some
-        way[rest], failed[rest] = parts
+        def settle(way: Array, failed: Array, turn: int) -> None:
+            busy = np.ones(len(way), bool)
+            failed[:] = 1.0
+            for index in range(turn, STEPS):
+                if index == turn + _TOGETHER:
+                    rest = np.resize(np.flatnonzero(busy), _whole(busy.sum()))
+                    some, parts = np.ascontiguousarray(given[:, rest]), (way[rest], failed[rest])
+                    self._settling(some)(*parts, index)
+                    given[:, rest] = some
+                    way[rest], failed[rest] = parts
+                    return
+                step()
+                moving = busy & (squared <= LONG)
+                ended = moving & (squared <= SHORT) & (conditions == 1.0).all(axis=0)
+                where: Any = True if moving.all() else moving
+                np.copyto(y, moved, where=where)
+                np.add(way, np.sqrt(squared), way, where=where)
+                failed[ended] = 0.0
+                busy = moving & ~ended
+                if not busy.any():
+                    return
+
+        return settle
 
 
-def _turned(angle: Array, cosine: Array, out: Array) -> None:
-    """Write sine and cosine by the half angle's tangent t, 2 t / (1 + t²) and (1 - t²) / (1 + t²).
-
-    For tangents numpy has the processor's vectors, for sines of doubles the C library, which takes six times as long.
-    """
-    np.multiply(angle, 0.5, cosine)
-    np.tan(cosine, out)
-    np.multiply(out, out, cosine)
-    np.add(out, out, out)
-    under = cosine + 1.0
-    np.divide(out, under, out)
-    np.subtract(1.0, cosine, cosine)
-    np.divide(cosine, under, cosine)
-
-
-def _as_number(bits: NDArray[np.bool_], out: Array) -> None:
-    np.copyto(out, bits)
+def _whole(count: int) -> int:
+    """Return the next multiple of LANES."""
+    return -(-int(count) // LANES) * LANES
 
 
 class _Calls:
     """The calls of numpy that a program takes, and which column each result is written to.
 
-    Columns stand in this order: inputs, constants, numbers, bits. One whose value nothing needs any longer is taken
-    anew. A condition is bits, an eighth of the memory, as long as only "and" and "or" take it.
+    Columns stand in this order: inputs, constants, results. One whose value nothing needs any longer is taken anew.
     """
 
     def __init__(self, program: Program):
-        operations, last, turns = program.operations, _last_uses(program), _turns(program)
-        self._constants: list[Array] = []
-        free: dict[Any, list[int]] = {float: [], bool: []}
-        made: dict[Any, int] = {float: 0, bool: 0}
-        #: Kind and number of each value's column.
-        place: dict[int, tuple[Any, int]] = {}
-        calls: list[tuple[Callable[..., Any], tuple[tuple[Any, int], ...]]] = []
-
-        def taken(kind: type) -> tuple[type, int]:
-            if free[kind]:
-                return kind, free[kind].pop()
-            made[kind] += 1
-            return kind, made[kind] - 1
-
+        operations = program.operations
+        last = {at: index for index, operation in enumerate(operations) for at in (operation.a, operation.b)}
+        last.update(dict.fromkeys(program.outputs, len(operations)))
+        self._constants = [np.array(operation.value) for operation in operations if operation.name == "constant"]
+        self._count = first = program.inputs + len(self._constants)
+        self._calls: list[tuple[Callable[..., Any], list[int]]] = []
+        constants = iter(range(program.inputs, first))
+        free: list[int] = []
+        place: dict[int, int] = {}
         for index, (name, a, b, value) in enumerate(operations):
-            if name == "input":
-                place[index] = "input", int(value)
+            if name in GIVEN:
+                place[index] = int(value) if name == "input" else next(constants)
                 continue
-            if name == "constant":
-                place[index] = "constant", len(self._constants)
-                self._constants.append(np.array(value))
-                continue
-            given = [place[at] for at in (a, b) if at >= 0]
-            bits = [kind is bool for kind, _ in given]
-            conditional = name == "le" or (name in ("max", "min") and all(bits))
-            numbers = []
-            if not conditional and any(bits):
-                for at in np.flatnonzero(bits).tolist():
-                    numbers.append(taken(float))
-                    calls.append((_as_number, (given[at], numbers[-1])))
-                    given[at] = numbers[-1]
+            used = [at for at in (a, b) if at >= 0]
             # A result may take the place of what is not needed after it.
-            for kind, at in [place[gone] for gone in last[index]] + numbers:
-                if kind in free:
-                    free[kind].append(at)
-            if index in place:
-                continue
-            place[index] = taken(bool if conditional else float)
-            if index in turns:
-                sine, cosine = turns[index]
-                place[cosine if index == sine else sine] = taken(float)
-                calls.append((_turned, (*given, place[cosine], place[sine])))
-            else:
-                calls.append((FUNCTIONS[name], (*given, place[index])))
-        begin = {"input": 0, "constant": program.inputs, float: program.inputs + len(self._constants)}
-        begin[bool] = begin[float] + made[float]
-        self._made = made
-        self._calls = [(function, tuple(begin[kind] + at for kind, at in columns)) for function, columns in calls]
-        self._outputs = [begin[kind] + at for kind, at in (place[at] for at in program.outputs)]
+            free += {place[at] for at in used if last[at] == index and place[at] >= first}
+            if not free:
+                free.append(self._count)
+                self._count += 1
+            place[index] = free.pop()
+            self._calls.append((FUNCTIONS[name], [*(place[at] for at in used), place[index]]))
+        self._outputs = [place[at] for at in program.outputs]
 
-    def on(self, inputs: Array) -> Callable[[], list[Array]]:
-        """Return what computes the outputs, (n,) each or (), of rows of inputs (k, n), which may change in between."""
-        held = [*inputs, *self._constants]
-        for kind, count in self._made.items():
-            held += [np.empty(inputs.shape[1], kind) for _ in range(count)]
+    def on(self, inputs: Array, outputs: Array) -> Callable[[], None]:
+        """Return what computes rows of outputs (m, n) of rows of inputs (k, n), which may change in between."""
+        made = self._count - len(inputs) - len(self._constants)
+        held = [*inputs, *self._constants, *np.empty((made, inputs.shape[1]))]
         calls = [(function, [held[at] for at in given], held[into]) for function, (*given, into) in self._calls]
-        outputs = [held[at] for at in self._outputs]
+        columns = [held[at] for at in self._outputs]
 
-        def run() -> list[Array]:
+        def run() -> None:
             for function, given, out in calls:
                 function(*given, out=out)
-            return outputs
+            for row, column in zip(outputs, columns, strict=True):
+                row[:] = column
 
         return run
-
-
-def _turns(program: Program) -> dict[int, tuple[int, int]]:
-    """Return by operation the sine and the cosine of an angle of which there are both."""
-    found: dict[int, dict[str, int]] = {}
-    for index, operation in enumerate(program.operations):
-        if operation.name in ("sin", "cos"):
-            found.setdefault(operation.a, {})[operation.name] = index
-    pairs = [(each["sin"], each["cos"]) for each in found.values() if len(each) == 2]
-    return {index: pair for pair in pairs for index in pair}
-
-
-def _last_uses(program: Program) -> list[list[int]]:
-    """Return by operation which earlier ones are not needed after it, neither by others nor as outputs."""
-    last: dict[int, int] = {}
-    for index, operation in enumerate(program.operations):
-        for at in (operation.a, operation.b):
-            if at >= 0:
-                last[at] = index
-    gone: list[list[int]] = [[] for _ in program.operations]
-    outputs = set(program.outputs)
-    for at, index in last.items():
-        if at not in outputs:
-            gone[index].append(at)
-    return gone

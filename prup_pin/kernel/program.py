@@ -54,7 +54,7 @@ _BINARY: dict[str, Callable[..., Any]] = {
 }
 FUNCTIONS: dict[str, Callable[..., Any]] = {**_UNARY, **_BINARY}
 #: Operations that compute nothing.
-_GIVEN = ("input", "constant")
+GIVEN = ("input", "constant")
 #: Functions that decide case by case.
 _PIECEWISE = ("rint", "abs", "max", "min", "le")
 
@@ -470,16 +470,16 @@ class Program:
         return program
 
     def __len__(self) -> int:
-        return sum(operation.name not in _GIVEN for operation in self.operations)
+        return sum(operation.name not in GIVEN for operation in self.operations)
 
 
 class Pipeline(NamedTuple):
-    """From coordinates x (t,) to outputs: y = start(x); Newton's steps y -= step(y, x); outputs of final(y, x).
+    """From coordinates x (t,) to outputs: y = start(x); Newton's steps y = step(y, x); outputs of final(y, x).
 
-    Without `step` the start is the solution. A step may say at its end, by 1, that a least one may be the last.
-    The outputs are followed by 0 where the steps have ended, else 1, and by the sum of their lengths. Each pose stops
-    by itself: when a step is so short that the next one is rounding, or when it is so long that Newton's method would
-    be lost.
+    Without `step` the start is the solution. A step gives where it leads to, the square of its length, and conditions
+    that are 1 where it may be the last. The outputs are followed by 0 where the steps have ended, else 1, and by the
+    sum of their lengths. Each pose stops by itself: when a step is so short that the next one is rounding, or when it
+    is so long that Newton's method would be lost.
     """
 
     start: Program

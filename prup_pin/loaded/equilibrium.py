@@ -33,8 +33,6 @@ _WANDERING, _FAR = 15, 1e-3
 _LOAD_STEPS = (2, 8, 32)
 #: Smaller steps are tried where coarser ones reached this share of the load.
 _WORTHWHILE = 0.3
-#: Samples solved together: what fits a processor's cache is fastest, and memory stays bounded.
-CHUNK = 512
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,6 @@ class Equilibria:
     evaluation: Evaluation
     converged: np.ndarray
     steps: Array  # last step of every sample
-    iterations: int
     inverses: tuple[Array, Array] | None  # shared inverse matrices and which one belongs to each sample
 
     @property
@@ -118,14 +115,14 @@ def find_equilibria(
             old = start.state
             state = replace(state, strain=old.strain, closure=old.closure)
     shared = start.inverses if start is not None else None
-    state, evaluation, converged, steps, count, shared = _newton(
+    state, evaluation, converged, steps, shared = _newton(
         chain, rigid, state, conditions, rows, shared, _ITERATIONS if by_steps else _FEW
     )
     free = rigid.border.holds & ~converged & (steps < TOLERANCE)
     if by_steps and free.any():
         # The load may determine what the rigid pose does not: an idle link that hangs, a play that opens.
         loose = replace(rigid, border=rigid.border.without(free))
-        part, _, good, size, _, _ = _newton(
+        part, _, good, size, _ = _newton(
             chain, loose.take(free), state.take(free), conditions.take(free), np.arange(free.sum()), None, _FEW
         )
         found = np.flatnonzero(free)[good]
@@ -137,7 +134,7 @@ def find_equilibria(
     if by_steps and not converged.all():
         state, converged, steps = _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps)
         evaluation = chain.evaluate(rigid, state, conditions)
-    return Equilibria(chain, rigid, conditions, state, evaluation, converged, steps, count, shared)
+    return Equilibria(chain, rigid, conditions, state, evaluation, converged, steps, shared)
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -150,11 +147,11 @@ def _newton(
     shared: Any,
     most: int = _ITERATIONS,
 ):
-    """Return state, evaluation, which samples converged, their last steps, iterations and the shared inverses."""
+    """Return state, evaluation, which samples converged, their last steps and the shared inverses."""
     n = len(rows)
     size = np.full(n, np.inf)
     if not n:
-        return state, chain.evaluate(rigid, state, conditions), np.zeros(n, bool), size, 0, shared
+        return state, chain.evaluate(rigid, state, conditions), np.zeros(n, bool), size, shared
     groups, which = np.unique(rows, return_inverse=True)
     if shared is None or len(shared[0]) != len(groups):
         first = np.array([np.flatnonzero(which == index)[0] for index in range(len(groups))])
@@ -168,7 +165,6 @@ def _newton(
     grown = np.zeros(n, int)
     active = np.arange(n)
     part, inside, some = state, rigid, conditions
-    iteration = 0
     for iteration in range(1, most + 1):
         at = chain.evaluate(inside, part, some)
         kept = np.isfinite(at.residual).all(axis=1) & (grown[active] < _DIVERGING)
@@ -208,7 +204,7 @@ def _newton(
         active, part = active[left], part.take(left)
         inside, some = rigid.take(active), conditions.take(active)
     evaluation = chain.evaluate(rigid, state, conditions)
-    return state, evaluation, (size < TOLERANCE) & chain.balanced(rigid, state, evaluation), size, iteration, shared
+    return state, evaluation, (size < TOLERANCE) & chain.balanced(rigid, state, evaluation), size, shared
 
 
 def _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps):
@@ -224,9 +220,7 @@ def _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps):
         for step in range(1, count + 1):
             some = conditions.take(going)
             partly = replace(some, wrench=step / count * some.wrench)
-            part, _, good, size, _, _ = _newton(
-                chain, rigid.take(going), part, partly, np.arange(len(going)), None, _FEW
-            )
+            part, _, good, size, _ = _newton(chain, rigid.take(going), part, partly, np.arange(len(going)), None, _FEW)
             going, part = going[good], part.take(good)
             reached[going] = step / count
             if not len(going):

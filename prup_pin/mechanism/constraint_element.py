@@ -50,11 +50,9 @@ def read_constraint(document: Document, element: etree._Element) -> LoopDescript
         document.problem(element, f'{what}: type="{word[:60]}". {near}')
     frames = []
     for end in ("parent", "child"):
-        link = element.find(end)
+        link, link_name = document.linked(element, end, what)
         if link is None:
-            document.problem(element, f'{what}: <{end} link="…"/> is missing')
             continue
-        link_name = document.attribute(link, "link", f"{what}, <{end}>")
         at = _origin(document, element.find(f"{end}_origin"), f"{what}, <{end}_origin>")
         # A revolute or prismatic joint's one axis is the same in both frames.
         axis = element.find(f"{end}_axis" if kind == "universal" else "parent_axis")

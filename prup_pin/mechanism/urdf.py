@@ -238,12 +238,8 @@ class UrdfDocument(ExtensionDocument):
             (fixed if kind == "fixed" else movable).append(name)
             ends = {}
             for end in ("parent", "child"):
-                element = joint.find(end)
-                if element is None:
-                    self.problem(joint, f'{what}: <{end} link="…"/> is missing')
-                    continue
-                link = self.attribute(element, "link", f"{what}, <{end}>")
-                if link is None:
+                element, link = self.linked(joint, end, what)
+                if element is None or link is None:
                     continue
                 if link not in links:
                     self.problem(element, f"{what}: no link named '{link}'. {nearest_names(link, list(links))}")
@@ -413,11 +409,9 @@ class UrdfDocument(ExtensionDocument):
                 turn = placement(axis_as_z(np.array(direction)), np.zeros(3))
             frames: list[FrameDescription] = []
             for end in ("link1", "link2"):
-                link = element.find(end)
+                link, link_name = self.linked(element, end, what, ' xyz="…" rpy="…"')
                 if link is None:
-                    self.problem(element, f'{what}: <{end} link="…" xyz="…" rpy="…"/> is missing')
                     continue
-                link_name = self.attribute(link, "link", f"{what}, <{end}>")
                 origin = self.origin(link, f"{what}, <{end}>")
                 if link_name and origin is not None:
                     frames.append(FrameDescription(link_name, origin @ turn))

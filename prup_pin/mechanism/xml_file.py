@@ -161,6 +161,16 @@ class Document(ABC):
             return None
         return value
 
+    def linked(
+        self, element: etree._Element, tag: str, what: str, more: str = ""
+    ) -> tuple[etree._Element | None, str | None]:
+        """Return a child that names a link, and that name; None after reporting. `more`: what else the child holds."""
+        child = element.find(tag)
+        if child is None:
+            self.problem(element, f'{what}: <{tag} link="…"{more}/> is missing')
+            return None, None
+        return child, self.attribute(child, "link", f"{what}, <{tag}>")
+
     def numbers(
         self,
         element: etree._Element,

@@ -67,17 +67,26 @@ class StaticsLayout:
 
     def __init__(self, mechanism: Mechanism):
         self.mechanism = mechanism
-        wrench = [module for module in mechanism.modules if not isinstance(module.kind, DriveModule)]
-        drive = [module for module in mechanism.modules if isinstance(module.kind, DriveModule)]
-        self.wrench_groups, wrench = _grouped(wrench)
-        self.drive_groups, drive = _grouped(drive)
+        self.wrench_groups, wrench = _grouped(
+            [one for one in mechanism.modules if not isinstance(one.kind, DriveModule)]
+        )
+        self.drive_groups, drive = _grouped([one for one in mechanism.modules if isinstance(one.kind, DriveModule)])
         self.groups = (*self.wrench_groups, *self.drive_groups)
         self.wrench_names = tuple(module.name for module in wrench)
         self.drive_names = tuple(module.name for module in drive)
         self.names = self.wrench_names + self.drive_names
-        self.wrench_joints = np.array([module.joint for module in wrench], int)
-        # Modules of one drive share their joint's force: computed once, then spread.
-        driven = sorted({(module.joint, module.dof) for module in drive} | _led(mechanism, drive))
+        self.index = {name: index for index, name in enumerate(self.names)}
+        #: Groups that must be evaluated at every pose, with their index.
+        self.varying = [(index, group) for index, group in enumerate(self.groups) if not group.kind.constant]
+        self._nowhere = [_NOWHERE] * len(self.groups)
+        self._place_drives(drive)
+        self._place_frames(wrench)
+        self._place_joints()
+        self._place_rows(wrench)
+
+    def _place_drives(self, drive: list[Module]) -> None:
+        """Modules of one drive share their joint's force: computed once, then spread."""
+        driven = sorted({(module.joint, module.dof) for module in drive} | _led(self.mechanism, drive))
         self.drive_joints = np.array([joint for joint, _ in driven], int)
         self.drive_dofs = np.array([dof for _, dof in driven], int)
         self.drive_rows = np.array([driven.index((module.joint, module.dof)) for module in drive], int)
@@ -87,32 +96,48 @@ class StaticsLayout:
             if isinstance(group.kind, DriveModule)
         ]
         self.drive_ratios = np.concatenate(ratios)[:, None, None] if ratios else np.zeros((0, 1, 1))
-        # Beams: where their root is. Other modules have no length.
-        beams = [
-            (index, module.root) for index, module in enumerate(wrench) if module.kind.spans_frames and module.root
-        ]
-        self._beams = np.array([index for index, _ in beams], int)
-        placed = [*(module.frame for module in wrench), *(root for _, root in beams)]
-        self._frame_joints = np.array([frame.joint for frame in placed], int)
-        self._frame_placements = np.array([frame.placement for frame in placed]).reshape(-1, 4, 4)
-        self._beam_slots = {}
-        for group in self.wrench_groups:
-            if group.kind.spans_frames:
-                start = int(np.searchsorted(self._beams, group.slots.start))
-                self._beam_slots[group] = slice(start, start + len(group.modules))
-        self.free = mechanism.free_dofs
-        # Rows of loads: six for every wrench module, one for every drive module; below them one for every free joint,
-        # and one for every follower, which its leaders bear.
+
+    def _place_frames(self, wrench: list[Module]) -> None:
+        """Frames of wrench modules, below them the roots of beams; other modules have no length."""
+        self.wrench_joints = np.array([module.joint for module in wrench], int)
+        beams = [(at, module.root) for at, module in enumerate(wrench) if module.kind.spans_frames and module.root]
+        self._beams = np.array([at for at, _ in beams], int)
+        self._placed_frames = [*(module.frame for module in wrench), *(root for _, root in beams)]
+        self._frame_joints = np.array([frame.joint for frame in self._placed_frames], int)
+        self._frame_placements = np.array([frame.placement for frame in self._placed_frames]).reshape(-1, 4, 4)
+
+    def _place_joints(self) -> None:
+        """What groups that vary take of a pose: their place among beams, what their ends are, positions of joints."""
+        self._told = []
+        for index, group in self.varying:
+            ends, start = group.modules, int(np.searchsorted(self._beams, group.slots.start))
+            beams = slice(start, start + len(ends)) if group.kind.spans_frames else None
+            roots, tips = [module.inboard_is_root for module in ends], [module.anchored_at_tip for module in ends]
+            self._told.append((index, group, beams, (np.array(roots), np.array(tips))))
+        self._joints = {group: [self.mechanism.joint(at.joint) for at in group.modules] for group in self.groups}
+        self._plain = {
+            group: np.array([joint.first_q for joint in joints], int)
+            for group, joints in self._joints.items()
+            if all(joint.nq == 1 for joint in joints)
+        }
+
+    def _place_rows(self, wrench: list[Module]) -> None:
+        """Rows of loads: six for every wrench module, one for every drive module.
+
+        Below them one for every free joint, and one for every follower, which its leaders bear.
+        """
+        mechanism, wrenches = self.mechanism, 6 * len(wrench)
         following = mechanism.coupling.dofs
+        self.free = mechanism.free_dofs
         self.row_dofs = np.concatenate((self.drive_dofs[self.drive_rows], self.free, following))
         self.row_joints = np.concatenate((np.repeat(self.wrench_joints, 6), mechanism.dof_joint[self.row_dofs]))
-        self.load_rows = 6 * len(wrench) + len(drive)
+        self.load_rows = wrenches + len(self.drive_names)
         #: Loads of each row per force along it, (rows, 1).
         self.row_ratios = np.ones((len(self.row_joints), 1))
-        self.row_ratios[6 * len(wrench) : self.load_rows] = self.drive_ratios[:, 0]
+        self.row_ratios[wrenches : self.load_rows] = self.drive_ratios[:, 0]
         #: What rows bear of the followers' loads, (rows, followers).
         self._borne = np.zeros((self.load_rows + len(self.free), len(following)))
-        for place, dof in enumerate(self.row_dofs[: len(self._borne) - 6 * len(wrench)], start=6 * len(wrench)):
+        for place, dof in enumerate(self.row_dofs[: len(self._borne) - wrenches], start=wrenches):
             beside = np.where(following == dof, 0.0, mechanism.coupling.ratios[following, dof])
             self._borne[place] = self.row_ratios[place] * beside
         # What a row takes: of six loads on the body of each joint (nj, rows, 6), and of every closure force.
@@ -124,30 +149,6 @@ class StaticsLayout:
         self.closure_loops = closure.row_loop
         #: False where there is no closure to find forces for: a free joint off the tool's path carries nothing.
         self.closed = bool(len(self.free) and closure.size)
-        #: Groups that must be evaluated at every pose, with their index.
-        self.varying = [(index, group) for index, group in enumerate(self.groups) if not group.kind.constant]
-        self._nowhere = [_NOWHERE] * len(self.groups)
-        self.index = {name: index for index, name in enumerate(self.names)}
-        #: The same with their lengths' places among those of beams, and what their ends are.
-        self._told = [
-            (
-                index,
-                group,
-                self._beam_slots.get(group),
-                (
-                    np.array([module.inboard_is_root for module in group.modules]),
-                    np.array([module.anchored_at_tip for module in group.modules]),
-                ),
-            )
-            for index, group in self.varying
-        ]
-        self._placed_frames = placed
-        self._joints = {group: [mechanism.joint(module.joint) for module in group.modules] for group in self.groups}
-        self._plain = {
-            group: np.array([joint.first_q for joint in joints], int)
-            for group, joints in self._joints.items()
-            if all(joint.nq == 1 for joint in joints)
-        }
 
     def borne(self, rows: Array) -> Array:
         """Return loads of all rows (..., rows, c) with those of followers added to their leaders', by virtual work."""

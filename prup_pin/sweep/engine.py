@@ -6,7 +6,6 @@ where a pose is of another rank than home, one after the other. What comes out o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from ..errors import PrupPinError, SingularPoseError, UnreachablePoseError, imported
-from ..kernel import Columns, Machine, Pipeline, Tree
+from ..kernel import Columns, Tree
 from ..kinematics import AWAY, CLOSED, DOUBTFUL, LIMITS, LONGEST, ClosedPose, LoopKinematics, ManyPoses
 from ..mechanism import Mechanism
 from ..spatial import Array
@@ -94,26 +93,23 @@ class Engine:
         with np.errstate(all="ignore"), _libraries().limit(limits=1, user_api="blas"):
             return written(self.many, self.layout, self.scaling, self.asked)
 
-    def _run(self, pipeline: Pipeline, widths: Sequence[int] = ()) -> Machine | Columns:
-        return Machine(pipeline, widths) if self.compiled else Columns(pipeline, widths)
+    @cached_property
+    def _machine(self) -> Columns | None:
+        return None if self.written is None else Columns(self.written.pipeline, self.written.widths, self.compiled)
 
     @cached_property
-    def _machine(self) -> Machine | Columns | None:
-        return None if self.written is None else self._run(self.written.pipeline, self.written.widths)
-
-    @cached_property
-    def _machine_at(self) -> Machine | Columns | None:
+    def _machine_at(self) -> Columns | None:
         """The same from closed configurations and coordinates."""
         if self.written is None or self.written.passing is None:
             return None
-        return self._run(self.written.at, self.written.widths)
+        return Columns(self.written.at, self.written.widths, self.compiled)
 
     @cached_property
     def _reaching(self) -> ManyPoses:
         """What finds poses that are not reached straight away, by Newton's step as it is written."""
         if self.written is None or self.written.passing is None:
             return self.many
-        reaching, machine = ManyPoses(self.kinematics), self._run(self.written.passing)
+        reaching, machine = ManyPoses(self.kinematics), Columns(self.written.passing, (), self.compiled)
 
         def step(q: Array, target: Array) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
             out = machine.run(np.concatenate((q, target), axis=1))
@@ -197,7 +193,7 @@ class Engine:
                 answer.take(some, part)
         return answer
 
-    def _filled(self, machine: Machine | Columns, given: Array, answer: Answer) -> NDArray[np.int_]:
+    def _filled(self, machine: Columns, given: Array, answer: Answer) -> NDArray[np.int_]:
         """Fill in what the machine makes of its inputs, and return where it is not sure of that."""
         assert self.written is not None
         # Nothing is copied where all that is computed was asked for.

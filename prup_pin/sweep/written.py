@@ -288,13 +288,14 @@ class _Writer:
         closure = many.closure.jacobian(gaps.wrenches, jacobian)
         matrix = np.concatenate((closure, (rates @ jacobian) * many.task.moves))
         if self.redundant:
-            return self._least_step(tape, matrix, error)
+            return self._least_step(tape, q, matrix, error)
         solution, pivots = eliminated(matrix, error[:, None])
+        steps = solution[:, 0]
         if not passing:
-            return Program(tape, list(solution[:, 0]))
+            return Program(tape, [*(q - steps), (steps * steps).sum()])
         good = least(_conditions(pivots) or [tape.constant(1.0)])
         assembled = least(many.closure.assembled_conditions(gaps.turn) or [tape.constant(1.0)])
-        return Program(tape, [*solution[:, 0], (error * error).sum(), good, assembled])
+        return Program(tape, [*steps, (error * error).sum(), good, assembled])
 
     @property
     def redundant(self) -> bool:
@@ -304,7 +305,7 @@ class _Writer:
             raise _NotWrittenError
         return more > 0
 
-    def _least_step(self, tape: Tape, matrix: Array, error: Array) -> Program:
+    def _least_step(self, tape: Tape, q: Array, matrix: Array, error: Array) -> Program:
         """Return Newton's step where closures are redundant: least squares, what is open weighed as by arrays."""
         rows, columns = self.kinematics.newton_scales
         gaps = error[: len(rows)]
@@ -318,7 +319,8 @@ class _Writer:
         if any(np.abs(pivot.values).min() < _REGULAR * size for pivot in pivots):
             raise _NotWrittenError  # some motions are idle
         still = [abs(gap) <= NEGLIGIBLE / row for gap, row in zip(gaps, rows, strict=True) if gap.known is None]
-        return Program(tape, [*(columns * solution[:, 0]), least(still or [tape.constant(1.0)])])
+        steps = columns * solution[:, 0]
+        return Program(tape, [*(q - steps), (steps * steps).sum(), *still])
 
     def _balance(self, closure: Array, solve: _Solver) -> PassiveBalance:
         """Return how free joints balance. Raises _NotWrittenError where some of them are idle."""

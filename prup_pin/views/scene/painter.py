@@ -70,9 +70,7 @@ class Painter:
         self.size = bones.size
         self.middle = (bones.points.min(axis=0) + bones.points.max(axis=0)) / 2
         camera = camera_of(robot, pose)
-        self.up, self.viewer = camera.up, camera.viewer
-        right = np.cross(self.up, self.viewer)
-        self.page = np.array([right, np.cross(self.viewer, right)]) / np.linalg.norm(right)
+        self.up, self.viewer, self.page = camera.up, camera.viewer, camera.plane
         still = [outline(part) for part in self.bodies(pose, None, 0.0, "robot", None)]
         points = np.concatenate([*still, bones.points])
         self.flat = points @ self.page.T

@@ -395,11 +395,11 @@ class Scene:
         """4 x 4: the middle to the origin, up along z, the eye above the x axis, the whole about one metre large."""
         right = np.cross(self.up, self.viewer)
         right /= np.linalg.norm(right)
-        ahead = np.cross(right, self.up)
-        turn = np.array([ahead, right, self.up])
-        flat = self.bounds @ np.array([right, np.cross(self.viewer, right), self.viewer]).T
+        turn = np.array([np.cross(right, self.up), right, self.up])
+        page = np.array([right, np.cross(self.viewer, right), self.viewer])
+        flat = self.bounds @ page.T
         low, high = flat.min(axis=0), flat.max(axis=0)
-        middle = np.array([right, np.cross(self.viewer, right), self.viewer]).T @ ((low + high) / 2)
+        middle = page.T @ ((low + high) / 2)
         size = float(np.linalg.norm(high - low)) or 1.0
         matrix = np.eye(4)
         matrix[:3, :3] = turn / size
