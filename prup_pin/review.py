@@ -68,7 +68,7 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
     yield from _tool_of_a_walker(robot)
     idle = [str(mechanism.model.names[joint]) for joint in sorted(mechanism.load_paths.idle)]
     if idle:
-        yield f"joints beside the way from tool to base, which carry nothing: {', '.join(some(idle))}"
+        yield f"joints that are not on the path from tool to base and carry nothing: {', '.join(some(idle))}"
     if not mechanism.modules:
         yield "no module is compliant: everything is rigid"
         return
@@ -131,7 +131,7 @@ def _odd_axles(robot: Robot) -> Iterator[str]:
             continue
         if (angle := mechanism.askew(module)) > _ASKEW:
             yield (
-                f"bearing '{module.name}': its axle lies {number(np.degrees(angle), 3)} deg beside the axis of joint "
+                f"bearing '{module.name}': its axle lies {number(np.degrees(angle), 3)} deg off the axis of joint "
                 f"'{joint.name}', so that along and across are not those of that joint; its axis is given "
                 f"in the axes of '{module.frame.name}', and is 0 0 1 where the file says nothing"
             )

@@ -146,7 +146,7 @@ def _check_only(found: Evidence, recording: Recording, robot: Robot) -> None:
                 ways = " or ".join(_declared(item) for item in (found.conventions, other))
                 raise InputError(
                     f"{recording.path or 'the log'} is not written as it says: {_how_far(found)}. Two readings are as "
-                    f"good: {ways}. Declare the right one, as --convention or in the JSON beside it"
+                    f"good: {ways}. Declare the right one, as --convention or in its JSON file"
                 )
 
 
@@ -187,7 +187,7 @@ def _finding(found: Evidence, name: str, mechanism: Mechanism) -> Finding:
         statement=(
             f"{name} seems to be written otherwise than it says, and is read so: {words}. "
             f"{_how_far(found).capitalize()}"
-            f'{equal}. Where that is right, declare it: "conventions": {{{beside}}} in the JSON beside it, or '
+            f'{equal}. Where that is right, declare it: "conventions": {{{beside}}} in its JSON file, or '
             f"{_declared(found.conventions)}"
         ),
         alternatives=tuple(others),

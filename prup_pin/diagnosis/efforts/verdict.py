@@ -33,15 +33,15 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
     if structure and beyond:
         # what no law explains drives them: they are no findings of their own
         names = ", ".join(name for finding in beyond for name in finding.parameters)
-        remarks.append(f"{names} would lie beyond tolerance, but may only stand for what is unknown")
+        remarks.append(f"{names} would be beyond tolerance, but may only imitate what is unknown")
     else:
         findings += beyond
     findings.sort(key=lambda finding: -finding.heldout_gain)
     unknown = unexplained(final, residuals, structure)
     doubtful = _doubtful(final, unknown)
     remarks += [
-        f"what {name} needs by its position is held beyond the travel that was seen: no law for it was found that "
-        "explains all"
+        f"the curve of {name} over its position is continued as a constant beyond the travel that was recorded: no law "
+        "explains all of it"
         for name in dict.fromkeys(term.place.name for term in doubtful)
     ]
     advice = _advice_of(final, findings, unknown)
@@ -122,7 +122,7 @@ def _remarks_of(final: FinalState) -> list[str]:
     rank, count = efforts.inertial_rank()
     if count:
         remarks.append(
-            f"this motion tells {rank} combinations of the {count} inertial parameters of the moving links; "
+            f"this motion determines {rank} combinations of the {count} inertial parameters of the moving links; "
             "the others stay as drawn"
         )
     for term in final.laws:

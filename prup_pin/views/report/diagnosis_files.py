@@ -55,7 +55,7 @@ def check_before(folder: Path, recordings: Path | Sequence[Path]) -> None:
         for name in (VERDICT, MODEL, PLAN):
             if (folder / name).resolve() == recording.with_suffix(".json").resolve():
                 raise InputError(
-                    f"--out: '{folder / name}' would replace the JSON file beside the recording; choose another"
+                    f"--out: '{folder / name}' would replace the recording's JSON file; choose another"
                 )
 
 
