@@ -158,8 +158,8 @@ def _how_far(found: Evidence) -> str:
     sizes = [_size(value, found.unit) for value in (found.written, found.read)]
     what = {"positions": "measured and drawn positions are", "orientations": "measured and drawn orientations are"}
     if found.what in what:
-        return f"{what[found.what]} {sizes[0]} apart as it is written, and {sizes[1]} as it is read so"
-    return f"the drawing leaves {sizes[0]} of {found.what} as it is written, and {sizes[1]} as it is read so"
+        return f"{what[found.what]} {sizes[0]} apart as it is written, and {sizes[1]} as it is read"
+    return f"the residual of the robot file is {sizes[0]} of {found.what} as it is written, and {sizes[1]} as it is read"
 
 
 def _size(value: float, unit: str) -> str:
@@ -185,7 +185,7 @@ def _finding(found: Evidence, name: str, mechanism: Mechanism) -> Finding:
         parameters={},
         heldout_gain=float(np.clip(found.held, 0.0, 1.0)),
         statement=(
-            f"{name} seems to be written otherwise than it says, and is read so: {words}. "
+            f"{name} does not seem to be written as it says, and is read with {words}. "
             f"{_how_far(found).capitalize()}"
             f'{equal}. Where that is right, declare it: "conventions": {{{beside}}} in its JSON file, or '
             f"{_declared(found.conventions)}"

@@ -38,7 +38,7 @@ def test_what_is_left_after_a_log_is_read_otherwise_is_told_as_such(diagnosed):
     found = replace(diagnosis, findings=(log, *diagnosis.findings))
     said = summary_text(found)
     assert said.startswith("x.csv is read reversed. Read this way: The measured position of the tool differs by ")
-    assert "away from where the simulation of the robot file puts it" in said
+    assert "(root mean square) from the simulation of the robot file." in said
     assert "account for it: x.csv" not in said
     assert f"log read with {convention}" in verdict_text(found)
     assert "log convention" not in verdict_text(found)
@@ -178,7 +178,7 @@ def test_a_log_of_many_conventions_is_told_by_how_many_columns_each_is_of(diagno
     found = replace(diagnosis, findings=(log, *diagnosis.findings))
     assert "(the log read with gain of 8 columns)" in verdict_text(found)
     assert "tau.j3" not in verdict_text(found) + summary_text(found)
-    assert summary_text(found).startswith("The log is read with gain of 8 columns. Read this way: ")
+    assert summary_text(found).startswith("The log is read with 'gain' for 8 columns. Read this way: ")
 
 
 def test_a_noise_that_is_what_was_left_makes_no_multiples_of_itself(diagnosed):

@@ -116,7 +116,7 @@ def _remarks_of(final: FinalState) -> list[str]:
         more = "".join(f", {name} in {number(100 * share, 2)} %" for name, share in others)
         remarks.append(
             f"{first} stands still in {number(100 * share, 2)} %{more} of the samples: friction takes any value there, "
-            "and they were left out for it"
+            "and these samples were not used for it"
         )
     remarks += masses_in_doubt(final.mechanism)
     rank, count = efforts.inertial_rank()
@@ -128,7 +128,7 @@ def _remarks_of(final: FinalState) -> list[str]:
     for term in final.laws:
         if term.law.body is Body.ALL_LINKS:
             untold = _by_link(efforts.base_parameters(term.law).silent)
-            remarks.append(f"this motion tells nothing of {untold}: they stay as drawn")
+            remarks.append(f"this motion says nothing about {untold}: they stay as in the robot file")
     silent = [name for name in final.mechanism.actuated if name not in motion.names]
     if silent:
         remarks.append(f"no position was recorded of {', '.join(silent)}: taken to stand at home")

@@ -81,7 +81,7 @@ def _read_so(conventions: Sequence[Convention]) -> str:
     if len(conventions) <= _IN_A_SENTENCE:
         return f"with {', '.join(map(str, conventions))}"
     words = Counter(convention.word for convention in conventions)
-    told = [f"{word} of {counted(many, 'column')}" for word, many in words.items()]
+    told = [f"'{word}' for {counted(many, 'column')}" for word, many in words.items()]
     return f"with {_joined(told)}"
 
 
