@@ -96,9 +96,12 @@ def verdict_of(
             for finding in findings
         ]
     tell("the next experiment", 0.95)
+    noise = problem.noise
+    if prepared.assumed and noise.source == "estimated" and noise == prepared.problem.noise:
+        noise = replace(noise, source="assumed")
     return Diagnosis(
         verdict=verdict,
-        noise=problem.noise,
+        noise=noise,
         before={"fit": white_before, "heldout": white_before},
         after={"fit": white_after, "heldout": white_held},
         within=_within(problem, first, count),

@@ -309,7 +309,7 @@ def test_axes_that_were_drawn_in_the_cameras_program_are_not_the_frames(tmp_path
     robot = logs.csv(tmp_path / "robot.csv", {"timestamp": 812.0 + T} | logs.numbered("actual_q_{}", Q, 0))
     made = guess(read_logs([robot, camera]), ur5)
     assert "# r.tool0: {from: [tool0.Rotation.X" in made.text
-    assert "left out: the body's axes are turned by 29 deg against the frame's" in made.text
+    assert "not used: the body's axes are turned by 29 deg against the frame's" in made.text
 
 
 def test_where_a_robot_rests_often_what_it_does_in_between_is_left_out(tmp_path, ur5):
@@ -398,8 +398,8 @@ def test_markers_that_have_numbers_for_names_are_on_the_body_that_they_move_with
     for place, name in zip((first, second), markers, strict=True):
         np.testing.assert_allclose(markers[name], place, atol=1e-9)
     text = (tmp_path / "map.yaml").read_text()
-    assert "moves as wrist_3_link; 1." in text
-    assert "moves as forearm_link; 1." in text
+    assert "moves as wrist_3_link; median distance from it 1." in text
+    assert "moves as forearm_link; median distance from it 1." in text
     assert "marker 3 is marker 1 again, number by number" in text
     assert done.recording.tolerances.declared["target_position"] >= 0.1
     assert done.recording.tolerances.declared["frame_position"] > 5

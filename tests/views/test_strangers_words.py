@@ -176,7 +176,7 @@ def test_a_log_of_many_conventions_is_told_by_how_many_columns_each_is_of(diagno
     gains = tuple(Convention(f"tau.j{k}", "gain", (0.1 * k,)) for k in range(1, 9))
     log = Finding("log_convention", "robot", ("robot",), {}, 1.0, "the drives report otherwise", conventions=gains)
     found = replace(diagnosis, findings=(log, *diagnosis.findings))
-    assert "(the log read with gain of 8 columns)" in verdict_text(found)
+    assert "(the log read with 'gain' for 8 columns)" in verdict_text(found)
     assert "tau.j3" not in verdict_text(found) + summary_text(found)
     assert summary_text(found).startswith("The log is read with 'gain' for 8 columns. Read this way: ")
 

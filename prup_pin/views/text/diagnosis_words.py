@@ -17,6 +17,8 @@ from ...recordings.columns import AS_LOGGED
 
 #: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
 _ABSURD = 1e9
+#: A parameter that is zero and may be as large as this, in any SI unit, may be anything.
+_ANY_SIZE = 100.0
 #: Findings that a sentence lists one by one.
 _IN_A_SENTENCE = 6
 #: ... and whose statements a paragraph holds.
@@ -33,6 +35,11 @@ _WAYS = {
     "rest": "their scatter at rest",
     "quantisation": "their steps",
     "repeats": "rows that repeat",
+}
+#: Where the noise of poses comes from, in words.
+_SOURCES = {
+    "residual": "not declared: the residual with everything free to vary",
+    "assumed": "not declared: assumed, as nothing shows it; declare position_noise and rotation_noise",
 }
 _NO_FAULT = "The robot's deflection under load changes how it carries the load; that is no fault."
 #: Share of the squared residual that is nothing; how many times as much is beyond counting.
@@ -289,8 +296,18 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
         if fitted.value == 0 and factor * max(abs(low), abs(high)) > 0.99 * _ABSURD:
             rows.append((words, "not determined by this recording", "any size"))
             continue
+        if _is_open(fitted):
+            value = "not determined by this recording"
         rows.append((words, value, f"{_end(factor * low)} to {_end(factor * high)} {unit}".strip()))
     return rows
+
+
+def _is_open(fitted: FittedParameter) -> bool:
+    """Return whether an interval holds values a thousand times as large and a hundredth as large, or any size."""
+    low, high = sorted(abs(end) for end in fitted.interval)
+    if fitted.value == 0:
+        return high >= _ANY_SIZE
+    return high > 1000 * abs(fitted.value) and low < abs(fitted.value) / 100
 
 
 def by_place(finding: Finding) -> dict[str, list[tuple[str, str, str]]]:
@@ -403,10 +420,7 @@ def noise_text(diagnosis: Diagnosis) -> list[str]:
             texts.append(f"{name} {quantity(value, unit)}")
     efforts = diagnosis.efforts
     if efforts is None or efforts.declared:
-        return [
-            *texts,
-            "not declared: the residual with everything free to vary" if noise.source == "residual" else noise.source,
-        ]
+        return [*texts, _SOURCES.get(noise.source, noise.source)]
     ways = _joined([_WAYS.get(way, way) for way in dict.fromkeys(efforts.how) if way])
     return [*texts, f"{noise.source}, of efforts by {ways}" if ways else f"{noise.source}, of efforts unknown"]
 
