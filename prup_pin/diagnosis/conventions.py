@@ -185,7 +185,7 @@ def _finding(found: Evidence, name: str, mechanism: Mechanism) -> Finding:
         parameters={},
         heldout_gain=float(np.clip(found.held, 0.0, 1.0)),
         statement=(
-            f"{name} does not seem to be written as it says, and is read with {words}. "
+            f"{'' if name == 'the log' else 'the log '}{name} does not seem to be written as it says: {words}. "
             f"{_how_far(found).capitalize()}"
             f'{equal}. Where that is right, declare it: "conventions": {{{beside}}} in its JSON file, or '
             f"{_declared(found.conventions)}"

@@ -98,7 +98,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     if diagnosis.efforts is not None:
         shares = diagnosis.efforts.shares["all"]
         ends = (number(100 * shares[key], 3) for key in ("rigid", "heldout"))
-        facts.append(("Efforts that were not recorded", " → ".join(ends), "% of them, root mean square"))
+        facts.append(("Residual of the efforts", " → ".join(ends), "% of the efforts, root mean square"))
     return facts
 
 
