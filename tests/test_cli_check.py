@@ -56,7 +56,7 @@ def test_values_of_one_option_are_joined_by_commas(run):
 def test_a_walking_robot_is_told_that_it_stands(run):
     text = told(run("check", "solo12", "--tool", "FL_FOOT"))
     assert "the tool 'FL_FOOT' lies 0.32 m below the base 'base_link', which is taken as fixed" in text
-    assert "which carry nothing: FR_HAA" in text
+    assert "and carry nothing: FR_HAA" in text
     assert "the base 'base_link' is taken as fixed to the ground; the real one floats or walks" in text
     assert "no home is given" in text
 
@@ -77,6 +77,12 @@ def test_parts_that_carry_nothing_and_redundancy_are_named(run, tmp_path):
             'type="joint_spring" joint="left_motor">\n      <parameter name="stiffness"',
             'type="bearing" axis="0 1 0" joint="left_motor">\n      <parameter name="rotational_stiffness"',
             "bearing 'left/motor': its axle lies 90 deg off the axis of joint 'left_motor'",
+        ),
+        (
+            'name="left/motor" type="joint_spring" joint="left_motor"',
+            'name="left/motor" type="joint_spring" joint="left_hinge_at_elbow"',
+            "springs at joints that are not actuated: 'left/motor' at 'left_hinge_at_elbow', while other drives "
+            "yield and left_motor is rigid: does a spring belong there?",
         ),
         ('name="y" component="y"', 'name="z" component="z"', "cannot be changed alone, beginning at home: z"),
     ],

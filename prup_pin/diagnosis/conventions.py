@@ -159,7 +159,9 @@ def _how_far(found: Evidence) -> str:
     what = {"positions": "measured and drawn positions are", "orientations": "measured and drawn orientations are"}
     if found.what in what:
         return f"{what[found.what]} {sizes[0]} apart as it is written, and {sizes[1]} as it is read"
-    return f"the residual of the robot file is {sizes[0]} of {found.what} as it is written, and {sizes[1]} as it is read"
+    return (
+        f"the residual of the robot file is {sizes[0]} of {found.what} as it is written, and {sizes[1]} as it is read"
+    )
 
 
 def _size(value: float, unit: str) -> str:

@@ -229,8 +229,8 @@ def _text(content: bytes, problems: Problems, first: int) -> bytes:
         whole = "is UTF-16 text; save it as UTF-8"
     elif start in (b"{", b"["):
         whole = (
-            f"looks like JSON; expected {_EXPECTED}, with its JSON file (same name, .json). A test plan is carried out by "
-            "prup-pin simulate --plan"
+            f"looks like JSON; expected {_EXPECTED}, with its JSON file (same name, .json). A test plan is carried out "
+            "by prup-pin simulate --plan"
         )
     elif start == b"<":
         whole = f"looks like XML or HTML; expected {_EXPECTED}"

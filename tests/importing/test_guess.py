@@ -273,7 +273,8 @@ PLANAR = """<robot name="planar">
   <link name="base"/>{links}<link name="tip"/>
   <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 -1 0"/>
     <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
-  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0.6 0 0"/><axis xyz="0 -1 0"/>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/>
+    <origin xyz="0.6 0 0"/><axis xyz="0 -1 0"/>
     <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
   <joint name="flange" type="fixed"><parent link="fore"/><child link="tip"/><origin xyz="0.5 0 0"/></joint>
   <prup_pin version="1"><tool frame="tip"/><actuated joints="shoulder elbow"/></prup_pin>
@@ -291,7 +292,9 @@ def planar(tmp_path_factory):
     bent = a + b - 2e-3 * rng.standard_normal(len(a))
     x, z = 600 * np.cos(a) + 500 * np.cos(bent), 600 * np.sin(a) + 500 * np.sin(bent)
     noise = 0.01 * rng.standard_normal((len(a), 3))
-    table = np.column_stack([5.0 * np.arange(len(a)), *np.degrees([a, b]), x, 0 * x, z, 0 * x, -np.degrees(bent), 0 * x])
+    table = np.column_stack(
+        [5.0 * np.arange(len(a)), *np.degrees([a, b]), x, 0 * x, z, 0 * x, -np.degrees(bent), 0 * x]
+    )
     table[:, 3:6] += noise
     head = "Zeit [s];shoulder [°];elbow [°];X [mm];Y [mm];Z [mm];RX [°];RY [°];RZ [°]"
     rows = "\n".join(";".join(f"{value:.5f}".replace(".", ",") for value in row) for row in table)

@@ -124,7 +124,9 @@ def test_each_finding_says_what_leaving_it_out_costs_and_what_to_do(diagnosed, p
     assert f"Without it the residual would be {number(squares**0.5, 3)} times as large." in words(page)
     little = replace(first, heldout_gain=1 - 1 / 1.05**2)
     assert cost_text(little) == "without it the residual would be 5 % larger"
-    assert cost_text(replace(first, heldout_gain=1.0)) == "without it the residual would be more than 1000 times as large"
+    assert (
+        cost_text(replace(first, heldout_gain=1.0)) == "without it the residual would be more than 1000 times as large"
+    )
     assert cost_text(replace(first, heldout_gain=0.0)) == "other errors could compensate for it"
     unknown = replace(first, physics="unknown", effect=None, heldout_gain=0.4)
     assert cost_text(unknown) == ""  # its statement has shares of what is left

@@ -62,8 +62,8 @@ def structure_left(final: FinalState) -> list[Finding]:
         joint, without = term.place.name, held_out(final.with_time.without(term)).sum()
         share = heldout_gain(whole, without)
         text = (
-            f"a systematic part of the residual at {joint} is explained by no law of the library; {term.law.summary} by a "
-            f"curve of its own would take away {100 * share:.0f} % of the residual's square"
+            f"a systematic part of the residual at {joint} is explained by no law of the library; {term.law.summary} by "
+            f"a curve of its own would take away {100 * share:.0f} % of the residual's square"
             + ("" if term.is_of_time else ", and the corrected model follows it")
         )
         found.append(_unknown_at(joint, text, share))
@@ -71,8 +71,9 @@ def structure_left(final: FinalState) -> list[Finding]:
         joint, link, saved = final.joint_of(term.place.name), term.place.name, final.held_out_saving(term)
         share = float(np.clip(saved / max(saved + float(final.held_out.sum()), np.finfo(float).tiny), 0.0, 1.0))
         text = (
-            f"a systematic part of the residual at {joint} is explained by no law of the library; masses of {link} that "
-            f"no body has would take away {100 * share:.0f} % of its square; the corrected model keeps to a body that can be"
+            f"a systematic part of the residual at {joint} is explained by no law of the library; masses of {link} "
+            f"that no body has would take away {100 * share:.0f} % of its square; the corrected model keeps to a body "
+            "that can be"
         )
         found.append(replace(_unknown_at(joint, text, share), candidates=(joint, link)))
     return found

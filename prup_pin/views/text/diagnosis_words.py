@@ -41,6 +41,7 @@ _SOURCES = {
     "residual": "not declared: the residual with everything free to vary",
     "assumed": "not declared: assumed, as nothing shows it; declare position_noise and rotation_noise",
 }
+_NO_MOTION = ", and does not depend on the motion to an extent that matters"
 _NO_FAULT = "The robot's deflection under load changes how it carries the load; that is no fault."
 #: Share of the squared residual that is nothing; how many times as much is beyond counting.
 _NO_GAIN, _BEYOND_COUNTING = 5e-4, 1000
@@ -103,7 +104,7 @@ def _nothing_missing(diagnosis: Diagnosis, left: str) -> str:
             loaded = ". The loads move the robot so far that equilibrium must be taken in its deformed position"
         return f"Nothing is missing: simulation and recording differ by {noise}{besides}{loaded}."
     loud = "" if math.isnan(after) else f", {number(after, 3)} times the scatter of a single sample"
-    return f"Nothing is missing: the residual is {left}{loud}, and does not depend on the motion to an extent that matters."
+    return f"Nothing is missing: the residual is {left}{loud}{_NO_MOTION}."
 
 
 def _takes(before: float, after: float) -> str:
@@ -143,8 +144,8 @@ def _of_efforts(shares: Mapping[str, float], after: float, ends_there: bool = Tr
     ends = [_percent(shares[key]) for key in ("rigid", "heldout")]
     falls = "" if ends[0] == ends[1] else f"the residual of the efforts falls from {ends[0]} to {ends[1]}"
     return (
-        f"{falls or f'the residual is {ends[1]} of the efforts'}, {number(after, 3)} times the scatter of a single sample"
-        f"{', and does not depend on the motion to an extent that matters' if ends_there else ''}"
+        f"{falls or f'the residual is {ends[1]} of the efforts'}, {number(after, 3)} times the scatter of a single "
+        f"sample{_NO_MOTION if ends_there else ''}"
     )
 
 
@@ -439,7 +440,9 @@ def multiple_text(diagnosis: Diagnosis) -> str:
     if diagnosis.efforts is None or math.isnan(diagnosis.after["heldout"]):
         return ""
     text = "1 × noise is the scatter of a single sample of an effort"
-    return text if diagnosis.efforts.standing else f"{text}; the comparison filters samples, so that less than 1 is normal"
+    return (
+        text if diagnosis.efforts.standing else f"{text}; the comparison filters samples, so that less than 1 is normal"
+    )
 
 
 def places_text(names: Iterable[str]) -> str:
