@@ -62,7 +62,7 @@ def structure_left(final: FinalState) -> list[Finding]:
         joint, without = term.place.name, held_out(final.with_time.without(term)).sum()
         share = heldout_gain(whole, without)
         text = (
-            f"a systematic part of the residual at {joint} is explained by no law of the library; {term.law.summary} by "
+            f"a systematic residual at {joint} is explained by no law of the library: {term.law.summary} by "
             f"a curve of its own would take away {100 * share:.0f} % of the residual's square"
             + ("" if term.is_of_time else ", and the corrected model follows it")
         )
