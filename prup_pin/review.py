@@ -15,6 +15,7 @@ from .errors import JointLimitWarning, MissingExtraError, NoStiffnessError, Prup
 from .kinematics import Mobility
 from .mechanism.second_reader import second_opinion
 from .modules import WrenchModule
+from .modules.joint_spring import JointSpring
 from .numbers import counted, number, quantity, some
 from .parameters import Parameter
 from .robot import Robot
@@ -58,6 +59,7 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
     yield from _fixed_coordinates(robot)
     yield from _odd_beams(robot)
     yield from _odd_axles(robot)
+    yield from _springs_of_no_drive(robot)
     if found.idle_joints:
         yield f"joints that turn idly, holding nothing: {', '.join(found.idle_joints)}"
     if found.redundant:
@@ -68,7 +70,7 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
     yield from _tool_of_a_walker(robot)
     idle = [str(mechanism.model.names[joint]) for joint in sorted(mechanism.load_paths.idle)]
     if idle:
-        yield f"joints beside the way from tool to base, which carry nothing: {', '.join(some(idle))}"
+        yield f"joints that are not on the path from tool to base and carry nothing: {', '.join(some(idle))}"
     if not mechanism.modules:
         yield "no module is compliant: everything is rigid"
         return
@@ -131,10 +133,28 @@ def _odd_axles(robot: Robot) -> Iterator[str]:
             continue
         if (angle := mechanism.askew(module)) > _ASKEW:
             yield (
-                f"bearing '{module.name}': its axle lies {number(np.degrees(angle), 3)} deg beside the axis of joint "
+                f"bearing '{module.name}': its axle lies {number(np.degrees(angle), 3)} deg off the axis of joint "
                 f"'{joint.name}', so that along and across are not those of that joint; its axis is given "
                 f"in the axes of '{module.frame.name}', and is 0 0 1 where the file says nothing"
             )
+
+
+def _springs_of_no_drive(robot: Robot) -> Iterator[str]:
+    """Yield springs at passive joints where a drive is rigid although others of the robot yield."""
+    mechanism = robot.mechanism
+    yielding = {module.joint for module in mechanism.modules if mechanism.gives_way(module)}
+    driven = {mechanism.joint_id(name): name for name in mechanism.actuated}
+    rigid = [name for joint, name in driven.items() if joint not in yielding | mechanism.load_paths.idle]
+    astray = [
+        f"'{module.name}' at '{mechanism.joint(module.joint).name}'"
+        for module in mechanism.modules
+        if isinstance(module.kind, JointSpring) and module.joint not in driven
+    ]
+    if rigid and len(rigid) < len(driven) and astray:
+        yield (
+            f"springs at joints that are not actuated: {', '.join(some(astray))}, while other drives yield and "
+            f"{', '.join(some(rigid))} {'is' if len(rigid) == 1 else 'are'} rigid: does a spring belong there?"
+        )
 
 
 def _tool_of_a_walker(robot: Robot) -> Iterator[str]:

@@ -101,7 +101,7 @@ def packaged_folder() -> Path:
     for folder in (here / "urdf", here.parent / "urdf"):  # installed, or a source checkout
         if (folder / "3prup.urdf").is_file():
             return folder
-    raise PrupPinError(f"the packaged robots are missing beside {here}; reinstall prup_pin")
+    raise PrupPinError(f"the packaged robots are missing next to {here}; reinstall prup_pin")
 
 
 def example_folder() -> Path | None:

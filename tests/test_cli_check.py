@@ -56,7 +56,7 @@ def test_values_of_one_option_are_joined_by_commas(run):
 def test_a_walking_robot_is_told_that_it_stands(run):
     text = told(run("check", "solo12", "--tool", "FL_FOOT"))
     assert "the tool 'FL_FOOT' lies 0.32 m below the base 'base_link', which is taken as fixed" in text
-    assert "which carry nothing: FR_HAA" in text
+    assert "and carry nothing: FR_HAA" in text
     assert "the base 'base_link' is taken as fixed to the ground; the real one floats or walks" in text
     assert "no home is given" in text
 
@@ -64,7 +64,7 @@ def test_a_walking_robot_is_told_that_it_stands(run):
 def test_parts_that_carry_nothing_and_redundancy_are_named(run, tmp_path):
     text = told(run("check", "panda", "--joint-stiffness", "panda_joint1=1e4,panda_finger_joint1=1e4"))
     assert "modules that carry nothing at home, whatever acts on the tool: panda_finger_joint1" in text
-    assert "joints beside the way from tool to base, which carry nothing: panda_finger_joint1" in text
+    assert "joints that are not on the path from tool to base and carry nothing: panda_finger_joint1" in text
     assert "K does not exist at home: nothing yields under 5 of 6 loads" in text
 
 
@@ -76,7 +76,13 @@ def test_parts_that_carry_nothing_and_redundancy_are_named(run, tmp_path):
         (
             'type="joint_spring" joint="left_motor">\n      <parameter name="stiffness"',
             'type="bearing" axis="0 1 0" joint="left_motor">\n      <parameter name="rotational_stiffness"',
-            "bearing 'left/motor': its axle lies 90 deg beside the axis of joint 'left_motor'",
+            "bearing 'left/motor': its axle lies 90 deg off the axis of joint 'left_motor'",
+        ),
+        (
+            'name="left/motor" type="joint_spring" joint="left_motor"',
+            'name="left/motor" type="joint_spring" joint="left_hinge_at_elbow"',
+            "springs at joints that are not actuated: 'left/motor' at 'left_hinge_at_elbow', while other drives "
+            "yield and left_motor is rigid: does a spring belong there?",
         ),
         ('name="y" component="y"', 'name="z" component="z"', "cannot be changed alone, beginning at home: z"),
     ],
@@ -104,7 +110,7 @@ def test_a_wrong_file_lists_its_problems(run, tmp_path):
     path.write_text('<robot name="x"><link name="a"/><link name="b"/></robot>')
     done = run("check", path)
     assert done.exit_code == 2
-    assert "is a second root beside 'a'" in " ".join(done.stderr.split())
+    assert "is a second root next to 'a'" in " ".join(done.stderr.split())
 
 
 def test_all_robots_of_example_robot_data_have_a_name():

@@ -403,7 +403,7 @@ def test_noise_declared_far_too_small(clean_bench, run, tmp_path):
     assert document["verdict"] == "nothing_missing"
     assert document["noise"]["source"] == "estimated"
     assert document["noise"]["position"] == pytest.approx(2e-6, rel=0.15)
-    assert any("what is left is noise" in text for text in document["remarks"])
+    assert any("the residual is noise" in text for text in document["remarks"])
 
 
 @pytest.mark.slow

@@ -185,7 +185,7 @@ def examples_folder() -> Path:
     for folder in (package / "examples", package.parent / "examples"):
         if (folder / "bench.csv").is_file():
             return folder
-    raise PrupPinError(f"the examples are missing beside {package}; reinstall prup_pin")
+    raise PrupPinError(f"the examples are missing next to {package}; reinstall prup_pin")
 
 
 def _differs(path: Path, there: Path) -> bool:

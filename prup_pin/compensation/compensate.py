@@ -132,7 +132,7 @@ def compensate(
     if not isinstance(path, ToolPath):
         path = ToolPath.of(path, wrench, time)
     elif wrench is not None or time is not None:
-        raise InputError("a ToolPath has its own wrench and time; give coordinates by name beside others")
+        raise InputError("a ToolPath has its own wrench and time; give coordinates by name when there are others")
     if not len(path):
         raise InputError("a path without rows has nothing to compensate; expected one row or more")
     effects = tuple(effect.checked(robot.mechanism) for effect in effects)

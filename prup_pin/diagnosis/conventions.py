@@ -146,7 +146,7 @@ def _check_only(found: Evidence, recording: Recording, robot: Robot) -> None:
                 ways = " or ".join(_declared(item) for item in (found.conventions, other))
                 raise InputError(
                     f"{recording.path or 'the log'} is not written as it says: {_how_far(found)}. Two readings are as "
-                    f"good: {ways}. Declare the right one, as --convention or in the JSON beside it"
+                    f"good: {ways}. Declare the right one, as --convention or in its JSON file"
                 )
 
 
@@ -158,8 +158,10 @@ def _how_far(found: Evidence) -> str:
     sizes = [_size(value, found.unit) for value in (found.written, found.read)]
     what = {"positions": "measured and drawn positions are", "orientations": "measured and drawn orientations are"}
     if found.what in what:
-        return f"{what[found.what]} {sizes[0]} apart as it is written, and {sizes[1]} as it is read so"
-    return f"the drawing leaves {sizes[0]} of {found.what} as it is written, and {sizes[1]} as it is read so"
+        return f"{what[found.what]} {sizes[0]} apart as it is written, and {sizes[1]} as it is read"
+    return (
+        f"the residual of the robot file is {sizes[0]} of {found.what} as it is written, and {sizes[1]} as it is read"
+    )
 
 
 def _size(value: float, unit: str) -> str:
@@ -185,9 +187,9 @@ def _finding(found: Evidence, name: str, mechanism: Mechanism) -> Finding:
         parameters={},
         heldout_gain=float(np.clip(found.held, 0.0, 1.0)),
         statement=(
-            f"{name} seems to be written otherwise than it says, and is read so: {words}. "
+            f"{'' if name == 'the log' else 'the log '}{name} does not seem to be written as it says: {words}. "
             f"{_how_far(found).capitalize()}"
-            f'{equal}. Where that is right, declare it: "conventions": {{{beside}}} in the JSON beside it, or '
+            f'{equal}. Where that is right, declare it: "conventions": {{{beside}}} in its JSON file, or '
             f"{_declared(found.conventions)}"
         ),
         alternatives=tuple(others),

@@ -242,7 +242,7 @@ def _force_left(problem: Problem, fit: Fit) -> float:
 
 def _larger_noise(noise: Noise, larger: Noise) -> str:
     return (
-        f"what is left is noise, but {number(1e6 * larger.position, 3)} µm and "
+        f"the residual is noise, but {number(1e6 * larger.position, 3)} µm and "
         f"{number(1e6 * larger.rotation, 3)} µrad, not the "
         f"{noise.source} {number(1e6 * noise.position, 3)} µm and {number(1e6 * noise.rotation, 3)} µrad: the "
         "former were used"

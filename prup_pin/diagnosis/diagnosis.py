@@ -29,7 +29,7 @@ __all__ = ["ByRecording", "Detectable", "Diagnosis", "Finding", "FittedParameter
 #: What to do about what is no law.
 _REMEDIES = {
     "finite_deflection": "predict with robot.equilibrium, as the corrected model does, and not with C times the load",
-    "log_convention": "say how the log is written, in the JSON beside it or by --convention, or write it otherwise",
+    "log_convention": "say how the log is written, in its JSON file or by --convention, or write it otherwise",
     "unknown": "look at {place} itself, record more there, and trust the corrected model only near what was recorded",
 }
 

@@ -133,7 +133,7 @@ def beyond_its_tolerance(item: CalibratedParameter, held: float) -> Finding:
         },
         heldout_gain=float(gain / (gain + max(held, 1e-300))),
         statement=(
-            f"{item.name} lies {number(abs(item.x), 3)} tolerances beside the robot file: "
+            f"{item.name} lies {number(abs(item.x), 3)} tolerances away from the robot file: "
             f"{number(item.value, 6)} {item.deviation.unit} instead of {number(item.deviation.nominal, 6)}"
             + (f"; where it just is there, declare it (tolerance {item.deviation.kind})" if own else "")
         ),
@@ -160,8 +160,8 @@ def without_place(problem: Problem, fit: Fit, selection: Selection, count: int) 
     most, size = max(parts, key=lambda part: part[1])
     share = size / max(float(squares.sum()), 1e-300)
     return unknown_at_robot(
-        f"what is left is {number(rms_of_sum(fit.chi2, count), 3)} times the noise, and nothing takes it away: "
-        f"{tried}. It shows in the {most} ({100 * share:.0f} % of its square)"
+        f"the residual is {number(rms_of_sum(fit.chi2, count), 3)} times the noise, and nothing explains it: "
+        f"{tried}. It is largest in the {most} ({100 * share:.0f} % of its square)"
     )
 
 
@@ -183,8 +183,8 @@ def nothing_compared(problem: Problem, unused: Sequence[str]) -> Finding:
 def unrecorded_load(left: Noise, force: float) -> Finding:
     """Return the finding that forces [N] nobody recorded leave what is left, which has the size of that noise."""
     found = unknown_at_robot(
-        f"what is left, {quantity(left.position, 'm')} and {quantity(left.rotation, 'rad')}, lies where forces of some "
-        f"{number(force, 2)} N at the tool move the robot, and no load was recorded"
+        f"the residual, {quantity(left.position, 'm')} and {quantity(left.rotation, 'rad')}, looks like the deflection "
+        f"under forces of some {number(force, 2)} N at the tool, and no load was recorded"
     )
     return replace(found, advice="give the load of each sample in columns w.fx … w.mz, with 0 where there was none")
 
@@ -199,7 +199,7 @@ def too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Findi
         f"nothing can be said: the noise is not declared, and {counted(len(samples), 'sample')} of "
         f"{counted(poses, 'pose')} are too few to tell noise of {number(1e6 * noise.position, 3)} µm and "
         f"{number(1e6 * noise.rotation, 3)} µrad from something left out. Declare "
-        "position_noise and rotation_noise beside the recording, or record more"
+        "position_noise and rotation_noise in the recording's JSON file, or record more"
     )
 
 
@@ -219,9 +219,9 @@ def no_noise(problem: Problem, fit: Fit, blocks: np.ndarray) -> Finding | None:
     else:
         return None
     return unknown_at_robot(
-        f"what is left beside all that may be off, {quantity(problem.noise.position, 'm')} and "
-        f"{quantity(problem.noise.rotation, 'rad')}, is no noise: {why}. Declare position_noise and rotation_noise "
-        "beside the recording, or see some poses again"
+        f"the residual with everything free to vary, {quantity(problem.noise.position, 'm')} and "
+        f"{quantity(problem.noise.rotation, 'rad')}, is not noise: {why}. Declare position_noise and rotation_noise "
+        "in the recording's JSON file, or measure some poses again"
     )
 
 

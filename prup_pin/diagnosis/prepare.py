@@ -56,7 +56,8 @@ class Prepared:
 
     raw_linear (n, K) [m, rad]: what is left of the simulation that a user starts from; raw_registered: the same with
     sensors where they stand. `placed`: what was measured, and where its sensors stand; `spread`: which kinds are off
-    everywhere, where that was asked; `noise_unknown`: only the residual tells the noise. `remarks` are added to later.
+    everywhere, where that was asked; `noise_unknown`: only the residual tells the noise; `assumed`:
+    nothing does, and it is that of a good sensor. `remarks` are added to later.
     """
 
     together: Together
@@ -71,6 +72,7 @@ class Prepared:
     placed: Registered
     spread: Spread | None = None
     noise_unknown: bool = False
+    assumed: bool = False
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -133,7 +135,8 @@ def prepare(
             library = _library(together, problem)
             remarks.append(_stations_remark(spread.stations))
         together, library = spread.widened(together), spread.among(library)
-    if noise.source == "assumed":
+    assumed = noise.source == "assumed"
+    if assumed:
         noise = replace(noise, source="estimated")
     if noise is not problem.noise or stack is not problem.stack:
         problem = Problem.of(seen.simulator, stack, noise, nominal)
@@ -152,6 +155,7 @@ def prepare(
         placed=seen.placed,
         spread=spread,
         noise_unknown=noise_unknown,
+        assumed=assumed,
     )
 
 

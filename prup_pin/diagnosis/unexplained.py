@@ -96,8 +96,8 @@ def _beside_unknown(
     if found.follows is not None:
         (what, _, _, came), share = found.follows
     statement = (
-        "structure is left over that no law of the library takes away. Of its square, a deformation of "
-        f"{found.module}, whatever it is at each sample, would take away {100 * found.share:.0f} %, and one that "
+        "part of the residual is systematic and explained by no law of the library. Of its square, a deformation of "
+        f"{found.module}, free at each sample, would take away {100 * found.share:.0f} %, and one that "
         f"follows {what} {100 * share:.0f} %"
     )
     advice = ""

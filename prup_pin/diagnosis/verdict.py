@@ -96,9 +96,12 @@ def verdict_of(
             for finding in findings
         ]
     tell("the next experiment", 0.95)
+    noise = problem.noise
+    if prepared.assumed and noise.source == "estimated" and noise == prepared.problem.noise:
+        noise = replace(noise, source="assumed")
     return Diagnosis(
         verdict=verdict,
-        noise=problem.noise,
+        noise=noise,
         before={"fit": white_before, "heldout": white_before},
         after={"fit": white_after, "heldout": white_held},
         within=_within(problem, first, count),
@@ -123,8 +126,8 @@ def _driven_beyond(names: Sequence[str]) -> str:
     """Return a sentence on parameters that what no law explains drives beyond their tolerances."""
     listed = ", ".join(names[:MOST_LISTED]) + (", …" if len(names) > MOST_LISTED else "")
     return (
-        f"{counted(len(names), 'parameter')} would lie beyond tolerance ({listed}), but while "
-        "structure is left over they may only stand for that"
+        f"{counted(len(names), 'parameter')} would be beyond tolerance ({listed}), but while part of the residual "
+        "is unexplained they may only imitate it"
     )
 
 
@@ -136,7 +139,7 @@ _UNCALIBRATED = (
 
 
 def _shows(problem: Problem, fit: Fit) -> bool:
-    """Return True where what acts whatever else does, weight, moves what was measured by more than chance."""
+    """Return True where what is always present, weight, moves what was measured by more than chance."""
     assert problem.tolerances is not None
     parameters = [problem.tolerances.toleranced.effect(fit.x)] if len(fit.x) else []
     without = problem.simulator.setup([*parameters, *(term.effect for term in fit.terms)])

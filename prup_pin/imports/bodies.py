@@ -80,7 +80,7 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
         if found is None:
             continue
         kind, axis = (found["kind"] or "").lower(), found["axis"].lower()
-        said = spelled(stream.units.get(name) or _bracket(name) or "") or ""
+        said = _unit_of(stream, name)
         spoken = set(words_of(found["body"]))
         body = f"{_plain(found['body'])}{found['twice'] or ''}"
         if kind == "q" or (spoken & set(_TURNED) and not spoken & set(_PLACE)):
@@ -111,7 +111,7 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
             order = stream.labels.get("rotation type", "XYZ").upper()
             home.turn, home.manner = tuple(parts[axis.lower()] for axis in order), f"euler_{order}"
             home.doubt = "Euler angles in this order, and about the body's own axes?"
-        home.unit = spelled(stream.units.get(home.turn[0]) or "") if home.turn else None
+        home.unit = _unit_of(stream, home.turn[0]) if home.turn else None
         if home.manner.startswith("euler"):
             home.unit = home.unit or "deg"
     for called, cells in matrices.items():
@@ -139,6 +139,11 @@ def _plain(body: str) -> str:
         parts.pop()
     kept = body[: body.rfind(parts[-1]) + len(parts[-1])] if parts else body
     return "" if kept.lower() in _SAYING else kept
+
+
+def _unit_of(stream: Stream, name: str) -> str:
+    """Return the unit that a log or the heading of a column says, or ''."""
+    return spelled(stream.units.get(name) or _bracket(name) or "") or ""
 
 
 def _bracket(name: str) -> str | None:

@@ -33,8 +33,10 @@ _LEFT, _HARDLY = 0.05, 0.2
 _CHANCE = 0.01
 #: Numbers that agree so well [m] were hardly measured: the controller computed them from its joints.
 _COMPUTED = 1e-6
-#: A marker sits no further from its frame than the next larger of these [m].
-_REACHES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+#: A direction that changes what is seen by less than this share of what another one does is not determined.
+_UNDETERMINED = 1e-6
+#: A marker sits no further from its frame than the next larger of these [m]; a tolerance holds no more than the last.
+_REACHES = (0.05, 0.1, 0.2, 0.5, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +95,15 @@ def carry(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: Name
             seen.movers[body.called] = f"{words}{where}"
             continue
         frame = frames[body.called]
+        # the only body in the table, on the tool: it is the tool's pose, not a marker
+        of_tool = len(single) == 1 and mechanism.tool is not None and frame == mechanism.tool.name
+        suffix = "" if of_tool else f".{frame}"
         for axis, source in body.place.items():
-            line = place_line(f"p.{frame}.{axis}", source, home, True)
+            line = place_line(f"p{suffix}.{axis}", source, home, True)
             line.doubt = doubt if axis == "x" else line.doubt if doubt else ""  # what fits proves the unit
             line.reason = words if axis == "x" and not doubt else ""
             found.lines.append(line)
-        seen.turns |= {f"r.{frame}": body for other in turned.values() if other is body}
+        seen.turns |= {f"r{suffix}": body for other in turned.values() if other is body}
         seen.carried[body.called] = _reach(mechanism, frame, best)
     if sure:
         for line in joints.values():
@@ -193,7 +198,8 @@ def _fits(paths: Mapping[str, _Path], seen: Array, base: str | None) -> Iterator
 def _rigid(position: Array, rotation: Array, seen: Array) -> tuple[Array, Array]:
     """Return where on a body a marker sits (3,) [m], and how far from there (n,) [m] it was seen.
 
-    It starts from B^-1 s = t + R o + B^-1 b, which is linear where B may be any matrix.
+    It starts from B^-1 s = t + R o + B^-1 b, which is linear where B may be any matrix. Along what no row tells, as
+    along the axes of a robot whose axes are all parallel, the marker sits as near to its body's joint as it can.
     """
     rows = np.zeros((len(seen), 3, 15))
     for k in range(3):
@@ -210,7 +216,11 @@ def _rigid(position: Array, rotation: Array, seen: Array) -> tuple[Array, Array]
     first[:3] = -left(first).mean(axis=0)
     scale = max(float(np.median(np.abs(left(first)))), 1e-6)
     fitted = least_squares(lambda x: left(x).ravel(), first, loss="soft_l1", f_scale=scale)
-    return fitted.x[6:], np.linalg.norm(left(fitted.x), axis=1)
+    _, sizes, directions = np.linalg.svd(fitted.jac, full_matrices=False)
+    free = directions[sizes < _UNDETERMINED * sizes[0]]
+    nearest = fitted.x - free.T @ np.linalg.lstsq(free[:, 6:].T, fitted.x[6:], rcond=None)[0]
+    apart, there = (np.linalg.norm(left(x), axis=1) for x in (fitted.x, nearest))
+    return (nearest[6:], there) if np.allclose(there, apart, rtol=1e-3, atol=_COMPUTED) else (fitted.x[6:], apart)
 
 
 def _further(best: Carried, other: Carried) -> bool:
@@ -242,7 +252,7 @@ def _frames(mechanism: Mechanism, carried: Mapping[str, Carried]) -> dict[str, s
 def _reach(mechanism: Mechanism, frame: str, best: Carried) -> float:
     """Return how far a marker may sit from its frame [m], a round number."""
     far = float(np.linalg.norm(mechanism.frame(frame).placement[:3, 3] - best.offset))
-    return next((reach for reach in _REACHES if far < reach), far)
+    return next((reach for reach in _REACHES if far < reach), _REACHES[-1])
 
 
 def _doubt(mechanism: Mechanism, best: Carried, rivals: Sequence[Carried]) -> str:
@@ -265,11 +275,11 @@ def _in_words(mechanism: Mechanism, best: Carried, rivals: Sequence[Carried]) ->
         return f"{_body(mechanism, one.joint)}{whence}"
 
     if best.share > _HARDLY:
-        least = f"{named(best)} leaves least, {number(100 * best.share, 2)} % of its way"
+        least = f"{named(best)} comes nearest, to {number(100 * best.share, 2)} % of its travel"
         return f"moves as no body of the robot does; {least}"
     also = f", or as {named(rivals[0])}" if rivals else ""
-    left = f"{number(1e3 * float(np.median(best.apart)), 2)} mm, {number(100 * best.share, 2)} % of its way, are left"
-    return f"moves as {named(best)}{also}; {left} at half of the rows"
+    away = f"{number(1e3 * float(np.median(best.apart)), 2)} mm, {number(100 * best.share, 2)} % of its travel"
+    return f"moves as {named(best)}{also}; median distance from it {away}"
 
 
 def _body(mechanism: Mechanism, joint: str) -> str:

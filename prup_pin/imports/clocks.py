@@ -238,17 +238,17 @@ def _row_by_row(
 ) -> None:
     """Put a list of points beside a list of joints, where one of them tells no time and there are as many of both."""
     if len(stream) != len(home):
-        unsure = f"{len(stream)} rows beside {len(home)} of the joints: which belongs to which?"
+        unsure = f"{len(stream)} rows, but {len(home)} of the joints: which row belongs to which?"
         seen.delays[stream.name] = 0.0, "", unsure
         return
     alone, other = (stream, home) if clocks[stream.name][0] == "" else (home, stream)
     seen.alike[alone.name] = other.name
     proof = agrees(path, points) if path is not None else None
-    told = "row by row, and the places go with the joints" if proof else "row by row beside the joints"
+    told = "row by row, and the places agree with the joints" if proof else "row by row with the joints"
     seen.delays[stream.name] = (
         0.0,
         told,
-        "" if proof is not False else "these places do not go with the joints row by row",
+        "" if proof is not False else "these places do not agree with the joints row by row",
     )
     if proof:
         _prove(joints)

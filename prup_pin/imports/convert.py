@@ -118,12 +118,18 @@ def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conv
 def at_rest(time: Array, joints: Sequence[Array]) -> np.ndarray:
     """Return at which times (N,) all joints, each (N,) [m, rad], stand: moved by less than `STILL` of their way.
 
-    Each joint is looked at from `REST` before to `REST` after.
+    Each joint is looked at from `REST` before to `REST` after. Between rows that are further apart nobody knows how it
+    moved: there it stands in a row if it stood since the row before or until the next one.
     """
     still = np.ones(len(time), bool)
+    gaps = np.r_[np.inf, np.diff(time), np.inf]
+    alone = (gaps[:-1] > REST) & (gaps[1:] > REST)
     for values in joints:
         before, after = (np.interp(time + way, time, values) for way in (-REST, REST))
-        way = np.abs(np.stack([after - values, values - before, after - before])).max(axis=0)
+        ways = np.abs(np.stack([after - values, values - before, after - before]))
+        ends = ways[:2].copy()
+        ends[1, :1] = ends[0, -1:] = np.inf  # nothing comes before the first row and after the last
+        way = np.where(alone, ends.min(axis=0), ways.max(axis=0))
         still &= way < STILL * max(float(np.ptp(values)), 1e-12)
     return still
 
@@ -142,7 +148,7 @@ def _moved(still: np.ndarray, spans: tuple[tuple[int, int], ...], times: Array) 
     more = [f"{len(spans) - _SPANS} more spans"] if len(spans) > _SPANS else []
     count = int((~still).sum())
     which = f": {', '.join(told + more)}" if told else ""
-    return f"{count} rows in which a joint moved were left out{which}; {rests(still)} rests are left."
+    return f"{count} rows in which a joint moved were left out{which}; {rests(still)} rests remain."
 
 
 def _check_sizes(log: Log, columns: Mapping[str, Array]) -> None:

@@ -143,7 +143,7 @@ def written(
             text = f"{target}: {{from: [{', '.join(map(_text, body.turn))}], as: {body.manner}{unit}}}"
             if body.askew is not None and body.askew > _ASKEW:
                 angle = f"{np.degrees(body.askew):.0f} deg"
-                lines.append(f"  # {text}  # left out: the body's axes are turned by {angle} against the frame's")
+                lines.append(f"  # {text}  # not used: the body's axes are turned by {angle} against the frame's")
             else:
                 lines.append(told(f"  {text}", body.doubt, target))
     if len(used) > 1:
@@ -152,7 +152,11 @@ def written(
         home = log.stream_of(first.source).name if first is not None else min(used)
         lines += ["", f"resample: {{clock: {_text(home)}}}  # or {{rate: 250}}, in samples a second"]
     if seen.rests:
-        lines += ["", f"at_rest: true  # {seen.rests} rests: while joints move, what clocks differ by is a distance"]
+        lines += [
+            "",
+            f"at_rest: true  # {seen.rests} rests: while joints move, a delay between clocks would look like an error "
+            "of position",
+        ]
     if any(line.unit in UNSCALED for line in chosen if line.target.startswith("tau.")):
         lines += [
             "",
@@ -163,7 +167,10 @@ def written(
     if any(log.stream_of(line.source).name in seen.delays for line in chosen if line.target.startswith("p.")):
         reach = max(reach, 0.05)
     if reach:
-        lines += ["", f"# The camera may stand anywhere, and what it saw may sit {100 * reach:g} cm beside its frame:"]
+        lines += [
+            "",
+            f"# The camera may stand anywhere; the point it saw may be {100 * reach:g} cm away from its frame:",
+        ]
         lines.append(f"tolerances: {{frame_position: 10, frame_rotation: 3, target_position: {reach:g}}}")
     sources = {line.source for line in chosen} | {name for body in seen.turns.values() for name in body.turn}
     sources |= {name for name, _, _ in clocks.values() if name}

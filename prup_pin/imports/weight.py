@@ -34,7 +34,7 @@ def doubt_efforts(log: Log, found: Guessing, unsaid: set[str], mechanism: NamedR
         if 0 < _LESS * most < taken:
             unit = mechanism.joint(name).effort_unit
             line.doubt = (
-                f"no unit is told, and its weight alone takes up to {quantity(taken, unit)} where the log has "
+                f"no unit is given, and its weight alone takes up to {quantity(taken, unit)} where the log has "
                 f"{quantity(most, unit)}: if these are A, % or counts, write that unit on all tau lines, with `scale` "
                 "or the tolerances effort_gain, mass, inertia (docs/import.md)"
             )

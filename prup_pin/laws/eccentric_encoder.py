@@ -77,11 +77,11 @@ class UnevenEncoder(Law):
 class EccentricEncoder(UnevenEncoder):
     """A disc that sits e beside its axis and is read at the radius r errs by e / r, once a turn."""
 
-    summary = "an encoder that sits beside its axis"
+    summary = "an encoder mounted off its axis"
     remedy = "centre the encoder's disc at {place}, or give the controller this error as a table over one turn"
     variant = "once a turn"
     waves = 1
-    reason = "its disc sits beside the axis"
+    reason = "its disc is off the axis"
 
 
 class OvalEncoder(UnevenEncoder):

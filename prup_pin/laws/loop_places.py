@@ -45,7 +45,7 @@ class SeatPosition(Displaced):
     A platform is a body that loops hold too, beside the joint that carries it in the tree.
     """
 
-    summary = "a joint sits beside its place on the platform that it carries"
+    summary = "a joint is off its place on the platform that it carries"
     remedy = "measure where {place} sits on the platform, then enter it in the robot file"
     variant = "seat"
 

@@ -47,7 +47,7 @@ class Payload(Law):
 class OffCentrePayload(Payload):
     """The same with its centre beside the tool point; the arm turns with the tool, before anything deforms."""
 
-    summary = "a mass beside the tool point"
+    summary = "a mass away from the tool point"
     remedy = "enter this mass and its centre in the robot file and in the controller's tool data, or take it off"
     variant = "off centre"
     quantities = (

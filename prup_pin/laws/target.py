@@ -83,7 +83,7 @@ def _beside(values: Mapping[str, float], frame: str) -> str:
     """Return in words how a target sits on a frame: turned only where a turn was found, which positions do not show."""
     shift = float(np.linalg.norm([values[name] for name in ("x", "y", "z")]))
     turn = float(np.linalg.norm([values[name] for name in ("rx", "ry", "rz")]))
-    sits, turned = f"sits {quantity(shift, 'm')} beside {frame}", f"is turned by {quantity(turn, 'rad')}"
+    sits, turned = f"is {quantity(shift, 'm')} away from {frame}", f"is turned by {quantity(turn, 'rad')}"
     if not turn:
         return sits
     return f"{sits} and {turned}" if shift else f"{turned} on {frame}"

@@ -16,7 +16,7 @@ def mesh_problem(name: str, home: Path, package_folders: Sequence[Path]) -> str 
     shown = name if len(name) <= 120 else f"{name[:120]}…"
     scheme = name.replace("\\", "/").rpartition("://")[0]
     if scheme and scheme not in ("package", "file", "model"):
-        return f"mesh '{shown}': nothing is fetched; copy the file beside the robot"
+        return f"mesh '{shown}': nothing is downloaded; copy the file next to the robot file"
     places = _places(name, folders)
     try:
         existing = [place for place in places if os.path.lexists(place)]

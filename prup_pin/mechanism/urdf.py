@@ -327,7 +327,7 @@ class UrdfDocument(ExtensionDocument):
             for name in roots[1:]:
                 self.problem(
                     links[name],
-                    f"link '{name}' is a second root beside '{roots[0]}'; a tree has one. Join it with a joint "
+                    f"link '{name}' is a second root next to '{roots[0]}'; a tree has one. Join it with a joint "
                     '(type="fixed" if it does not move)',
                 )
         reached = set(roots)

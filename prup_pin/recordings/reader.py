@@ -229,8 +229,8 @@ def _text(content: bytes, problems: Problems, first: int) -> bytes:
         whole = "is UTF-16 text; save it as UTF-8"
     elif start in (b"{", b"["):
         whole = (
-            f"looks like JSON; expected {_EXPECTED}, and the JSON file beside it. A test plan is carried out by "
-            "prup-pin simulate --plan"
+            f"looks like JSON; expected {_EXPECTED}, with its JSON file (same name, .json). A test plan is carried out "
+            "by prup-pin simulate --plan"
         )
     elif start == b"<":
         whole = f"looks like XML or HTML; expected {_EXPECTED}"
@@ -292,7 +292,7 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
             raise problems.error(TableProblem(message, 1))
     if text.lstrip().startswith("#"):
         message = (
-            "is a remark ('#'); expected the header: time, q.<joint>, … Remarks go to \"notes\" in the JSON beside it"
+            "is a remark ('#'); expected the header: time, q.<joint>, … Remarks go to \"notes\" in its JSON file"
             f"{form.otherwise}"
         )
         raise problems.error(TableProblem(message, 1))
@@ -656,7 +656,7 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> tuple
     """Return what the JSON file beside a table with these columns says, by fields of Recording, and remarks."""
     beside = path.with_suffix(".json")
     if not beside.exists():
-        return {}, [f"There is no {beside.name} beside the table: the noise is not declared."]
+        return {}, [f"There is no {beside.name} next to the table: the noise is not declared."]
     remarks: list[str] = []
     found: dict[str, Any] = {}
     values = read_json_object(beside, "a JSON object", problems)

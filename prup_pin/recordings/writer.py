@@ -40,7 +40,7 @@ def write_recording(recording: Recording, path: str | Path, status: Sequence[str
     """
     path = Path(path)
     if path.suffix.lower() == ".json":
-        raise InputError(f"cannot write the table to {path}: the JSON file beside it has this name; expected .csv")
+        raise InputError(f"cannot write the table to {path}: its JSON file has this name; expected .csv")
     columns: dict[str, Array | list[str]] = {"time": recording.time, **_there(recording)}
     if recording.run_names != ("",):
         columns["run"] = [recording.run_names[code] for code in recording.run.tolist()]

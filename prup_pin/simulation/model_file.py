@@ -274,7 +274,7 @@ class _Reader:
 
     def model(self, values: dict[str, Any]) -> CorrectedModel:
         if "findings" in values and "format" not in values:
-            message = "it is a diagnosis; expected the corrected_model.json that stands beside it"
+            message = "it is a diagnosis; expected the corrected_model.json next to it"
             self.wrong("findings", message)
             self.problems.raise_all()
         if values.get("format") != FORMAT:

@@ -48,7 +48,7 @@ def efforts_in_motion(
     mechanism = robot.mechanism
     driven = [name for name in mechanism.actuated if name in recording.efforts]
     if not driven:
-        raise InputError("no column tau.<joint> of an actuated joint says which efforts are asked for")
+        raise InputError("no column tau.<joint> of an actuated joint says which efforts to predict")
     motion = motion_of(recording, mechanism, driven, band=band or None)
     at = InMotion.of(mechanism, motion)
     total = at.rigid + _added(at, effects)

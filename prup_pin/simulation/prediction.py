@@ -302,7 +302,7 @@ def _not_in_efforts(effects: Sequence[Effect], asked: bool, standing: bool) -> I
             continue
         why = "the recording has no column tau.<joint>"
         if asked:
-            why = "each row is a posture at rest" if standing else "beside poses each row is taken at rest"
+            why = "each row is a posture at rest" if standing else "next to poses each row is taken at rest"
         where = " in motion" if effect.law.of_motion else ""
         yield (
             f"{effect.law.physics} at {effect.place} has no effect: it acts on the efforts of drives{where}, and "

@@ -151,7 +151,7 @@ def test_a_spring_that_leaves_structure_is_held_where_the_joint_was_not_seen(car
     added = simulate(carriage, wider, found.effects).efforts["carriage"] - simulate(carriage, wider).efforts["carriage"]
     held = hardening(np.clip(q, seen.min(), seen.max()))
     assert added[100:-100] == pytest.approx(held[100:-100], abs=3.0)
-    assert any("held beyond the travel" in remark for remark in found.remarks)
+    assert any("continued as a constant beyond the travel" in remark for remark in found.remarks)
 
 
 def test_waves_that_together_are_any_shape_are_none(carriage):

@@ -112,7 +112,7 @@ def test_a_target_seen_without_rotations_is_not_said_to_be_turned(ur5, bench):
     turns = np.array([rotation_exp(vector) for vector in bench.rotation])
     found = diagnose(ur5, replace(bench, efforts={}, rotation=None, position=bench.position + turns @ SHIFT))
     (finding,) = found.findings
-    assert finding.statement == "the measured target sits 1.32 mm beside the tool frame"
+    assert finding.statement == "the measured target is 1.32 mm away from the tool frame"
     assert finding.effect.values["rx"] == finding.parameters["rx"].value == 0.0
     assert [finding.parameters[axis].value for axis in "xyz"] == pytest.approx(SHIFT, abs=1e-5)
 

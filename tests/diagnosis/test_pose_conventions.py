@@ -106,7 +106,7 @@ def test_two_readings_that_are_as_good_are_refused_with_both(robot, bench, monke
         read_logs(robot, read_recording(bench))
     told = str(caught.value)
     assert "--convention q.leg1_slide=reversed or --convention q.leg2_slide=reversed" in told
-    assert "200 mm apart as it is written, and 1 mm as it is read so" in told
+    assert "200 mm apart as it is written, and 1 mm as it is read" in told
 
 
 def test_recordings_that_are_written_alike_are_told_once(robot, bench, tmp_path):

@@ -84,8 +84,8 @@ def test_friction_at_rest_may_hold_all_that_the_load_changes_by(tmp_path):
 
 def test_what_is_left_of_efforts_is_told_as_a_share_where_no_noise_was_declared(robot):
     told = verdict_text(diagnose(robot, held_still(log_of(0.15))))
-    assert told.startswith("Explained: with coulomb friction at hinge what is left of the efforts falls from ")
-    assert "times what a sample scatters by itself, and follows no motion to an extent that matters" in told
+    assert told.startswith("Explained: with coulomb friction at hinge the residual of the efforts falls from ")
+    assert "times the scatter of a single sample, and does not depend on the motion to an extent that matters" in told
     assert "times the noise" not in told
 
 

@@ -297,7 +297,7 @@ def test_rows_that_are_left_out_between_rests_are_told(tmp_path, clock):
         assert f"rows {first} to {last} ({t[first - 1]:.4g} to {t[last - 1]:.4g} s)" in remark
     lost = sum(last - first + 1 for first, last in spans)
     assert remark.startswith(f"{lost} rows in which a joint moved were left out: rows ")
-    assert remark.endswith("; 3 rests are left.")
+    assert remark.endswith("; 3 rests remain.")
     assert len(done.recording) + lost == (len(t) if clock else len(t) - 1)
 
 

@@ -8,6 +8,7 @@ import yaml
 
 import prup_pin
 from prup_pin.imports import Log, Stream, convert, guess, read_log, read_map
+from prup_pin.imports.convert import at_rest
 from prup_pin.imports.draft import Guessing
 from prup_pin.imports.guess import _without
 from prup_pin.imports.log import frozen
@@ -266,3 +267,71 @@ def test_a_recording_with_other_separators_is_one(tmp_path):
     np.testing.assert_allclose(recording.rotation, table[:, names.index("r.x") + 1 :][:, :3])
     np.testing.assert_allclose(recording.positions["leg2_slide"], table[:, 2])
     np.testing.assert_allclose(recording.temperature, table[:, -1])
+
+
+PLANAR = """<robot name="planar">
+  <link name="base"/>{links}<link name="tip"/>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 -1 0"/>
+    <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/>
+    <origin xyz="0.6 0 0"/><axis xyz="0 -1 0"/>
+    <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+  <joint name="flange" type="fixed"><parent link="fore"/><child link="tip"/><origin xyz="0.5 0 0"/></joint>
+  <prup_pin version="1"><tool frame="tip"/><actuated joints="shoulder elbow"/></prup_pin>
+</robot>"""
+
+
+@pytest.fixture(scope="module")
+def planar(tmp_path_factory):
+    """A planar arm of two hinges, and a table of where its tip went, in German and in mm and degrees, by 5 s."""
+    folder = tmp_path_factory.mktemp("planar")
+    links = "".join(f'<link name="{name}"/>' for name in ("upper", "fore"))
+    (folder / "arm.urdf").write_text(PLANAR.format(links=links))
+    rng = np.random.default_rng(4)
+    a, b = (np.repeat(rng.uniform(-1.2, 1.2, 25), 3) for _ in range(2))  # three loads in each posture
+    bent = a + b - 2e-3 * rng.standard_normal(len(a))
+    x, z = 600 * np.cos(a) + 500 * np.cos(bent), 600 * np.sin(a) + 500 * np.sin(bent)
+    noise = 0.01 * rng.standard_normal((len(a), 3))
+    table = np.column_stack(
+        [5.0 * np.arange(len(a)), *np.degrees([a, b]), x, 0 * x, z, 0 * x, -np.degrees(bent), 0 * x]
+    )
+    table[:, 3:6] += noise
+    head = "Zeit [s];shoulder [°];elbow [°];X [mm];Y [mm];Z [mm];RX [°];RY [°];RZ [°]"
+    rows = "\n".join(";".join(f"{value:.5f}".replace(".", ",") for value in row) for row in table)
+    (folder / "messung.csv").write_text(f"{head}\n{rows}\n", encoding="utf-8")
+    robot = prup_pin.load(folder / "arm.urdf")
+    log = read_log(folder / "messung.csv")
+    text = guess(log, robot.mechanism, "robot").text
+    (folder / "map.yaml").write_text(text, encoding="utf-8")
+    done = convert(log, read_map(folder / "map.yaml", log, robot.mechanism), robot.mechanism)
+    return text, done, (a, b, bent)
+
+
+def test_rotation_vectors_have_the_unit_of_their_headings(planar):
+    text, done, (*_, bent) = planar
+    assert "as: rotation_vector, unit: °" in text
+    np.testing.assert_allclose(done.recording.rotation[:, 1], -bent, atol=1e-5)
+
+
+def test_the_only_body_of_a_table_is_the_tool_where_it_moves_as_the_tool(planar):
+    text, done, _ = planar
+    assert "p.x: {from: 'X [mm]', unit: mm}" in text
+    assert not done.recording.markers
+
+
+def test_where_a_planar_robot_leaves_a_place_open_the_marker_is_the_nearest_one(planar):
+    """Along the hinges' axes any place moves alike; a tolerance of metres is refused by a recording."""
+    text, *_ = planar
+    assert "target_position: 0.05}" in text
+
+
+def test_rows_that_are_seconds_apart_are_not_taken_for_motion_between_them(planar):
+    text, done, (a, _, _) = planar
+    assert "at_rest" not in text
+    assert len(done.recording) == len(a)
+
+
+def test_at_rest_keeps_rows_far_apart_that_stand_to_one_side():
+    time, steps = 5.0 * np.arange(6), np.array([0.0, 0.0, 1.0, 1.0, 2.0, 3.0])
+    assert at_rest(time, [steps]).tolist() == [True, True, True, True, False, False]
+    assert not at_rest(0.1 * np.arange(6), [steps])[1:].any()

@@ -309,7 +309,7 @@ def test_axes_that_were_drawn_in_the_cameras_program_are_not_the_frames(tmp_path
     robot = logs.csv(tmp_path / "robot.csv", {"timestamp": 812.0 + T} | logs.numbered("actual_q_{}", Q, 0))
     made = guess(read_logs([robot, camera]), ur5)
     assert "# r.tool0: {from: [tool0.Rotation.X" in made.text
-    assert "left out: the body's axes are turned by 29 deg against the frame's" in made.text
+    assert "not used: the body's axes are turned by 29 deg against the frame's" in made.text
 
 
 def test_where_a_robot_rests_often_what_it_does_in_between_is_left_out(tmp_path, ur5):
@@ -322,7 +322,7 @@ def test_where_a_robot_rests_often_what_it_does_in_between_is_left_out(tmp_path,
     columns = {"Time": t[40:] - 0.5} | {f"tool0.{axis} [m]": HALL.apply(place)[40:, k] for k, axis in enumerate("XYZ")}
     done = imported(tmp_path, ur5, robot, logs.csv(tmp_path / "camera.csv", columns))
     assert "12 rests: while joints move" in (tmp_path / "map.yaml").read_text()
-    assert "12 rests are left" in done.remarks[-1]
+    assert "12 rests remain" in done.remarks[-1]
     moving = (done.recording.time + 0.8) % 1.0 < 0.4
     assert not moving.any()
     assert len(done.recording) > 100
@@ -335,7 +335,7 @@ def test_points_of_a_tracker_beside_a_list_of_joints_go_row_by_row(tmp_path, ur5
     recording = imported(tmp_path, ur5, joints, tracker, doubts=3).recording  # of which part of the robot?
     assert np.abs(recording.position - seen()).max() < 1e-9
     assert_motion(recording, "q")
-    assert "like: joints}  # row by row, and the places go with the joints" in (tmp_path / "map.yaml").read_text()
+    assert "like: joints}  # row by row, and the places agree with the joints" in (tmp_path / "map.yaml").read_text()
     points = {name[0]: values for name, values in points.items()}  # X, Y, Z without a unit
     tracker = logs.csv(tmp_path / "tracker.txt", points, separator="\t")
     plain = logs.csv(tmp_path / "plain.csv", logs.numbered("J{}", np.degrees(Q)))
@@ -343,10 +343,10 @@ def test_points_of_a_tracker_beside_a_list_of_joints_go_row_by_row(tmp_path, ur5
     assert_motion(again.recording, "q")
     other = logs.csv(tmp_path / "other.csv", logs.numbered("J{} [deg]", np.degrees(np.cos(7 * Q))))
     made = guess(read_logs([other, tracker]), ur5)
-    assert "time of tracker: these places do not go with the joints row by row" in made.doubts
+    assert "time of tracker: these places do not agree with the joints row by row" in made.doubts
     short = logs.csv(tmp_path / "short.txt", {name: values[:9] for name, values in points.items()})
     made = guess(read_logs([joints, short]), ur5)
-    assert any("9 rows beside 400 of the joints" in text for text in made.doubts)
+    assert any("9 rows, but 400 of the joints" in text for text in made.doubts)
 
 
 def test_two_runs_are_not_two_sensors(tmp_path):
@@ -398,8 +398,8 @@ def test_markers_that_have_numbers_for_names_are_on_the_body_that_they_move_with
     for place, name in zip((first, second), markers, strict=True):
         np.testing.assert_allclose(markers[name], place, atol=1e-9)
     text = (tmp_path / "map.yaml").read_text()
-    assert "moves as wrist_3_link; 1." in text
-    assert "moves as forearm_link; 1." in text
+    assert "moves as wrist_3_link; median distance from it 1." in text
+    assert "moves as forearm_link; median distance from it 1." in text
     assert "marker 3 is marker 1 again, number by number" in text
     assert done.recording.tolerances.declared["target_position"] >= 0.1
     assert done.recording.tolerances.declared["frame_position"] > 5

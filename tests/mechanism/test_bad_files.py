@@ -135,7 +135,7 @@ def test_the_arm_itself_is_fine(write):
         ('name="flange" type="fixed">\n    <parent link="lower"/><child link="tool"/>',
          'name="flange" type="fixed">\n    <parent link="upper"/><child link="lower"/>',
          "link 'lower' already hangs on joint 'elbow' (line 10)"),
-        ('<link name="tool"/>', '<link name="tool"/><link name="a"/>', "link 'a' is a second root beside 'base'"),
+        ('<link name="tool"/>', '<link name="tool"/><link name="a"/>', "link 'a' is a second root next to 'base'"),
         ('<link name="tool"/>', '<link name="tool"/><link name="tool"/>', "two links are named 'tool' (first on line"),
         ('name="elbow" type', 'name="shoulder" type', "two joints are named 'shoulder' (first on line 6)"),
         ("<visual>", '<inertial><mass value="-1"/></inertial><visual>', "mass of link 'upper' is -1 kg; expected >= 0"),

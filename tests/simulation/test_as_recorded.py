@@ -237,7 +237,7 @@ def test_the_one_column_too_many_is_that_of_the_one_joint_without_a_column(group
     [
         (False, False, "no column tau.<joint>"),
         (True, False, "each row is a posture at rest"),
-        (True, True, "beside poses each row is taken at rest"),
+        (True, True, "next to poses each row is taken at rest"),
     ],
 )
 def test_a_law_of_efforts_that_changes_nothing_says_so(asked, motion, why):

@@ -98,19 +98,19 @@ def test_a_mechanic_reads_at_its_top_what_is_wrong_and_what_to_do_first(diagnose
     moved = Finding("finite_deflection", "robot", ("robot",), {}, 0.1, "loads move it far")
     assert "One thing accounts for it:" in summary_text(replace(diagnosis, findings=(first, moved)))
     clean = replace(diagnosis, findings=(moved,), verdict="nothing_missing")
-    assert "that is no fault. Simulated so," in summary_text(clean)
-    assert "nothing has to be mended" in summary_text(clean)
+    assert "that is no fault. Simulated in that way," in summary_text(clean)
+    assert "nothing needs repair" in summary_text(clean)
     assert "Nothing is missing" in verdict_text(clean)
     assert "in its deformed position" in verdict_text(clean)
     missing = summary_text(replace(diagnosis, findings=(moved,), verdict="unexplained"))
     assert "accounts for" not in missing
-    assert "No law of the library takes it away: something is missing" in missing
+    assert "No law of the library explains it: something is missing" in missing
     loud = summary_text(replace(diagnosis, after={**diagnosis.after, "heldout": 10.4}))
     assert "little more than" not in loud
-    assert "10.4 times what the sensors scatter by themselves" in loud
-    assert "nothing has to be mended" in summary_text(replace(diagnosis, findings=(), verdict="nothing_missing"))
+    assert "10.4 times the sensors' own scatter" in loud
+    assert "nothing needs repair" in summary_text(replace(diagnosis, findings=(), verdict="nothing_missing"))
     strange = replace(diagnosis, findings=(), verdict="unexplained")
-    assert "No law of the library takes it away: something is missing that has no name here" in summary_text(strange)
+    assert "No law of the library explains it: something is missing that no law describes" in summary_text(strange)
 
 
 def test_each_finding_says_what_leaving_it_out_costs_and_what_to_do(diagnosed, page):
@@ -121,11 +121,13 @@ def test_each_finding_says_what_leaving_it_out_costs_and_what_to_do(diagnosed, p
     assert f"To do: T{first.remedy[1:]}." in words(page)
     # held out, without it: what the diagnosis says that it takes away, over what is left with it
     squares = 1 / (1 - first.heldout_gain)
-    assert f"Without it {number(squares**0.5, 3)} times as much would be left." in words(page)
+    assert f"Without it the residual would be {number(squares**0.5, 3)} times as large." in words(page)
     little = replace(first, heldout_gain=1 - 1 / 1.05**2)
-    assert cost_text(little) == "without it 5 % more would be left"
-    assert cost_text(replace(first, heldout_gain=1.0)) == "without it more than 1000 times as much would be left"
-    assert cost_text(replace(first, heldout_gain=0.0)) == "what else is off could make up for it"
+    assert cost_text(little) == "without it the residual would be 5 % larger"
+    assert (
+        cost_text(replace(first, heldout_gain=1.0)) == "without it the residual would be more than 1000 times as large"
+    )
+    assert cost_text(replace(first, heldout_gain=0.0)) == "other errors could compensate for it"
     unknown = replace(first, physics="unknown", effect=None, heldout_gain=0.4)
     assert cost_text(unknown) == ""  # its statement has shares of what is left
 

@@ -37,8 +37,8 @@ def test_what_is_left_after_a_log_is_read_otherwise_is_told_as_such(diagnosed):
     log = Finding("log_convention", "elbow", ("elbow",), {}, 1.0, "x.csv is read reversed", conventions=(convention,))
     found = replace(diagnosis, findings=(log, *diagnosis.findings))
     said = summary_text(found)
-    assert said.startswith("x.csv is read reversed. Read so: Where it was measured, the tool stood ")
-    assert "away from where the simulation of the robot file puts it" in said
+    assert said.startswith("x.csv is read reversed. Read this way: The measured position of the tool differs by ")
+    assert "(root mean square) from the simulation of the robot file." in said
     assert "account for it: x.csv" not in said
     assert f"log read with {convention}" in verdict_text(found)
     assert "log convention" not in verdict_text(found)
@@ -114,7 +114,7 @@ def test_noise_of_newtons_and_newton_metres_is_no_one_number(diagnosed):
     assert not any("effort 1.03" in text for text in noise_text(both))
     assert "effort 1.03 N m" in noise_text(turning)
     assert noise_text(both)[-1] == "estimated, of efforts by what their past does not foretell"
-    assert "below the frequencies of the comparison less of it is left" in multiple_text(both)
+    assert "the comparison filters samples, so that less than 1 is normal" in multiple_text(both)
     assert "below" not in multiple_text(replace(both, efforts=Efforts(("N",), standing=True)))
     assert multiple_text(diagnosis) == ""
 
@@ -176,9 +176,9 @@ def test_a_log_of_many_conventions_is_told_by_how_many_columns_each_is_of(diagno
     gains = tuple(Convention(f"tau.j{k}", "gain", (0.1 * k,)) for k in range(1, 9))
     log = Finding("log_convention", "robot", ("robot",), {}, 1.0, "the drives report otherwise", conventions=gains)
     found = replace(diagnosis, findings=(log, *diagnosis.findings))
-    assert "(the log read with gain of 8 columns)" in verdict_text(found)
+    assert "(the log read with 'gain' for 8 columns)" in verdict_text(found)
     assert "tau.j3" not in verdict_text(found) + summary_text(found)
-    assert summary_text(found).startswith("The log is read with gain of 8 columns. Read so: ")
+    assert summary_text(found).startswith("The log is read with 'gain' for 8 columns. Read this way: ")
 
 
 def test_a_noise_that_is_what_was_left_makes_no_multiples_of_itself(diagnosed):
@@ -201,7 +201,7 @@ def test_what_is_missing_without_a_name_has_its_place_in_the_summary(diagnosed):
     _, _, diagnosis = diagnosed
     unknown = Finding("unknown", "elbow", ("elbow",), {}, 0.0, "something is left at the elbow")
     found = replace(diagnosis, findings=(*diagnosis.findings, unknown), verdict="unexplained")
-    assert "something is missing at elbow that has no name here" in summary_text(found)
+    assert "something is missing at elbow that no law describes" in summary_text(found)
 
 
 def test_laws_that_a_motion_cannot_tell_apart_are_told_once_for_all_their_places():

@@ -576,9 +576,9 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
     # no robot at all would leave less, and of most drives: a few report next to nothing, or are counterbalanced
     if first > 1.0 and 2 * np.sum(shares < 1) < np.isfinite(shares).sum():
         return [
-            f"this log hardly fits this robot at all: the robot file leaves {number(100 * first, 3)} % of the recorded "
-            "efforts, more than they are, and no other way to read the columns makes sense of them. Is it another "
-            f"robot's log? {CHECK_ROBOT}"
+            f"this log hardly fits this robot: the residual of the robot file is {number(100 * first, 3)} % of the "
+            "recorded efforts, more than the efforts themselves, and no other way to read the columns makes sense of "
+            f"them. Is it another robot's log? {CHECK_ROBOT}"
         ]
     return []
 

@@ -231,7 +231,7 @@ def beyond_found(final: FinalState) -> Iterator[Finding]:
             parameters={item.name: FittedParameter(value, item.unit, (value - reach, value + reach))},
             heldout_gain=float(amount**2 / (amount**2 + final.held_out.sum())),
             statement=(
-                f"{item.name} lies {number(abs(amount), 3)} tolerances beside the robot file: "
+                f"{item.name} is {number(abs(amount), 3)} tolerances away from the robot file: "
                 f"{number(value, 6)} {item.unit} instead of {number(item.nominal, 6)}"
             ),
         )

@@ -91,5 +91,5 @@ def efforts_not_detectable(final: FinalState) -> Iterator[Detectable]:
         strong = float(quantity.default or 1.0)  # type: ignore[arg-type]
         if need > abs(strong):
             yield Detectable(
-                *candidate.name, candidate.law.linear[0], need, quantity.unit, "smaller ones drown in what is left"
+                *candidate.name, candidate.law.linear[0], need, quantity.unit, "smaller ones are hidden by the residual"
             )

@@ -56,10 +56,10 @@ class OutlierInterval:
         """Return its finding, of something unknown."""
         where = self.joints[0] if len(self.joints) == 1 else "robot"
         text = (
-            f"between t = {number(self.begin, 4)} s and {number(self.end, 4)} s: not described by any law. "
-            f"{', '.join(self.joints)} {'is' if len(self.joints) == 1 else 'are'} {number(self.times, 2)} times as far "
-            "off there as all laws leave elsewhere: was the robot stopped by its brakes, or did it run into something? "
-            "That stretch was left out of all else"
+            f"between t = {number(self.begin, 4)} s and {number(self.end, 4)} s: described by no law. "
+            f"The residual of {', '.join(self.joints)} is {number(self.times, 2)} times as large there as elsewhere: "
+            "was the robot stopped by its brakes, or did it run into something? All else was computed without this "
+            "interval"
         )
         return Finding("unknown", where, tuple(dict.fromkeys((where, *self.joints))), {}, 0.0, text)
 

@@ -62,8 +62,8 @@ def structure_left(final: FinalState) -> list[Finding]:
         joint, without = term.place.name, held_out(final.with_time.without(term)).sum()
         share = heldout_gain(whole, without)
         text = (
-            f"structure is left over at {joint} that no law of the library takes away; {term.law.summary} by a curve "
-            f"of its own would take away {100 * share:.0f} % of the square of what is left"
+            f"a systematic residual at {joint} is explained by no law of the library: {term.law.summary} by "
+            f"a curve of its own would take away {100 * share:.0f} % of the residual's square"
             + ("" if term.is_of_time else ", and the corrected model follows it")
         )
         found.append(_unknown_at(joint, text, share))
@@ -71,8 +71,9 @@ def structure_left(final: FinalState) -> list[Finding]:
         joint, link, saved = final.joint_of(term.place.name), term.place.name, final.held_out_saving(term)
         share = float(np.clip(saved / max(saved + float(final.held_out.sum()), np.finfo(float).tiny), 0.0, 1.0))
         text = (
-            f"structure is left over at {joint} that no law of the library takes away; masses of {link} that no body "
-            f"has would take away {100 * share:.0f} % of its square; the corrected model keeps to a body that can be"
+            f"a systematic part of the residual at {joint} is explained by no law of the library; masses of {link} "
+            f"that no body has would take away {100 * share:.0f} % of its square; the corrected model keeps to a body "
+            "that can be"
         )
         found.append(replace(_unknown_at(joint, text, share), candidates=(joint, link)))
     return found
@@ -111,8 +112,8 @@ def _foreign(share: Mapping[str, float]) -> Finding:
     """Return the finding of a log that is hardly one of this robot."""
     return _unknown_at(
         "robot",
-        f"what the robot file leaves is {number(share['rigid'], 3)} times the efforts themselves, and with all that "
-        f"was corrected {number(100 * share['heldout'], 3)} % of them are left: this is hardly a log of this robot. "
+        f"the residual of the robot file is {number(share['rigid'], 3)} times the efforts themselves, and with all "
+        f"corrections still {number(100 * share['heldout'], 3)} % of them: this is hardly a log of this robot. "
         f"{CHECK_ROBOT}",
     )
 
@@ -124,8 +125,8 @@ def _beyond_declared(residuals: EffortResiduals) -> Iterator[Finding]:
         multiple = number(residuals.by_joint[worst]["after"], 3)
         yield _unknown_at(
             worst,
-            f"what is left at {worst} is {multiple} times the declared noise; no law of the library takes it away, and "
-            "it follows neither speed, position, load nor time",
+            f"the residual at {worst} is {multiple} times the declared noise; no law of the library explains it, and "
+            "it depends neither on speed, position, load nor time",
         )
 
 
@@ -141,14 +142,15 @@ def _no_noise(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding
         worst = max(loud, key=lambda name: loud[name])
         multiple, here, all_left = by_joint[worst]["after"], shares[worst]["heldout"], shares["all"]["heldout"]
         times = (
-            f"{number(multiple, 3)} times what a sample of it scatters by itself"
+            f"{number(multiple, 3)} times the scatter of a single sample"
             if np.isfinite(multiple)
-            else "and nothing tells how much a sample of it scatters by itself"
+            else "and the scatter of a single sample is not known"
         )
         yield _unknown_at(
             worst,
-            f"{number(100 * here, 3)} % of the effort of {worst} are left, {times} ({number(100 * all_left, 3)} % of "
-            "all efforts); no law of the library takes it away, and no noise was declared that it could be",
+            f"the residual at {worst} is {number(100 * here, 3)} % of its effort, {times} "
+            f"({number(100 * all_left, 3)} % of all efforts); no law of the library explains it, and no noise was "
+            "declared that could account for it",
         )
 
 
@@ -170,10 +172,10 @@ def _unmoved(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]
             multiple = number(residuals.by_joint[name]["after"], 3)
             yield _unknown_at(
                 name,
-                f"the position of {name} never changes, while its effort does by {multiple} times what a sample of "
-                f"it scatters by itself and {number(100 * (left / size), 3)} % of it: more than the load on it changes",
-                advice=f"check the column q.{name}: if {name} moved, it is not its position; if it stood, look what "
-                "else loaded it",
+                f"the position of {name} never changes, while its effort does: by {multiple} times the scatter of a "
+                f"single sample, {number(100 * (left / size), 3)} % of it and more than the load on it changes",
+                advice=f"check the column q.{name}: if {name} moved, this is not its position; if it stood still, find "
+                "what else loaded it",
             )
 
 
@@ -192,9 +194,9 @@ def _worse(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]:
         if sure > EFFORT_SURE:
             yield _unknown_at(
                 name,
-                f"with what was found {number(100 * left, 3)} % of the effort of {name} are left on blocks of time "
-                f"that were not fitted, as drawn {number(100 * drawn, 3)} %: what takes place there is none of the "
-                "laws that were found",
+                f"with these findings the residual of {name} is {number(100 * left, 3)} % of its effort on held-out "
+                f"blocks of time, with the robot file alone {number(100 * drawn, 3)} %: what happens there is none of "
+                "the laws that were found",
             )
 
 
@@ -211,9 +213,9 @@ def _varying(final: FinalState) -> Iterator[Finding]:
         followed = f"its {found.variable}" if found.of == found.joint else f"the {found.variable} of {found.of}"
         yield _unknown_at(
             found.joint,
-            f"what is left at {found.joint} follows {followed} by an amount that changes with time, which would take "
+            f"the residual at {found.joint} follows {followed} by an amount that changes with time, which would take "
             f"away {number(100 * found.share, 2)} % of its square beyond chance and is {number(100 * found.size, 2)} % "
-            "of the joint's effort (root mean square): it is no noise, and no law of the library takes it away",
+            "of the joint's effort (root mean square): it is no noise, and no law of the library explains it",
             found.share,
         )
 

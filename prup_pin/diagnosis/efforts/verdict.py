@@ -33,15 +33,15 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
     if structure and beyond:
         # what no law explains drives them: they are no findings of their own
         names = ", ".join(name for finding in beyond for name in finding.parameters)
-        remarks.append(f"{names} would lie beyond tolerance, but may only stand for what is unknown")
+        remarks.append(f"{names} would be beyond tolerance, but may only imitate what is unknown")
     else:
         findings += beyond
     findings.sort(key=lambda finding: -finding.heldout_gain)
     unknown = unexplained(final, residuals, structure)
     doubtful = _doubtful(final, unknown)
     remarks += [
-        f"what {name} needs by its position is held beyond the travel that was seen: no law for it was found that "
-        "explains all"
+        f"the curve of {name} over its position is continued as a constant beyond the travel that was recorded: no law "
+        "explains all of it"
         for name in dict.fromkeys(term.place.name for term in doubtful)
     ]
     advice = _advice_of(final, findings, unknown)
@@ -116,19 +116,19 @@ def _remarks_of(final: FinalState) -> list[str]:
         more = "".join(f", {name} in {number(100 * share, 2)} %" for name, share in others)
         remarks.append(
             f"{first} stands still in {number(100 * share, 2)} %{more} of the samples: friction takes any value there, "
-            "and they were left out for it"
+            "and these samples were not used for it"
         )
     remarks += masses_in_doubt(final.mechanism)
     rank, count = efforts.inertial_rank()
     if count:
         remarks.append(
-            f"this motion tells {rank} combinations of the {count} inertial parameters of the moving links; "
+            f"this motion determines {rank} combinations of the {count} inertial parameters of the moving links; "
             "the others stay as drawn"
         )
     for term in final.laws:
         if term.law.body is Body.ALL_LINKS:
             untold = _by_link(efforts.base_parameters(term.law).silent)
-            remarks.append(f"this motion tells nothing of {untold}: they stay as drawn")
+            remarks.append(f"this motion says nothing about {untold}: they stay as in the robot file")
     silent = [name for name in final.mechanism.actuated if name not in motion.names]
     if silent:
         remarks.append(f"no position was recorded of {', '.join(silent)}: taken to stand at home")

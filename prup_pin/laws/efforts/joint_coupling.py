@@ -64,7 +64,7 @@ class FeltMotion(Coupled):
     A cable that is led past a joint, a parallelogram, motors that stand on one link. Each of either sign.
     """
 
-    summary = "a drive that feels how the joint beside it moves"
+    summary = "a drive that is loaded by the motion of the adjacent joint"
     variant = f"{EFFORT} of a neighbour"
     beginning = _OF
     of_motion = True
@@ -116,7 +116,7 @@ class FeltPosition(Coupled):
     A counterbalance or a cable that the neighbour tensions. k of either sign; f is the effort at q_i = 0.
     """
 
-    summary = "a drive that feels where the joint beside it stands"
+    summary = "a drive that is loaded by the position of the adjacent joint"
     variant = f"{EFFORT} by the position of a neighbour"
     beginning = _BY_POSITION
     linear = ("stiffness", "preload")

@@ -49,4 +49,4 @@ class Mounting(EffortLaw):
         down = mechanism.gravity / np.linalg.norm(mechanism.gravity)
         true = mechanism.gravity + np.array([values[name] for name in self.linear])
         turned = np.degrees(np.arccos(np.clip(true @ down / np.linalg.norm(true), -1, 1)))
-        return f"the base is tilted: gravity pulls {number(turned, 3)} degrees beside the robot file's direction"
+        return f"the base is tilted: gravity pulls {number(turned, 3)} degrees away from the robot file's direction"

@@ -358,7 +358,7 @@ def histogram_figure(found: Residuals, *, narrow: bool = False) -> Figure:
 
 @plain_words
 def effort_figure(efforts: EffortDiagnosis, *, narrow: bool = False) -> Figure:
-    """Return measured and predicted efforts over time, and what is left of them against the speed, joint by joint.
+    """Return measured and predicted efforts over time, and their residual against the speed, joint by joint.
 
     `narrow`: for a phone, without the latter.
     """

@@ -54,9 +54,7 @@ def check_before(folder: Path, recordings: Path | Sequence[Path]) -> None:
     for recording in [recordings] if isinstance(recordings, Path) else recordings:
         for name in (VERDICT, MODEL, PLAN):
             if (folder / name).resolve() == recording.with_suffix(".json").resolve():
-                raise InputError(
-                    f"--out: '{folder / name}' would replace the JSON file beside the recording; choose another"
-                )
+                raise InputError(f"--out: '{folder / name}' would replace the recording's JSON file; choose another")
 
 
 def write_diagnosis(

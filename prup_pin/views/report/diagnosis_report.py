@@ -88,7 +88,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     before, after = (number(values["heldout"], 3) for values in (diagnosis.before, diagnosis.after))
     facts = [
         ("Before", f"{before} ×", "the noise: recording against the robot file"),
-        ("After", f"{after} ×", "the noise, on samples held out"),
+        ("After", f"{after} ×", "the noise, on held-out samples"),
     ]
     for name, unit, _ in diagnosis.columns:
         values = diagnosis.by_channel.get(name)
@@ -98,7 +98,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     if diagnosis.efforts is not None:
         shares = diagnosis.efforts.shares["all"]
         ends = (number(100 * shares[key], 3) for key in ("rigid", "heldout"))
-        facts.append(("Efforts not told", " → ".join(ends), "% of them, root mean square"))
+        facts.append(("Residual of the efforts", " → ".join(ends), "% of the efforts, root mean square"))
     return facts
 
 

@@ -317,7 +317,7 @@ def why_rigid(robot: Robot, answer: Answer) -> str:
             f"Why: this pose is singular. Here {modules} the tool in {here} of 6 directions, beside it in {there}; "
             "take another pose. C below is complete."
         )
-    likewise = ", and beside this pose no more" if beside is not None else ""
+    likewise = ", and near this pose in no more" if beside is not None else ""
     return (
         f"Why: {modules} the tool in {here} of 6 directions{likewise}. Give a compliance to more parts if the others "
         "should yield. C below is complete."

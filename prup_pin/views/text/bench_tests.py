@@ -320,5 +320,7 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
 
 def _within_tolerances(found: Calibration) -> str:
     before, after = number(found.nominal, 3), number(found.calibrated, 3)
-    end = "which is noise" if found.is_explained else "more than noise: something is left out, see prup-pin diagnose"
+    end = (
+        "which is noise" if found.is_explained else "more than noise: the model lacks something, see prup-pin diagnose"
+    )
     return f"The drawing leaves {before} times the noise; within its tolerances it leaves {after}, {end}."

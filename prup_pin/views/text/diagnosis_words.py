@@ -17,6 +17,8 @@ from ...recordings.columns import AS_LOGGED
 
 #: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
 _ABSURD = 1e9
+#: A parameter that is zero and may be as large as this, in any SI unit, may be anything.
+_ANY_SIZE = 100.0
 #: Findings that a sentence lists one by one.
 _IN_A_SENTENCE = 6
 #: ... and whose statements a paragraph holds.
@@ -34,6 +36,12 @@ _WAYS = {
     "quantisation": "their steps",
     "repeats": "rows that repeat",
 }
+#: Where the noise of poses comes from, in words.
+_SOURCES = {
+    "residual": "not declared: the residual with everything free to vary",
+    "assumed": "not declared: assumed, as nothing shows it; declare position_noise and rotation_noise",
+}
+_NO_MOTION = ", and does not depend on the motion to an extent that matters"
 _NO_FAULT = "The robot's deflection under load changes how it carries the load; that is no fault."
 #: Share of the squared residual that is nothing; how many times as much is beyond counting.
 _NO_GAIN, _BEYOND_COUNTING = 5e-4, 1000
@@ -62,18 +70,18 @@ def verdict_text(diagnosis: Diagnosis) -> str:
     if read:
         takes = f"{takes} (the log read {_read_so(read)})"
     if diagnosis.verdict == "explained" and not named:
-        return f"Explained: {takes}{left and f', and {left} are left'}."
+        return f"Explained: {takes}{left and f', which leaves {left}'}."
     if diagnosis.verdict == "explained":
-        return f"Explained: with {told} {takes}{left and f', and {left} are left'}."
+        return f"Explained: with {told} {takes}{left and f', which leaves {left}'}."
     unknown = next((finding for finding in diagnosis.findings if finding.physics == "unknown"), None)
-    where = f"; it shows most in {unknown.location}" if unknown is not None and unknown.location != "robot" else ""
+    where = f"; it is largest in {unknown.location}" if unknown is not None and unknown.location != "robot" else ""
     if told:
         return (
-            f"Unexplained: With {told} {takes}, and something is left that no law of the library takes "
-            f"away{left and f', {left}'}{where}."
+            f"Unexplained: with {told} {takes}, but no law of the library explains the "
+            f"rest{left and f', {left}'}{where}."
         )
     stands = "no noise is known to compare with" if math.isnan(before) else f"the residual is {_times(before)}"
-    return f"Unexplained: {stands}, and no law of the library takes it away{left and f': {left} are left'}{where}."
+    return f"Unexplained: {stands}, and no law of the library explains it{left and f': it is {left}'}{where}."
 
 
 def _read_so(conventions: Sequence[Convention]) -> str:
@@ -81,7 +89,7 @@ def _read_so(conventions: Sequence[Convention]) -> str:
     if len(conventions) <= _IN_A_SENTENCE:
         return f"with {', '.join(map(str, conventions))}"
     words = Counter(convention.word for convention in conventions)
-    told = [f"{word} of {counted(many, 'column')}" for word, many in words.items()]
+    told = [f"'{word}' for {counted(many, 'column')}" for word, many in words.items()]
     return f"with {_joined(told)}"
 
 
@@ -89,14 +97,14 @@ def _nothing_missing(diagnosis: Diagnosis, left: str) -> str:
     after = diagnosis.after["heldout"]
     efforts = diagnosis.efforts
     if efforts is None or efforts.declared or diagnosis.columns:
-        besides = f"; {left} are left" if left else ""
-        noise = f"is noise ({number(after, 3)} times it)"
+        besides = f"; the residual is {left}" if left else ""
+        noise = f"noise only ({number(after, 3)} times it)"
         loaded = ""
         if diagnosis.findings:  # what is no fault: equilibrium in the deformed position
             loaded = ". The loads move the robot so far that equilibrium must be taken in its deformed position"
-        return f"Nothing is missing: what is left between simulation and recording {noise}{besides}{loaded}."
-    loud = "" if math.isnan(after) else f", {number(after, 3)} times what a sample scatters by itself"
-    return f"Nothing is missing: {left} are left{loud}, and follow no motion to an extent that matters."
+        return f"Nothing is missing: simulation and recording differ by {noise}{besides}{loaded}."
+    loud = "" if math.isnan(after) else f", {number(after, 3)} times the scatter of a single sample"
+    return f"Nothing is missing: the residual is {left}{loud}{_NO_MOTION}."
 
 
 def _takes(before: float, after: float) -> str:
@@ -126,18 +134,18 @@ def _not_declared(diagnosis: Diagnosis) -> str:
     ends = [quantity(size, "m") for size in (before, after)]
     taken = quantity(diagnosis.noise.position, "m")
     return (
-        f"what is left of the positions falls from {ends[0]} to {ends[1]} (root mean square, held out); no noise was "
-        f"declared, and {taken}, what is left where all may be off, was taken for it"
+        f"the residual of the positions falls from {ends[0]} to {ends[1]} (root mean square, held out); no noise was "
+        f"declared, and {taken}, the residual with everything free to vary, was taken for it"
     )
 
 
 def _of_efforts(shares: Mapping[str, float], after: float, ends_there: bool = True) -> str:
     """Return what is left of efforts whose noise nobody declared: as a share, for that noise proves little."""
     ends = [_percent(shares[key]) for key in ("rigid", "heldout")]
-    falls = "" if ends[0] == ends[1] else f"what is left of the efforts falls from {ends[0]} to {ends[1]}"
+    falls = "" if ends[0] == ends[1] else f"the residual of the efforts falls from {ends[0]} to {ends[1]}"
     return (
-        f"{falls or f'{ends[1]} of the efforts are left'}, {number(after, 3)} times what a sample scatters by itself"
-        f"{', and follows no motion to an extent that matters' if ends_there else ''}"
+        f"{falls or f'the residual is {ends[1]} of the efforts'}, {number(after, 3)} times the scatter of a single "
+        f"sample{_NO_MOTION if ends_there else ''}"
     )
 
 
@@ -206,11 +214,11 @@ def summary_text(diagnosis: Diagnosis) -> str:
     else:  # which ones, the findings say
         texts = [f"The log is read {_read_so(read)}.", first]
     if logs:
-        texts[-1] = f"Read so: {first}"
+        texts[-1] = f"Read this way: {first}"
     if diagnosis.verdict == "nothing_missing":
         if every:
-            texts += [f"{_NO_FAULT} Simulated so, {last}."]
-        return f"{' '.join(texts)} That is what the sensors scatter by themselves: nothing has to be mended."
+            texts += [f"{_NO_FAULT} Simulated in that way, {last}."]
+        return f"{' '.join(texts)} That is the sensors' own scatter: nothing needs repair."
     if causes:
         count = _COUNTED[len(causes)] if len(causes) < len(_COUNTED) else str(len(causes))
         things = f"{count} thing{'s' if len(causes) > 1 else ''}"
@@ -220,18 +228,18 @@ def summary_text(diagnosis: Diagnosis) -> str:
             texts.append(_NO_FAULT)
     if diagnosis.verdict == "explained":
         times = diagnosis.after.get("heldout", math.nan)
-        scatter = "little more than the sensors scatter by themselves"
+        scatter = "little more than the sensors' own scatter"
         if not times < _LITTLE_MORE:
             known = f"{number(times, 3)} times" if math.isfinite(times) else "an unknown multiple of"
-            scatter = f"{known} what the sensors scatter by themselves, which follows nothing that was measured"
+            scatter = f"{known} the sensors' own scatter, and independent of all that was measured"
         texts.append(f"With {them} in the model {last}, {scatter}.")
     else:
-        texts.append(f"With {them} in the model {last}" if causes else "No law of the library takes it away")
+        texts.append(f"With {them} in the model {last}" if causes else "No law of the library explains it")
         places = dict.fromkeys(item.location for item in diagnosis.findings if item.physics == "unknown")
         where = _joined([place for place in places if place != "robot"])
         texts[-1] += (
-            f": something is missing{where and f' at {where}'} that has no name here, and the corrected model holds "
-            "only near these data."
+            f": something is missing{where and f' at {where}'} that no law describes, and the corrected model is "
+            "valid only near these data."
         )
     doubted = [finding for finding in diagnosis.findings if finding.physics == "unknown" and finding.advice]
     first_remedy = next((finding.remedy for finding in (*logs, *doubted, *named) if finding.remedy), "")
@@ -247,19 +255,19 @@ def _beside(diagnosis: Diagnosis) -> tuple[str, str]:
         if math.isfinite(before := values.get(f"before_u{unit}", math.nan)):
             ends = [quantity(1e-6 * value, unit) for value in (before, values[f"after_u{unit}"])]
             what = "the tool" if name in ("position", "rotation") else name.removesuffix(f" {name.split()[-1]}")
-            does = "stood" if unit == "m" else "was turned"
+            kind = "position" if unit == "m" else "orientation"
             text = (
-                f"Where it was measured, {what} {does} {ends[0]} (root mean square) away from where the simulation "
-                "of the robot file puts it."
+                f"The measured {kind} of {what} differs by {ends[0]} (root mean square) from the simulation of the "
+                "robot file."
             )
-            return text, f"{ends[1]} are left"
+            return text, f"{ends[1]} remain"
     if diagnosis.efforts is None:
         return "", ""
     ends = [_percent(diagnosis.efforts.shares["all"][key]) for key in ("rigid", "heldout")]
     return (
-        f"In motion, the drives' efforts are {ends[0]} (root mean square) away from those that the robot file asks "
-        "for.",
-        f"{ends[1]} are left",
+        f"In motion, the drives' efforts differ by {ends[0]} (root mean square) from those computed from the robot "
+        "file.",
+        f"{ends[1]} remain",
     )
 
 
@@ -268,12 +276,12 @@ def cost_text(finding: Finding) -> str:
     if finding.physics == "unknown":
         return ""  # what a law for it would take stands in its statement, beside what that is a share of
     if finding.heldout_gain < _NO_GAIN and finding.effect is not None:
-        return "what else is off could make up for it" if finding.parameters else "acts whatever else does"
+        return "other errors could compensate for it" if finding.parameters else "is always present"
     if finding.cost > _BEYOND_COUNTING:
-        return f"without it more than {_BEYOND_COUNTING} times as much would be left"
+        return f"without it the residual would be more than {_BEYOND_COUNTING} times as large"
     if finding.cost < 2:
-        return f"without it {number(100 * (finding.cost - 1), 2)} % more would be left"
-    return f"without it {number(finding.cost, 3)} times as much would be left"
+        return f"without it the residual would be {number(100 * (finding.cost - 1), 2)} % larger"
+    return f"without it the residual would be {number(finding.cost, 3)} times as large"
 
 
 def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str, str, str]]:
@@ -289,8 +297,18 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
         if fitted.value == 0 and factor * max(abs(low), abs(high)) > 0.99 * _ABSURD:
             rows.append((words, "not determined by this recording", "any size"))
             continue
+        if _is_open(fitted):
+            value = "not determined by this recording"
         rows.append((words, value, f"{_end(factor * low)} to {_end(factor * high)} {unit}".strip()))
     return rows
+
+
+def _is_open(fitted: FittedParameter) -> bool:
+    """Return whether an interval holds values a thousand times as large and a hundredth as large, or any size."""
+    low, high = sorted(abs(end) for end in fitted.interval)
+    if fitted.value == 0:
+        return high >= _ANY_SIZE
+    return high > 1000 * abs(fitted.value) and low < abs(fitted.value) / 100
 
 
 def by_place(finding: Finding) -> dict[str, list[tuple[str, str, str]]]:
@@ -403,10 +421,7 @@ def noise_text(diagnosis: Diagnosis) -> list[str]:
             texts.append(f"{name} {quantity(value, unit)}")
     efforts = diagnosis.efforts
     if efforts is None or efforts.declared:
-        return [
-            *texts,
-            "not declared: what is left where all may be off" if noise.source == "residual" else noise.source,
-        ]
+        return [*texts, _SOURCES.get(noise.source, noise.source)]
     ways = _joined([_WAYS.get(way, way) for way in dict.fromkeys(efforts.how) if way])
     return [*texts, f"{noise.source}, of efforts by {ways}" if ways else f"{noise.source}, of efforts unknown"]
 
@@ -424,8 +439,10 @@ def multiple_text(diagnosis: Diagnosis) -> str:
     """Return what a multiple of the noise is, where one may be asked what less than 1 means; else nothing."""
     if diagnosis.efforts is None or math.isnan(diagnosis.after["heldout"]):
         return ""
-    text = "1 × noise is what a sample of an effort scatters by itself"
-    return text if diagnosis.efforts.standing else f"{text}; below the frequencies of the comparison less of it is left"
+    text = "1 × noise is the scatter of a single sample of an effort"
+    return (
+        text if diagnosis.efforts.standing else f"{text}; the comparison filters samples, so that less than 1 is normal"
+    )
 
 
 def places_text(names: Iterable[str]) -> str:

@@ -81,7 +81,7 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
         listed(out, "actuators", pose_text(robot, on_the_way))
         if len(on_the_way) < len(pose.actuators):
             count = len(pose.actuators) - len(on_the_way)
-            listed(out, "", [f"{' ' * 12}{count} more beside the way from tool to base, which carry nothing"])
+            listed(out, "", [f"{' ' * 12}{count} more that are not on the path from tool to base and carry nothing"])
     at = (f"{axis} {position_text(value)}" for axis, value in zip("xyz", pose.base_from_tool[:3, 3], strict=True))
     listed(out, "tool", [f"'{answer.tool}' at {' '.join(at)} mm"])
 
