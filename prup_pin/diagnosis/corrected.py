@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from ..laws import Effect, lasting
+from ..laws.deviations import Calibration
 from ..loading import Reading
 from ..mechanism import Mechanism
 from ..recordings import Convention, Noise, Recording
 from ..recordings.columns import NOISE_KEYS
 from ..robot import Robot
-from ..simulation import CorrectedModel
+from ..simulation import CorrectedModel, Known
 from .diagnosis import Diagnosis
 
 
@@ -44,7 +45,32 @@ def corrected_model(
         _conventions(diagnosis, recordings),
         diagnosis.own_by_run,
         _effort_noise(diagnosis),
+        tuple(_known(effect, diagnosis) for effect in effects),
     )
+
+
+def _known(effect: Effect, diagnosis: Diagnosis) -> Known:
+    """Return how well the values of an effect are known, and what it explains: by its finding, or by the calibration."""
+    found: dict[str, tuple[float, float]] = {
+        item.name: (item.value - 1.96 * item.sd, item.value + 1.96 * item.sd)
+        for item in diagnosis.calibration
+        if isinstance(effect.law, Calibration) and item.name in effect.values
+    }
+    share = None
+    for finding in diagnosis.findings:
+        own = finding.effect
+        if own is None or own.law.physics != effect.law.physics:
+            continue
+        if own.place == effect.place:
+            names = {name: name for name in effect.values}
+        else:  # of a law at many places, the part at this one
+            names = {name: f"{effect.place.name}.{name}" for name in effect.values}
+        told = {name: finding.parameters[other] for name, other in names.items() if other in finding.parameters}
+        if told:
+            found |= {name: (min(item.interval), max(item.interval)) for name, item in told.items()}
+            share = finding.heldout_gain
+    finite = {name: ends for name, ends in found.items() if np.isfinite(ends).all()}
+    return Known(finite, share if share is not None and math.isfinite(share) else None)
 
 
 def planned(diagnosis: Diagnosis, recording: Recording, robot: str) -> dict[str, Any]:
