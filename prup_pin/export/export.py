@@ -17,6 +17,7 @@ from ..errors import InputError, PrupPinError, RobotFileError
 from ..laws import Effect, Inputs, Setup
 from ..laws.efforts import EffortLaw
 from ..mechanism import Changes, JointDynamics, Mechanism
+from ..mechanism.description import RobotDescription
 from ..mechanism.mjcf_writer import mjcf_of
 from ..mechanism.readers import read_content
 from ..mechanism.redrawn import dynamics_of, redrawn
@@ -89,7 +90,7 @@ def exported(model: CorrectedModel, path: Path) -> Exported:
         raise InputError(f"locked joints ({', '.join(sorted(mechanism.locked))}) have no place in a robot file")
     changes, said, left = _gathered(model, mechanism, target)
     described = redrawn(changes)
-    remarks = tuple(target.remarks(mechanism, changes))
+    remarks = (*target.remarks(mechanism, changes), *_kept(described, changes))
     comment = _comment(model, said, left, remarks)
     try:
         content = urdf_of(described)
@@ -113,7 +114,7 @@ class _Urdf:
         urdf: bytes, mechanism: Mechanism, dynamics: Mapping[str, JointDynamics], comment: Sequence[str]
     ) -> bytes:
         root = etree.fromstring(urdf, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True))
-        note = etree.Comment("\n" + "".join(f"  {line}\n" for line in comment))
+        note = etree.Comment("\n" + "".join(f"  {line}".rstrip() + "\n" for line in comment))
         note.tail = "\n"
         root.addprevious(note)
         return etree.tostring(root.getroottree(), encoding="utf-8", xml_declaration=True) + b"\n"
@@ -206,6 +207,13 @@ def _spring(item: JointDynamics, joint: str, mechanism: Mechanism) -> str:
     return f"of {stiffness} with {force} at zero"
 
 
+def _kept(described: RobotDescription, changes: Changes) -> Iterator[str]:
+    """Yield what the robot file says of joints that no effect speaks of."""
+    kept = [name for name in dynamics_of(described) if name not in changes.dynamics]
+    if kept:
+        yield f"<dynamics> of {', '.join(kept)} are the robot file's own: no effect of the model speaks of them"
+
+
 # -- effects -----------------------------------------------------------------------------------------------------------
 
 def _gathered(
@@ -291,7 +299,7 @@ def _comment(
     if remarks:
         lines += ["", "To know:", *(f"  {text}" for text in remarks)]
     # two hyphens end a comment
-    return tuple(line.replace("--", "- -").rstrip("-") for line in lines)
+    return tuple(line.replace("--", "- -").rstrip("- ") for line in lines)
 
 
 def _share(share: float | None) -> str:

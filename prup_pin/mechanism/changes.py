@@ -129,8 +129,8 @@ class Changes:
     @property
     def empty(self) -> bool:
         """True where nothing changes."""
-        found = (getattr(self, item.name) for item in fields(self) if item.name not in ("mechanism", "gravity"))
-        return not (self.gravity.any() or any(found))
+        gathered = (getattr(self, item.name) for item in fields(self) if item.name not in ("mechanism", "gravity", "weight"))
+        return not (self.weight is not None or self.gravity.any() or any(gathered))
 
     @property
     def weighs(self) -> bool:

@@ -59,7 +59,7 @@ class _Writer:
     def file(self, remarks: Sequence[str]) -> bytes:
         root, mechanism = self.root, self.mechanism
         if remarks:
-            root.append(etree.Comment("\n" + "\n".join(f"  {line}" for line in remarks) + "\n"))
+            root.append(etree.Comment("\n" + "\n".join(f"  {line}".rstrip() for line in remarks) + "\n"))
         etree.SubElement(root, "compiler", angle="radian", inertiafromgeom="false", autolimits="true",
                          boundmass=repr(_LEAST_MASS), boundinertia=repr(_LEAST_INERTIA))  # fmt: skip
         etree.SubElement(root, "option", gravity=_words(mechanism.gravity))

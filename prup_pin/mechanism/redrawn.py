@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -31,6 +31,8 @@ __all__ = ["dynamics_of", "redrawn"]
 
 #: Moments of inertia below zero by less than this share of the largest are rounding.
 _ROUNDING = 1e-9
+#: Places that differ by less are one [m, and of rotations].
+_SAME_PLACE = 1e-14
 
 
 def redrawn(changes: Changes) -> RobotDescription:
@@ -41,15 +43,16 @@ def redrawn(changes: Changes) -> RobotDescription:
     where a body would weigh less than nothing.
     """
     mechanism = changes.mechanism
+    if changes.lengths:
+        mechanism = mechanism.with_parameters(
+            {name: mechanism.parameters[name].value + error for name, error in changes.lengths.items()}
+        )
     described = mechanism.description
     if described.source != "URDF":
         raise InputError(f"'{described.name}' was read from {described.source}; only URDFs can be redrawn")
-    if changes.lengths:
-        longer = {name: mechanism.parameters[name].value + error for name, error in changes.lengths.items()}
-        described = mechanism.with_parameters(longer).description
     content = with_lengths(described.content, described.lengths)
     lengths = tuple(replace(item, reference=float(item.parameter.value)) for item in described.lengths)
-    drawing = _Drawing(etree.fromstring(content, _parser()), changes)
+    drawing = _Drawing(etree.fromstring(content, _parser()), mechanism, changes)
     drawing.hold(described.held)
     drawing.move_joints()
     drawing.follow_zeros()
@@ -59,9 +62,10 @@ def redrawn(changes: Changes) -> RobotDescription:
     drawing.see()
     seats = drawing.seat()
     loops = drawing.move_loops(described.loops)
+    modules: Iterable[ModuleDescription] = described.modules
     if changes.geometric:
-        drawing.keep_axes()
-    modules = (*_with_values(described.modules, changes), *_yielding(changes, seats))
+        modules = drawing.keep_beams(modules)
+    modules = (*_with_values(modules, changes), *_yielding(changes, seats))
     return replace(
         described,
         content=etree.tostring(drawing.root.getroottree(), encoding="utf-8"),
@@ -85,8 +89,8 @@ def words(values: Iterable[float]) -> str:
 class _Drawing:
     """The XML of a URDF while it is changed."""
 
-    def __init__(self, root: etree._Element, changes: Changes):
-        self.root, self.changes, self.mechanism = root, changes, changes.mechanism
+    def __init__(self, root: etree._Element, mechanism: Mechanism, changes: Changes):
+        self.root, self.mechanism, self.changes = root, mechanism, changes
         self.joints = {str(joint.get("name")): joint for joint in root.findall("joint")}
         self.links = {str(link.get("name")): link for link in root.findall("link")}
 
@@ -182,14 +186,52 @@ class _Drawing:
         self.links[name], self.joints[f"{name}_joint"] = link, joint
         return name
 
-    def keep_axes(self) -> None:
-        """Write the axes of beams down that follow from where their ends are drawn: they stay as they are."""
-        for element in self.root.iterfind(f"{EXTENSION}/module"):
-            if element.get("root") is not None and element.get("axis") is None:
-                module = self.mechanism.module(str(element.get("name")))
-                base = self.mechanism.frame(str(element.get("tip") or element.get("frame") or element.get("joint")))
-                axis = base.placement[:3, :3].T @ module.frame.placement[:3, 2]
-                element.set("axis", words(axis))
+    def keep_beams(self, modules: Iterable[ModuleDescription]) -> Iterator[ModuleDescription]:
+        """Yield the modules, of which beams keep axes and lengths where a joint between their ends is displaced.
+
+        What a beam is clamped in moves with the joint: its root is a link of its own, where it was as the tip sees it.
+        """
+        elements = {element.get("name"): element for element in self.root.iterfind(f"{EXTENSION}/module")}
+        drawn, moved = self._joined(displaced=False), self._joined(displaced=True)
+        for described in modules:
+            module = self.mechanism.module(described.name)
+            root, tip = module.root, module.frame
+            if root is None or described.root is None:
+                yield described
+                continue
+            before, after = (_seen(joined, root.joint, tip.joint) for joined in (drawn, moved))
+            shift = after @ np.linalg.inv(before)  # of the root on its body
+            base = self.mechanism.frame(described.tip or described.frame or described.joint).placement
+            axis = tuple((base[:3, :3].T @ tip.placement[:3, 2]).tolist())
+            name = described.root
+            if np.abs(shift - np.eye(4)).max() > _SAME_PLACE:
+                at = np.linalg.solve(root.placement, shift @ root.placement)
+                name = self.add_link(f"{described.name.replace('/', '_')}_root", described.root, at)
+            elements[described.name].set("root", name)
+            elements[described.name].set("axis", words(axis))
+            yield replace(described, root=name, axis=axis)
+
+    def _joined(self, displaced: bool) -> dict[int, dict[int, Array]]:
+        """Return bodies by their joints' ids, each with those that it is joined to, and where these stand in it (4, 4).
+
+        By joints at home, and by loops, closed; as drawn or displaced.
+        """
+        mechanism, changes = self.mechanism, self.changes
+        model, data = mechanism.model.copy(), mechanism.model.createData()
+        pin.forwardKinematics(model, data, mechanism.home_configuration())
+        found: dict[int, dict[int, Array]] = {}
+        for joint in mechanism.joints:
+            at, moved = model.jointPlacements[joint.id].homogeneous, changes.joints.get(joint.name)
+            motion = np.linalg.solve(at, data.liMi[joint.id].homogeneous)
+            at = _displaced(at, moved) if displaced and moved is not None else at
+            _join(found, int(model.parents[joint.id]), joint.id, at @ motion)
+        for loop in mechanism.loops:
+            ends = []
+            for end, frame in enumerate((loop.first, loop.second)):
+                moved = changes.loop_ends.get((loop.name, end))
+                ends.append(_displaced(frame.placement, moved) if displaced and moved is not None else frame.placement)
+            _join(found, loop.first.joint, loop.second.joint, ends[0] @ np.linalg.inv(ends[1]))
+        return found
 
     # -- masses ------------------------------------------------------------------------------------------------------
 
@@ -278,6 +320,23 @@ class _Drawing:
         return seats
 
 
+def _join(joined: dict[int, dict[int, Array]], first: int, second: int, at: Array) -> None:
+    joined.setdefault(first, {}).setdefault(second, at)
+    joined.setdefault(second, {}).setdefault(first, np.linalg.inv(at))
+
+
+def _seen(joined: Mapping[int, Mapping[int, Array]], first: int, second: int) -> Array:
+    """Return where one body stands in another, (4, 4), by the shortest way of joints and loops between them."""
+    found, waiting = {first: np.eye(4)}, [first]
+    while waiting and second not in found:
+        body = waiting.pop(0)
+        for other, at in joined.get(body, {}).items():
+            if other not in found:
+                found[other] = found[body] @ at
+                waiting.append(other)
+    return found[second]
+
+
 # -- modules -----------------------------------------------------------------------------------------------------------
 
 
@@ -294,8 +353,14 @@ def _with_values(modules: Iterable[ModuleDescription], changes: Changes) -> Iter
             continue
         wanted = {**resolve_values(module), **own}
         values = {**module.values, **_parameters(module.name, module.kind, own, module.values)}
+        # what is rigid has no number in a file: it is left to its default
+        values = {name: item for name, item in values.items() if np.isfinite(item.value).all()}
         found = resolve_values(replace(module, values=values))
-        derived = {name: value for name, value in wanted.items() if not np.array_equal(found[name], value)}
+        derived = {
+            name: value
+            for name, value in wanted.items()
+            if not np.array_equal(np.asarray(found[name], float), np.asarray(value, float), equal_nan=True)
+        }
         yield replace(module, values={**values, **_parameters(module.name, module.kind, derived, module.values)})
 
 
