@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from lxml import etree
 
 from .. import __version__, robots
@@ -90,7 +91,7 @@ def exported(model: CorrectedModel, path: Path) -> Exported:
         raise InputError(f"locked joints ({', '.join(sorted(mechanism.locked))}) have no place in a robot file")
     changes, said, left = _gathered(model, mechanism, target)
     described = redrawn(changes)
-    remarks = (*target.remarks(mechanism, changes), *_kept(described, changes))
+    remarks = (*target.remarks(mechanism, changes), *_seen(changes), *_kept(described, changes))
     comment = _comment(model, said, left, remarks)
     try:
         content = urdf_of(described)
@@ -205,6 +206,16 @@ def _with_unit(quantity_: str, value: float, joint: str, mechanism: Mechanism) -
 def _spring(item: JointDynamics, joint: str, mechanism: Mechanism) -> str:
     stiffness, force = (_with_unit(key, getattr(item, key), joint, mechanism) for key in ("stiffness", "preload"))
     return f"of {stiffness} with {force} at zero"
+
+
+def _seen(changes: Changes) -> Iterator[str]:
+    """Yield what frames were added for what a pose sensor sees."""
+    frames = [name for name in changes.views if name is not None]
+    if frames:
+        names = ", ".join(f"{name}_measured" for name in frames)
+        yield f"{names}: what the corrected model says of {', '.join(frames)}, where the measured target sits"
+    if any(not np.array_equal(outside, np.eye(4)) for outside, _ in changes.views.values()):
+        yield "pose_sensor: the frame, fixed to the base, in which the pose sensor reports"
 
 
 def _kept(described: RobotDescription, changes: Changes) -> Iterator[str]:

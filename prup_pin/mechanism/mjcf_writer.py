@@ -96,11 +96,12 @@ class _Writer:
     def _parts(self) -> list[pin.Inertia]:
         """Return the inertias of the joints' bodies, less those of links fixed to them: these are bodies of their own."""
         inertias = [pin.Inertia(item) for item in self.mechanism.model.inertias]
-        for link in self.mechanism.links:
-            if link.name != self._name(link.joint):
-                rest = inertias[link.joint].toDynamicParameters() - link.inertial
-                rest[np.abs(rest) < _ROUNDING * np.abs(link.inertial).max()] = 0.0
-                inertias[link.joint] = pin.Inertia.FromDynamicParameters(rest) if rest.any() else pin.Inertia.Zero()
+        fixed = [link for link in self.mechanism.links if link.name != self._name(link.joint)]
+        for joint in {link.joint for link in fixed}:
+            whole = inertias[joint].toDynamicParameters()
+            rest = whole - sum(link.inertial for link in fixed if link.joint == joint)
+            light = rest[0] <= _ROUNDING * whole[0]  # what is left is rounding
+            inertias[joint] = pin.Inertia.Zero() if light else pin.Inertia.FromDynamicParameters(rest)
         return inertias
 
     def _fixed(self) -> None:
