@@ -14,12 +14,12 @@ import numpy as np
 from lxml import etree
 
 from .. import __version__, robots
-from ..errors import InputError, PrupPinError, RobotFileError
+from ..errors import InputError, RobotFileError, SingularPoseError, UnreachablePoseError
 from ..laws import Effect, Inputs, Setup
 from ..laws.efforts import EffortLaw
 from ..mechanism import Changes, JointDynamics, Mechanism
 from ..mechanism.description import RobotDescription
-from ..mechanism.mjcf_writer import mjcf_of
+from ..mechanism.mjcf_writer import MJCF_ENDINGS, mjcf_of
 from ..mechanism.readers import read_content
 from ..mechanism.redrawn import dynamics_of, redrawn
 from ..mechanism.writer import urdf_of
@@ -96,12 +96,27 @@ def exported(model: CorrectedModel, path: Path) -> Exported:
     try:
         content = urdf_of(described)
         found = Mechanism(read_content(content, path, described.package_folders))
+        _check_loops(found)
         dynamics = {**dynamics_of(found.description), **changes.dynamics}
         content = target.content(content, found, dynamics, comment)
         mechanism = Mechanism(read_content(content, path, described.package_folders))
     except RobotFileError as error:
         raise InputError(f"'{robot.name}' cannot be written as '{path}': {error}") from error
     return Exported(content, mechanism, target.spoken(dynamics), said, left, remarks)
+
+
+def _check_loops(mechanism: Mechanism) -> None:
+    """Raise InputError where loops close only as parts give way: a robot file has them rigid."""
+    try:
+        _ = Robot(mechanism).home if mechanism.loops else None
+    except SingularPoseError:
+        pass  # it closes there; other poses may be regular
+    except UnreachablePoseError as error:
+        raise InputError(
+            f"the loops of the corrected '{mechanism.name}' close only as its parts give way, and a robot file has them "
+            "rigid: its joints stand aslant in a mechanism that is tighter than it needs to be. Take directions and "
+            f"positions of joints out of the model, or leave the motions across free in the robot file. {error}"
+        ) from error
 
 
 # -- formats -----------------------------------------------------------------------------------------------------------
@@ -153,7 +168,7 @@ class _Mjcf:
     ) -> bytes:
         try:
             home = Robot(mechanism).home.q
-        except PrupPinError:
+        except SingularPoseError:
             home = mechanism.home_configuration()
         return mjcf_of(mechanism, _Mjcf.spoken(dynamics), home, comment)
 
@@ -186,7 +201,7 @@ class _Mjcf:
         yield "shapes and meshes stay with the URDF: the file holds what moves, weighs and resists"
 
 
-_FORMATS: dict[str, type[_Urdf] | type[_Mjcf]] = {".urdf": _Urdf, ".xml": _Mjcf, ".mjcf": _Mjcf}
+_FORMATS: dict[str, type[_Urdf] | type[_Mjcf]] = {".urdf": _Urdf, **dict.fromkeys(MJCF_ENDINGS, _Mjcf)}
 
 
 def _target(path: Path) -> type[_Urdf] | type[_Mjcf]:

@@ -20,8 +20,12 @@ from .description import ModuleDescription
 from .extension import EXTENSION
 from .joints import Joint
 from .mechanism import LoopClosure, Mechanism
+from .redrawn import SMALLEST_MOMENT
 
-__all__ = ["mjcf_of"]
+__all__ = ["MJCF_ENDINGS", "mjcf_of"]
+
+#: Of the names of MJCF files.
+MJCF_ENDINGS = (".xml", ".mjcf")
 
 _POINT = frozenset({"rx", "ry", "rz"})
 #: Of a body between the two ends of a loop that leaves motions free [kg, kg m^2]. Its mass is taken from what it is
@@ -164,8 +168,8 @@ class _Writer:
     def _inertial(self, body: etree._Element, inertia: pin.Inertia) -> None:
         moments = np.array(inertia.inertia)
         principal = np.linalg.eigvalsh(moments)
-        reach = max(abs(principal).max(), _LEAST_INERTIA)
-        if principal[0] < -_ROUNDING * reach or principal[2] - principal[:2].sum() > _ROUNDING * reach:
+        rounding = _ROUNDING * abs(principal).max() + SMALLEST_MOMENT
+        if principal[0] < -rounding or principal[2] - principal[:2].sum() > rounding:
             told = ", ".join(number(value, 4) for value in principal)
             raise InputError(
                 f"body '{body.get('name')}': its principal moments of inertia are {told} kg m^2, and no body has such "

@@ -10,6 +10,7 @@ import pinocchio as pin
 from lxml import etree
 
 from ..errors import InputError
+from ..numbers import number
 from ..parameters import Parameter
 from ..spatial import Array, placement, rotation_exp
 from .changes import Changes, JointDynamics
@@ -27,10 +28,12 @@ from .joints import Joint
 from .mechanism import Mechanism, with_lengths
 from .yielding import yielding_module
 
-__all__ = ["dynamics_of", "redrawn"]
+__all__ = ["SMALLEST_MOMENT", "dynamics_of", "redrawn"]
 
 #: Moments of inertia below zero by less than this share of the largest are rounding.
 _ROUNDING = 1e-9
+#: So are smaller ones about a body's centre that were told about the frame of its joint [kg m^2].
+SMALLEST_MOMENT = 1e-12
 #: Places that differ by less are one [m, and of rotations].
 _SAME_PLACE = 1e-14
 
@@ -246,32 +249,33 @@ class _Drawing:
             self._add_body(joint, added)
 
     def _add_body(self, joint: str, added: Array) -> None:
-        """Add inertial parameters (10,) about a joint's frame to the link that it carries, else to its body as one."""
-        own = self.links[str(self.joints[joint].find("child").get("link"))]
+        """Add inertial parameters (10,) about a joint's frame to the heaviest link of its body, else to all as one."""
         at = self.mechanism.joint(joint).id
-        others = [
-            self.links[name]
+        names = [
+            name
             for name in self.mechanism.frame_names
-            if name in self.links and self.links[name] is not own and self.mechanism.frame(name).joint == at
+            if name in self.links and self.mechanism.frame(name).joint == at
         ]
-        given = inertia_of(own)
-        alone = (np.zeros(10) if given is None else given.toDynamicParameters()) + added
-        if (body := _body(alone)) is None:
-            whole = alone.copy()
-            for link in others:
-                inertia = inertia_of(link)
-                if inertia is not None:
-                    place = pin.SE3(self.mechanism.frame(str(link.get("name"))).placement)
-                    whole += place.act(inertia).toDynamicParameters()
-                    link.remove(link.find("inertial"))
-            body = _body(whole)
+        places = {name: pin.SE3(self.mechanism.frame(name).placement) for name in names}
+        drawn = {name: inertia_of(self.links[name]) for name in names}
+        own = {
+            name: np.zeros(10) if inertia is None else places[name].act(inertia).toDynamicParameters()
+            for name, inertia in drawn.items()
+        }
+        heaviest = max(names, key=lambda name: own[name][0])
+        body = _body(own[heaviest] + added)
+        if body is None:
+            body = _body(sum(own.values()) + added)
+            for name in names:
+                if drawn[name] is not None and name != heaviest:
+                    self.links[name].remove(self.links[name].find("inertial"))
         if body is None:
             raise InputError(
-                f"the body of joint '{joint}' would weigh {alone[0]:.4g} kg, or have moments of inertia below zero: no "
-                "robot file holds such a body. Diagnose with a recording that tells it, or take that effect out of the "
-                "model"
+                f"the body of joint '{joint}' would weigh {number((sum(own.values()) + added)[0], 4)} kg, or have a moment "
+                "of inertia below zero: no robot file holds such a body. Diagnose a recording that tells more of it, or "
+                "take that effect out of the model"
             )
-        set_inertia(own, body)
+        set_inertia(self.links[heaviest], places[heaviest].actInv(body))
 
     # -- what resists, falls and is seen -----------------------------------------------------------------------------
 
@@ -483,6 +487,6 @@ def _body(parameters: Array) -> pin.Inertia | None:
         return pin.Inertia.Zero() if not parameters.any() else None
     body = pin.Inertia.FromDynamicParameters(parameters)
     moments = np.linalg.eigvalsh(np.array(body.inertia))
-    return None if moments[0] < -_ROUNDING * max(moments[2], 1e-300) else body
+    return None if moments[0] < -_ROUNDING * moments[2] - SMALLEST_MOMENT else body
 
 
