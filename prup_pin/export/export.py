@@ -7,7 +7,7 @@ says what it has words for. What is left out is listed with the share of the res
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ from ..numbers import number, quantity
 from ..recordings.writer import write_whole
 from ..robot import Robot
 from ..simulation import CorrectedModel, Known
+from ..spatial import Array
 
 __all__ = ["Exported", "LeftOut", "Said", "export_model", "exported"]
 
@@ -90,7 +91,7 @@ def exported(model: CorrectedModel, path: Path) -> Exported:
     if mechanism.locked:
         raise InputError(f"locked joints ({', '.join(sorted(mechanism.locked))}) have no place in a robot file")
     changes, said, left = _gathered(model, mechanism, target)
-    described = redrawn(changes)
+    described = redrawn(changes, _home(changes, path))
     remarks = (*target.remarks(mechanism, changes), *_seen(changes), *_kept(described, changes))
     comment = _comment(model, said, left, remarks)
     try:
@@ -103,6 +104,17 @@ def exported(model: CorrectedModel, path: Path) -> Exported:
     except RobotFileError as error:
         raise InputError(f"'{robot.name}' cannot be written as '{path}': {error}") from error
     return Exported(content, mechanism, target.spoken(dynamics), said, left, remarks)
+
+
+def _home(changes: Changes, path: Path) -> Array | None:
+    """Return where the joints of the changed robot stand at home, with its loops closed; None where the file has it, or nothing closes."""
+    if not (changes.geometric and changes.mechanism.loops):
+        return None
+    first = redrawn(changes)
+    try:
+        return Robot(Mechanism(read_content(urdf_of(first), path, first.package_folders))).home.q
+    except (RobotFileError, UnreachablePoseError):
+        return None  # told with what is written
 
 
 def _check_loops(mechanism: Mechanism) -> None:
@@ -262,8 +274,9 @@ def _gathered(
         known = model.known_of(index)
         physics, place = effect.law.physics, str(effect.place)
         left_out += [LeftOut(physics, place, text, known.share) for text in left]
-        if not own.empty:
-            changes.add(own)
+        changes.add(own)
+        spoken = target.spoken(own.dynamics)
+        if not replace(own, dynamics={name: item for name, item in spoken.items() if item != JointDynamics()}).empty:
             said.append(Said(physics, place, tuple(_values(effect, mechanism, known)), known.share))
     return changes, tuple(said), tuple(left_out)
 

@@ -38,8 +38,11 @@ SMALLEST_MOMENT = 1e-12
 _SAME_PLACE = 1e-14
 
 
-def redrawn(changes: Changes) -> RobotDescription:
+def redrawn(changes: Changes, home: Array | None = None) -> RobotDescription:
     """Return the description of a URDF with changes; `writer.urdf_of` makes its file.
+
+    home: where its joints stand as it is drawn (nq,), with its loops closed; else as the file has them. There beams lie
+    on their axes, and keep their lengths.
 
     Frames that a pose sensor sees elsewhere than they are drawn, and the frame in which it reports, are added as links:
     `<frame>_measured`, and `pose_sensor` on the base. Raises InputError where the robot was not read from a URDF, or
@@ -67,7 +70,7 @@ def redrawn(changes: Changes) -> RobotDescription:
     loops = drawing.move_loops(described.loops)
     modules: Iterable[ModuleDescription] = described.modules
     if changes.geometric:
-        modules = drawing.keep_beams(modules)
+        modules = drawing.keep_beams(modules, mechanism.home_configuration() if home is None else home)
     modules = (*_with_values(modules, changes), *_yielding(changes, seats))
     return replace(
         described,
@@ -189,13 +192,13 @@ class _Drawing:
         self.links[name], self.joints[f"{name}_joint"] = link, joint
         return name
 
-    def keep_beams(self, modules: Iterable[ModuleDescription]) -> Iterator[ModuleDescription]:
+    def keep_beams(self, modules: Iterable[ModuleDescription], home: Array) -> Iterator[ModuleDescription]:
         """Yield the modules, of which beams keep axes and lengths where a joint between their ends is displaced.
 
         What a beam is clamped in moves with the joint: its root is a link of its own, where it was as the tip sees it.
         """
         elements = {element.get("name"): element for element in self.root.iterfind(f"{EXTENSION}/module")}
-        drawn, moved = self._joined(displaced=False), self._joined(displaced=True)
+        drawn, moved = self._joined(home, displaced=False), self._joined(home, displaced=True)
         for described in modules:
             module = self.mechanism.module(described.name)
             root, tip = module.root, module.frame
@@ -214,14 +217,18 @@ class _Drawing:
             elements[described.name].set("axis", words(axis))
             yield replace(described, root=name, axis=axis)
 
-    def _joined(self, displaced: bool) -> dict[int, dict[int, Array]]:
+    def _joined(self, home: Array, displaced: bool) -> dict[int, dict[int, Array]]:
         """Return bodies by their joints' ids, each with those that it is joined to, and where these stand in it (4, 4).
 
         By joints at home, and by loops, closed; as drawn or displaced.
         """
         mechanism, changes = self.mechanism, self.changes
         model, data = mechanism.model.copy(), mechanism.model.createData()
-        pin.forwardKinematics(model, data, mechanism.home_configuration())
+        q = home.copy()
+        for name, offset in changes.zeros.items():
+            joint = mechanism.joint(name)
+            joint.place(q, joint.position(q) + offset)
+        pin.forwardKinematics(model, data, q)
         found: dict[int, dict[int, Array]] = {}
         for joint in mechanism.joints:
             at, moved = model.jointPlacements[joint.id].homogeneous, changes.joints.get(joint.name)
