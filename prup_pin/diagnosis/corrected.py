@@ -20,6 +20,10 @@ from ..simulation import CorrectedModel, Known
 from .diagnosis import Diagnosis
 
 
+#: Share by which a value may have been put off a bound, or rounded, and is still that of its finding.
+_SAME = 1e-6
+
+
 def corrected_model(
     diagnosis: Diagnosis,
     robot: Robot,
@@ -58,14 +62,15 @@ def _known(effect: Effect, diagnosis: Diagnosis) -> Known:
     }
     share = None
     for finding in diagnosis.findings:
-        own = finding.effect
-        if own is None or own.law.physics != effect.law.physics:
+        if finding.physics != effect.law.physics:
             continue
-        if own.place == effect.place:
-            names = {name: name for name in effect.values}
-        else:  # of a law at many places, the part at this one
-            names = {name: f"{effect.place.name}.{name}" for name in effect.values}
-        told = {name: finding.parameters[other] for name, other in names.items() if other in finding.parameters}
+        # of several places at once each parameter is named with its own
+        own = "" if finding.location == effect.place.name else f"{effect.place.name}."
+        told = {
+            name: finding.parameters[own + name]
+            for name, value in effect.values.items()
+            if own + name in finding.parameters and np.isclose(finding.parameters[own + name].value, value, rtol=_SAME)
+        }
         if told:
             found |= {name: (min(item.interval), max(item.interval)) for name, item in told.items()}
             share = finding.heldout_gain

@@ -28,6 +28,7 @@ from ..recordings.writer import write_whole
 from ..robot import Robot
 from ..simulation import CorrectedModel, Known
 from ..spatial import Array
+from .bodies import make_possible
 
 __all__ = ["Exported", "LeftOut", "Said", "export_model", "exported"]
 
@@ -91,8 +92,9 @@ def exported(model: CorrectedModel, path: Path) -> Exported:
     if mechanism.locked:
         raise InputError(f"locked joints ({', '.join(sorted(mechanism.locked))}) have no place in a robot file")
     changes, said, left = _gathered(model, mechanism, target)
+    possible = tuple(make_possible(changes))
     described = redrawn(changes, _home(changes, path))
-    remarks = (*target.remarks(mechanism, changes), *_seen(changes), *_kept(described, changes))
+    remarks = (*target.remarks(mechanism, changes), *_seen(changes), *_kept(described, changes), *possible)
     comment = _comment(model, said, left, remarks)
     try:
         content = urdf_of(described)
