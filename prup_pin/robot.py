@@ -406,12 +406,15 @@ class Robot:
     def save(self, path: str | Path) -> Path:
         """Write the robot as a URDF that `load` reads as the same robot, and return the file's path.
 
-        A path that ends in .xml or .mjcf becomes an MJCF file, for MuJoCo: what moves and weighs, loops and <dynamics>,
-        without shapes and meshes; compliant modules stand in it where MuJoCo does not look. A corrected model is written
-        by `prup_pin.export`. A URDF is the file that the robot came from, comments included, with what has been changed since: values, lengths,
-        springs, the variant. Loops stand in <prup_pin> and once more as ROS's <constraint> (docs/robot_file.md). Meshes
-        are not copied. Raises InputError where joints are locked or held (no robot file says so), where it did not
-        come from a URDF, and where the file cannot be written or would not be read as this robot.
+        A path that ends in .xml or .mjcf becomes an MJCF file, for MuJoCo: what moves and weighs, loops and
+        <dynamics>, without shapes and meshes; compliant modules stand where MuJoCo does not look. A corrected model is
+        written by `prup_pin.export`.
+
+        A URDF is the file that the robot came from, comments included, with what has been changed since: values,
+        lengths, springs, the variant. Loops stand in <prup_pin> and once more as ROS's <constraint>
+        (docs/robot_file.md). Meshes are not copied. Raises InputError where joints are locked or held (no robot file
+        says so), where a URDF is asked for of a robot that did not come from one, and where the file cannot be written
+        or would not be read as this robot.
         """
         path = Path(path).expanduser()
         still = sorted({*self.mechanism.locked, *self.mechanism.description.held})

@@ -139,9 +139,7 @@ def predict(
 
 def export(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="A corrected model: robot and effects.")],
-    to: Annotated[
-        Path, typer.Option("--to", metavar="FILE", help="The robot file: .urdf, or .xml for MuJoCo's MJCF.")
-    ],
+    to: Annotated[Path, typer.Option("--to", metavar="FILE", help="The robot file: .urdf, or .xml for MuJoCo's MJCF.")],
 ) -> None:
     """A corrected model as a robot file that other simulators load, and what of it that file cannot say."""
     check_folder(to, "--to", whole=True)

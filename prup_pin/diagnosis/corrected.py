@@ -19,7 +19,6 @@ from ..robot import Robot
 from ..simulation import CorrectedModel, Known
 from .diagnosis import Diagnosis
 
-
 #: Share by which a value may have been put off a bound, or rounded, and is still that of its finding.
 _SAME = 1e-6
 
@@ -54,7 +53,7 @@ def corrected_model(
 
 
 def _known(effect: Effect, diagnosis: Diagnosis) -> Known:
-    """Return how well the values of an effect are known, and what it explains: by its finding, or by the calibration."""
+    """Return how well an effect's values are known, and what it explains: by its finding, or by the calibration."""
     found: dict[str, tuple[float, float]] = {
         item.name: (item.value - 1.96 * item.sd, item.value + 1.96 * item.sd)
         for item in diagnosis.calibration

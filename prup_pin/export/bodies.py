@@ -41,7 +41,7 @@ def make_possible(changes: Changes) -> Iterator[str]:
         )
 
 
-def _nearest(found: Array, scale: Array) -> Array | None:
+def _nearest(found: np.ndarray, scale: np.ndarray) -> Array | None:
     """Return the nearest matrix of second moments (4, 4) that a body has; None where it is one, or lacks too much.
 
     scale: the Cholesky factor of that of a body as heavy as the robot, in whose units all second moments are compared.

@@ -73,7 +73,8 @@ def export_model(model: CorrectedModel, path: str | Path) -> Exported:
     """Write a corrected model as a robot file, a URDF or (.xml) an MJCF file, and return it with what it leaves out.
 
     The file is there as a whole or as it was before. Raises InputError for an ending that is no format, where the robot
-    was not read from a URDF, where no robot file can hold it, and where the file cannot be written or is the robot's own.
+    was not read from a URDF, where no robot file can hold it, and where the file cannot be written or is the robot's
+    own.
     """
     path = Path(path).expanduser()
     made = exported(model, path)
@@ -109,14 +110,14 @@ def exported(model: CorrectedModel, path: Path) -> Exported:
 
 
 def _home(changes: Changes, path: Path) -> Array | None:
-    """Return where the joints of the changed robot stand at home, with its loops closed; None where the file has it, or nothing closes."""
+    """Return where the joints of the changed robot stand at home, with its loops closed; None without loops."""
     if not (changes.geometric and changes.mechanism.loops):
         return None
     first = redrawn(changes)
     try:
         return Robot(Mechanism(read_content(urdf_of(first), path, first.package_folders))).home.q
     except (RobotFileError, UnreachablePoseError):
-        return None  # told with what is written
+        return None  # told when the file is checked
 
 
 def _check_loops(mechanism: Mechanism) -> None:
@@ -127,9 +128,9 @@ def _check_loops(mechanism: Mechanism) -> None:
         pass  # it closes there; other poses may be regular
     except UnreachablePoseError as error:
         raise InputError(
-            f"the loops of the corrected '{mechanism.name}' close only as its parts give way, and a robot file has them "
-            "rigid: its joints stand aslant in a mechanism that is tighter than it needs to be. Take directions and "
-            f"positions of joints out of the model, or leave the motions across free in the robot file. {error}"
+            f"the loops of the corrected '{mechanism.name}' close only as its parts give way, and a robot file has "
+            "them rigid: its joints stand aslant in a mechanism that is tighter than it needs to be. Take directions "
+            f"and positions of joints out of the model, or leave the motions across free in the robot file. {error}"
         ) from error
 
 
@@ -189,9 +190,7 @@ class _Mjcf:
     @staticmethod
     def spoken(dynamics: Mapping[str, JointDynamics]) -> dict[str, JointDynamics]:
         return {
-            name: item
-            if item.stiffness > 0
-            else JointDynamics(item.damping, item.friction, item.armature)
+            name: item if item.stiffness > 0 else JointDynamics(item.damping, item.friction, item.armature)
             for name, item in dynamics.items()
         }
 
@@ -256,6 +255,7 @@ def _kept(described: RobotDescription, changes: Changes) -> Iterator[str]:
 
 # -- effects -----------------------------------------------------------------------------------------------------------
 
+
 def _gathered(
     model: CorrectedModel, mechanism: Mechanism, target: type[_Urdf] | type[_Mjcf]
 ) -> tuple[Changes, tuple[Said, ...], tuple[LeftOut, ...]]:
@@ -286,8 +286,8 @@ def _gathered(
 def _settle(every: Sequence[tuple[Effect, Changes, list[str]]]) -> None:
     """Where poses and efforts told one thing, keep it of those that see it better; say that it was told twice.
 
-    Poses see an encoder's zero itself, efforts to first order; efforts see masses, centres, inertias and friction, poses
-    what hangs on the weight.
+    Poses see an encoder's zero itself, efforts to first order; efforts see masses, centres, inertias and friction,
+    poses what hangs on the weight.
     """
     efforts = [own for effect, own, _ in every if isinstance(effect.law, EffortLaw)]
     poses = [own for effect, own, _ in every if not isinstance(effect.law, EffortLaw)]
@@ -296,17 +296,16 @@ def _settle(every: Sequence[tuple[Effect, Changes, list[str]]]) -> None:
     weighed = any(own.bodies for own in efforts)
     for effect, own, left in every:
         if isinstance(effect.law, EffortLaw):
-            twice = [own.zeros.pop(joint) for joint in sorted(zeros & set(own.zeros))]
-            what, better = "the encoder's zero", "poses"
-        else:
-            twice = [own.dynamics.pop(joint) for joint in sorted(rubbing & set(own.dynamics))]
-            what, better = "the joint's friction", "efforts"
-            if weighed and own.weighs:
-                own.forget_masses()
-                twice, what = [None], "masses"
-        if twice:
-            left.append(f"{what} as told by {'poses' if better == 'efforts' else 'efforts'}: the file has what {better} "
-                        "told of the same")  # fmt: skip
+            for joint in sorted(zeros & set(own.zeros)):
+                del own.zeros[joint]
+                left.append(f"the zero of {joint} as efforts told it: the file has the one that poses told")
+            continue
+        for joint in sorted(rubbing & set(own.dynamics)):
+            del own.dynamics[joint]
+            left.append(f"the friction of {joint} as poses told it: the file has the one that efforts told")
+        if weighed and own.weighs:
+            own.forget_masses()
+            left.append("masses as poses told them: the file has those that efforts told")
 
 
 def _values(effect: Effect, mechanism: Mechanism, known: Known) -> Iterator[str]:
@@ -350,4 +349,3 @@ def _share(share: float | None) -> str:
 def share_in_words(share: float) -> str:
     """Return what an effect explains, in words."""
     return f"explains {number(100 * share, 3)} % of the held-out squared residual"
-

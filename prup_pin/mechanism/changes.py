@@ -17,7 +17,7 @@ __all__ = ["Changes", "JointDynamics"]
 
 @dataclass(frozen=True)
 class JointDynamics:
-    """What it takes to move a joint beside its bodies: damping v + friction sign(v) + armature a + stiffness q + preload.
+    """What a joint asks for beside its bodies: damping v + friction sign(v) + armature a + stiffness q + preload.
 
     [N m s/rad, N m, kg m^2, N m/rad, N m] of a joint that turns, [N s/m, N, kg, N/m, N] of one that slides.
     """
@@ -52,10 +52,11 @@ class Changes:
     """What changes in the file of a mechanism, gathered effect by effect.
 
     joints, loop_ends: displacements (6,) of a joint's place, and of a loop's end by its name and 0 or 1, as in
-    `loaded/state.py: Conditions`. zeros: by how much a joint stands beyond the position that its encoder reports. values
-    by their full names, and by how much lengths are longer. gravity: beyond the file's. bodies: inertial parameters (10,) added to a joint's body about its frame, by the
-    joint's name. masses: factors on single links, and `weight` on all. compliances: of joints that yield, by name and
-    way. views: what a pose sensor makes of a frame's pose P, outside P inside, by the frame; None: of every frame.
+    `loaded/state.py: Conditions`. zeros: by how much a joint stands beyond the position that its encoder reports.
+    values by their full names, and by how much lengths are longer. gravity: beyond the file's. bodies: inertial
+    parameters (10,) added to a joint's body about its frame, by the joint's name. masses: factors on single links, and
+    `weight` on all. compliances: of joints that yield, by name and way. views: what a pose sensor makes of a frame's
+    pose P, outside P inside, by the frame; None: of every frame.
     """
 
     mechanism: Mechanism
@@ -129,7 +130,9 @@ class Changes:
     @property
     def empty(self) -> bool:
         """True where nothing changes."""
-        gathered = (getattr(self, item.name) for item in fields(self) if item.name not in ("mechanism", "gravity", "weight"))
+        gathered = (
+            getattr(self, item.name) for item in fields(self) if item.name not in ("mechanism", "gravity", "weight")
+        )
         return not (self.weight is not None or self.gravity.any() or any(gathered))
 
     @property

@@ -562,9 +562,7 @@ class MjcfDocument(ExtensionDocument):
                 text = f"joint '{joint}' follows {f'joint {other!r}' if other else 'a constant'} ({what})"
                 ratio, offset = self._followed(element, joint, other, what)
                 leader = other if ratio is not None else None
-                coupled.append(
-                    CouplingDescription(joint or "", text, element.sourceline, leader, ratio or 0.0, offset)
-                )
+                coupled.append(CouplingDescription(joint or "", text, element.sourceline, leader, ratio or 0.0, offset))
             else:
                 self.problem(element, f"{what}: this kind of equality is not read; expected connect, weld or joint")
         if loose := [coupling for coupling in coupled if coupling.leader is None]:

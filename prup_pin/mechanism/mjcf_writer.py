@@ -42,7 +42,7 @@ def mjcf_of(
 ) -> bytes:
     """Return the MJCF file of a mechanism; its joints stand at `home` (nq,) in the key of that name.
 
-    dynamics: of joints by name. remarks: lines of the comment at its head. Visual shapes and meshes are left out. Raises
+    dynamics: of joints by name. remarks: lines of the comment at its head. Shapes and meshes are left out. Raises
     InputError for joints that MJCF has no kind for, and for a body whose moments of inertia no body has.
     """
     return _Writer(mechanism, dynamics, home).file(remarks)
@@ -98,7 +98,7 @@ class _Writer:
     # -- the tree ----------------------------------------------------------------------------------------------------
 
     def _parts(self) -> list[pin.Inertia]:
-        """Return the inertias of the joints' bodies, less those of links fixed to them: these are bodies of their own."""
+        """Return the inertias of the joints' bodies, less those of links fixed to them, which are bodies themselves."""
         inertias = [pin.Inertia(item) for item in self.mechanism.model.inertias]
         fixed = [link for link in self.mechanism.links if link.name != self._name(link.joint)]
         for joint in {link.joint for link in fixed}:
@@ -142,8 +142,8 @@ class _Writer:
             self.positions[element] = [q[3], *q[:3]]
         else:
             raise InputError(
-                f"joint '{joint.name}' ({kind.removeprefix('JointModel')}) has no kind in MJCF; expected one that turns "
-                "or slides, a ball, or a base that floats"
+                f"joint '{joint.name}' ({kind.removeprefix('JointModel')}) has no kind in MJCF; expected one that "
+                "turns or slides, a ball, or a base that floats"
             )
 
     def _one_freedom(self, body: etree._Element, joint: Joint) -> etree._Element:
@@ -191,7 +191,12 @@ class _Writer:
         taken = {element.get("name") for element in self.world.iter("site")}
         for name in self.mechanism.frame_names:
             frame = self.mechanism.frame(name)
-            if name in joints or name in taken or name in self.fixed or name in ("universe", "world", self._own_name(frame.joint)):
+            if (
+                name in joints
+                or name in taken
+                or name in self.fixed
+                or name in ("universe", "world", self._own_name(frame.joint))
+            ):
                 continue
             _site_at(self.bodies[frame.joint], name, frame.placement)
 

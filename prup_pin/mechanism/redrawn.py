@@ -143,7 +143,7 @@ class _Drawing:
 
     def follow_zeros(self) -> None:
         """Let joints follow where their leaders are, not where these report to be."""
-        for name, joint in self.joints.items():
+        for joint in self.joints.values():
             mimic = joint.find("mimic")
             offset = 0.0 if mimic is None else self.changes.zeros.get(str(mimic.get("joint")), 0.0)
             if mimic is not None and offset:
@@ -177,7 +177,7 @@ class _Drawing:
             at = _displaced(at, displacement)
         return FrameDescription(self.add_link(name, frame.name, np.linalg.inv(body) @ at))
 
-    def add_link(self, name: str, frame: str, at: Array) -> str:
+    def add_link(self, name: str, frame: str, at: np.ndarray) -> str:
         """Fix a link of that name, or of a longer one that is free, to a frame; return what it is called."""
         while name in self.links or name in self.joints:
             name += "_"
@@ -259,9 +259,7 @@ class _Drawing:
         """Add inertial parameters (10,) about a joint's frame to the heaviest link of its body, else to all as one."""
         at = self.mechanism.joint(joint).id
         names = [
-            name
-            for name in self.mechanism.frame_names
-            if name in self.links and self.mechanism.frame(name).joint == at
+            name for name in self.mechanism.frame_names if name in self.links and self.mechanism.frame(name).joint == at
         ]
         places = {name: pin.SE3(self.mechanism.frame(name).placement) for name in names}
         drawn = {name: inertia_of(self.links[name]) for name in names}
@@ -277,10 +275,11 @@ class _Drawing:
                 if drawn[name] is not None and name != heaviest:
                     self.links[name].remove(self.links[name].find("inertial"))
         if body is None:
+            mass = number((sum(own.values()) + added)[0], 4)
             raise InputError(
-                f"the body of joint '{joint}' would weigh {number((sum(own.values()) + added)[0], 4)} kg, or have a moment "
-                "of inertia below zero: no robot file holds such a body. Diagnose a recording that tells more of it, or "
-                "take that effect out of the model"
+                f"the body of joint '{joint}' would weigh {mass} kg, or have a moment of inertia below zero: no robot "
+                "file holds such a body. Diagnose a recording that tells more of it, or take that effect out of the "
+                "model"
             )
         set_inertia(self.links[heaviest], places[heaviest].actInv(body))
 
@@ -331,7 +330,7 @@ class _Drawing:
         return seats
 
 
-def _join(joined: dict[int, dict[int, Array]], first: int, second: int, at: Array) -> None:
+def _join(joined: dict[int, dict[int, Array]], first: int, second: int, at: np.ndarray) -> None:
     joined.setdefault(first, {}).setdefault(second, at)
     joined.setdefault(second, {}).setdefault(first, np.linalg.inv(at))
 
@@ -401,9 +400,8 @@ def _parameters(
         quantity = quantities[name]
         tolerance = given[name].declared_tolerance if name in given else None
         unit = given[name].unit if name in given else quantity.unit
-        out[name] = Parameter(
-            f"{module}.{name}", value, unit, "diagnosis", quantity.description, quantity, tolerance
-        )  # type: ignore[arg-type]
+        label = f"{module}.{name}"
+        out[name] = Parameter(label, value, unit, "diagnosis", quantity.description, quantity, tolerance)
     return out
 
 
@@ -495,5 +493,3 @@ def _body(parameters: Array) -> pin.Inertia | None:
     body = pin.Inertia.FromDynamicParameters(parameters)
     moments = np.linalg.eigvalsh(np.array(body.inertia))
     return None if moments[0] < -_ROUNDING * moments[2] - SMALLEST_MOMENT else body
-
-

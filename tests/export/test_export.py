@@ -35,7 +35,8 @@ ARM = """<robot name="arm">
     <dynamics damping="0.5" friction="0.1"/></joint>
   <joint name="j3" type="continuous"><parent link="fore"/><child link="wrist"/><origin xyz="0 0 0.3"/>
     <axis xyz="1 0 0"/><limit effort="200" velocity="3"/></joint>
-  <joint name="mount" type="fixed"><parent link="wrist"/><child link="flange"/><origin xyz="0 0 0.1" rpy="0 0 0.5"/></joint>
+  <joint name="mount" type="fixed"><parent link="wrist"/><child link="flange"/><origin xyz="0 0 0.1" rpy="0 0 0.5"/>
+  </joint>
   <prup_pin version="1"><tool frame="flange"/></prup_pin>
 </robot>
 """
@@ -74,7 +75,7 @@ def bench(robot, count=5, spread=0.03, force=50.0, markers=()):
     }
     wrench = force * rng.normal(size=(count, 6)) * [1, 1, 1, 0.1, 0.1, 0.1]
     nothing = np.zeros((count, 3))
-    marked = {name: nothing for name in markers}
+    marked = dict.fromkeys(markers, nothing)
     return Recording(
         time=np.arange(count) * 1.0, positions=q, wrench=wrench, position=nothing, rotation=nothing,
         markers=marked, marker_rotations=marked,
@@ -206,10 +207,8 @@ def test_every_reader_puts_links_where_this_package_does(name, arm, tmp_path):
     for link in links:
         assert np.abs(by_pinocchio[link] - wanted[link]).max() < 1e-9, link
         assert np.abs(urdf.get_transform(link, root) - wanted[link]).max() < 1e-9, link
-        if mujoco.mj_name2id(compiled, mujoco.mjtObj.mjOBJ_BODY, link) > 0:
-            body = state.body(link)
-        else:
-            body = state.site(link)
+        is_body = mujoco.mj_name2id(compiled, mujoco.mjtObj.mjOBJ_BODY, link) > 0
+        body = state.body(link) if is_body else state.site(link)
         assert np.abs(body.xpos - wanted[link][:3, 3]).max() < 1e-9, link
         assert np.abs(body.xmat.reshape(3, 3) - wanted[link][:3, :3]).max() < 1e-9, link
 
@@ -221,7 +220,7 @@ def _links(path):
 
 
 def test_a_loop_that_leaves_a_hinge_free_is_a_light_body_and_a_weld(tmp_path):
-    """MuJoCo has no hinge between two bodies: the loop of a five-bar closes by a body that turns, and weighs nothing."""
+    """MuJoCo has no hinge between two bodies: a loop closes by a body that turns, and weighs nothing."""
     robot = prup_pin.load(EXAMPLES / "five_bar.urdf")
     robot.save(tmp_path / "five_bar.xml")
     compiled = mujoco.MjModel.from_xml_path(str(tmp_path / "five_bar.xml"))
@@ -241,7 +240,7 @@ def test_a_loop_that_leaves_a_hinge_free_is_a_light_body_and_a_weld(tmp_path):
 
 
 def arm_effects(mechanism, bodies):
-    """Return friction, rotors, a spring, and bodies or a base that is tilted: the model has no weight of what it adds."""
+    """Return friction, rotors, a spring, and bodies or a tilted base: the model has no weight of what it adds."""
 
     def effect(physics, place, aspect="effort", **values):
         return effect_named(physics, place, aspect, values, mechanism)
@@ -418,7 +417,7 @@ def test_a_body_that_cannot_be_is_refused(arm, tmp_path):
     mechanism = prup_pin.load(arm).mechanism
     values = {**dict.fromkeys(("mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"), 0.0), "mass": -5.0}
     effect = effect_named("inertial_parameters", "fore", "effort", values, mechanism)
-    with pytest.raises(InputError, match="the body of joint 'j2' would weigh -2.5 kg"):
+    with pytest.raises(InputError, match=r"the body of joint 'j2' would weigh -2\.5 kg"):
         export_model(CorrectedModel(str(arm), (effect,)), tmp_path / "corrected.urdf")
     assert not (tmp_path / "corrected.urdf").exists()
 
@@ -449,7 +448,8 @@ def test_a_robot_of_mujoco_is_told_to_be_a_urdf(arm, tmp_path):
 
 
 def test_a_joint_that_follows_does_so_in_both_formats(arm, tmp_path):
-    arm.write_text(ARM.replace("<axis xyz=\"1 0 0\"/>", '<axis xyz="1 0 0"/><mimic joint="j2" multiplier="-2" offset="0.1"/>'))  # fmt: skip
+    follows = '<axis xyz="1 0 0"/><mimic joint="j2" multiplier="-2" offset="0.1"/>'
+    arm.write_text(ARM.replace('<axis xyz="1 0 0"/>', follows))
     mechanism = prup_pin.load(arm).mechanism
     effect = effect_named("encoder_offset", "j2", "", {"offset": 2e-3}, mechanism)
     for ending in (".urdf", ".xml"):

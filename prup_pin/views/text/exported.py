@@ -20,8 +20,8 @@ def print_exported(out: Console, made: Exported) -> None:
         print_table(out, make_table(("physics", "place", "values"), rows))
     if made.left_out:
         heading(out, "Left out", "  and what its effect explained of the held-out squared residual")
-        rows = [(item.physics, item.place, item.what, _share(item.share)) for item in made.left_out]
-        print_table(out, make_table(("physics", "place", "what", ">explained"), rows))
+        lost = [(item.physics, item.place, item.what, _share(item.share)) for item in made.left_out]
+        print_table(out, make_table(("physics", "place", "what", ">explained"), lost))
     if made.remarks:
         heading(out, "To know")
         listed(out, "", made.remarks)
