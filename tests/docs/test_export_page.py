@@ -25,6 +25,11 @@ def test_the_page_is_carried_out(tmp_path, monkeypatch, capsys):
     for line in blocks[1][1].splitlines():
         done = runner.invoke(app, shlex.split(line)[1:])
         assert done.exit_code == 0, f"{line}\n{done.output}"
+    text = (tmp_path / "corrected.xml").read_text(encoding="utf-8")
+    assert "diagnosis of monday.csv" in text
+    for name in ("damping", "limit", "inertia"):
+        assert len(re.findall(rf"{name} = .* \(95 %: .* to .*\)", text)) == 6, name
+    assert len(re.findall(r"rotor_inertia at joint. \(effort\) \(explains 9\d.*squared residual\)", text)) == 6
     exec(blocks[2][1], {"__name__": "__main__"})
     printed = capsys.readouterr().out.splitlines()
     shown = blocks[3][1].splitlines()
