@@ -20,6 +20,7 @@ from ..laws.efforts import EffortLaw
 from ..mechanism import Changes, JointDynamics, Mechanism
 from ..mechanism.description import RobotDescription
 from ..mechanism.mjcf_writer import MJCF_ENDINGS, mjcf_of
+from ..mechanism.plain_urdf import plain_urdf
 from ..mechanism.readers import read_content
 from ..mechanism.redrawn import dynamics_of, redrawn
 from ..mechanism.writer import urdf_of
@@ -72,8 +73,8 @@ class Exported:
 def export_model(model: CorrectedModel, path: str | Path) -> Exported:
     """Write a corrected model as a robot file, a URDF or (.xml) an MJCF file, and return it with what it leaves out.
 
-    The file is there as a whole or as it was before. Raises InputError for an ending that is no format, where the robot
-    was not read from a URDF, where no robot file can hold it, and where the file cannot be written or is the robot's
+    The file is there as a whole or as it was before. Raises InputError for an ending that is no format, where no
+    robot file can hold the robot, and where the file cannot be written or is the robot's
     own.
     """
     path = Path(path).expanduser()
@@ -93,6 +94,7 @@ def exported(model: CorrectedModel, path: Path) -> Exported:
     if mechanism.locked:
         raise InputError(f"locked joints ({', '.join(sorted(mechanism.locked))}) have no place in a robot file")
     changes, said, left = _gathered(model, mechanism, target)
+    changes.mechanism = _of_urdf(mechanism, path)
     possible = tuple(make_possible(changes))
     described = redrawn(changes, _home(changes, path))
     remarks = (*target.remarks(mechanism, changes), *_seen(changes), *_kept(described, changes), *possible)
@@ -107,6 +109,13 @@ def exported(model: CorrectedModel, path: Path) -> Exported:
     except RobotFileError as error:
         raise InputError(f"'{robot.name}' cannot be written as '{path}': {error}") from error
     return Exported(content, mechanism, target.spoken(dynamics), said, left, remarks)
+
+
+def _of_urdf(mechanism: Mechanism, path: Path) -> Mechanism:
+    """Return the same mechanism as a URDF has it: of one from another format without what that format says besides."""
+    if mechanism.description.source == "URDF":
+        return mechanism
+    return Mechanism(read_content(plain_urdf(mechanism), path))
 
 
 def _home(changes: Changes, path: Path) -> Array | None:

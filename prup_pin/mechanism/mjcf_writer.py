@@ -16,8 +16,8 @@ from ..errors import InputError
 from ..numbers import number
 from ..spatial import Array, placement
 from .changes import JointDynamics
-from .description import ModuleDescription
 from .extension import EXTENSION
+from .extension_writer import extension_of
 from .joints import Joint
 from .mechanism import LoopClosure, Mechanism
 from .redrawn import SMALLEST_MOMENT
@@ -261,45 +261,10 @@ class _Writer:
     # -- what MuJoCo has no words for --------------------------------------------------------------------------------
 
     def _custom(self) -> None:
-        description = self.mechanism.description
-        extension = etree.Element(EXTENSION, version="1")
-        if description.tool is not None:
-            tool = etree.SubElement(extension, "tool", frame=description.tool)
-            if description.tool_part is not None:
-                tool.set("part", description.tool_part)
-        if description.tasks:
-            tasks = etree.SubElement(extension, "task_coordinates", rotation=description.rotation)
-            for task in description.tasks:
-                etree.SubElement(tasks, "coordinate", name=task.name, component=task.component)
-        for note in description.notes:
-            etree.SubElement(extension, "note").text = note
-        for module in description.modules:
-            self._module(extension, module)
+        extension = extension_of(self.mechanism)
         if len(extension):
             custom = etree.SubElement(self.root, "custom")
             etree.SubElement(custom, "text", name=EXTENSION, data=etree.tostring(extension, encoding="unicode"))
-
-    def _module(self, extension: etree._Element, module: ModuleDescription) -> None:
-        element = etree.SubElement(extension, "module", name=module.name, type=module.kind, joint=module.joint)
-        for key, value in (("root", module.root), ("tip", module.tip), ("frame", module.frame), ("body", module.body)):
-            if value is not None:
-                element.set(key, value)
-        if module.anchor != "root":
-            element.set("anchor", module.anchor)
-        if module.axis is not None:
-            element.set("axis", _words(module.axis))
-        elif module.root is not None:
-            base = self.mechanism.frame(module.tip or module.frame or module.joint).placement
-            axis = base[:3, :3].T @ self.mechanism.module(module.name).frame.placement[:3, 2]
-            element.set("axis", _words(axis))
-        for name, parameter in module.values.items():
-            item = etree.SubElement(element, "parameter", name=name, value=_words(np.ravel(parameter.value)))
-            if parameter.source:
-                item.set("source", parameter.source)
-            tolerance = parameter.declared_tolerance
-            if tolerance is not None:
-                size = f"{100 * tolerance.size!r}%" if tolerance.relative else repr(tolerance.size)
-                item.set("tolerance", size)
 
 
 def _body_at(parent: etree._Element, name: str, at: Array) -> etree._Element:

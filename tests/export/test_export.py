@@ -13,6 +13,7 @@ from prup_pin.errors import InputError
 from prup_pin.export import export_model, exported
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.deviations import calibration_of
+from prup_pin.loading import Reading
 from prup_pin.recordings import Recording
 from prup_pin.simulation import CorrectedModel, Known, effect_named, read_model, simulate, write_model
 
@@ -40,6 +41,18 @@ ARM = """<robot name="arm">
   <prup_pin version="1"><tool frame="flange"/></prup_pin>
 </robot>
 """
+MUJOCO_ARM = """<mujoco model="arm"><compiler angle="radian"/><worldbody>
+  <body name="upper" pos="0 0 0.3" euler="0.1 0 0">
+    <inertial pos="0 0.01 0.2" mass="3" diaginertia="0.05 0.05 0.01"/>
+    <joint name="shoulder" axis="0 1 0" pos="0 0.02 0.01" ref="0.1" range="-2 2"/>
+    <body name="fore" pos="0 0 0.4" quat="0.9 0.1 0 0.2">
+      <inertial pos="0.01 0 0.15" mass="2" diaginertia="0.03 0.03 0.01"/>
+      <joint name="elbow" axis="0 0.6 0.8" pos="0.01 0 0"/>
+      <site name="tool" pos="0 0 0.3"/>
+    </body>
+  </body></worldbody>
+  <prup_pin version="1"><tool frame="tool"/></prup_pin>
+</mujoco>"""
 #: Kinds of deviations that a robot file holds, with how far each is off here.
 GEOMETRIC = {"position": 2e-4, "direction": 2e-4, "length": 2e-4, "encoder_offset": 3e-4}
 RELATIVE = ("stiffness", "bending", "mass", "value")
@@ -438,10 +451,37 @@ def test_loops_that_close_only_as_parts_give_way_are_refused(tmp_path):
         export_model(model, tmp_path / "corrected.urdf")
 
 
-def test_a_robot_of_mujoco_is_told_to_be_a_urdf(arm, tmp_path):
-    prup_pin.load(arm).save(tmp_path / "arm.xml")
-    with pytest.raises(InputError, match="was read from MJCF; only URDFs"):
-        export_model(CorrectedModel(str(tmp_path / "arm.xml")), tmp_path / "corrected.urdf")
+@pytest.mark.parametrize("ending", [".urdf", ".xml"])
+@pytest.mark.parametrize("name", ["3prup", "six_ups", "mujoco_arm"])
+def test_a_robot_that_was_read_from_mjcf_is_written_in_both_formats(name, ending, tmp_path):
+    """Bodies whose joints stand beside their origins, and loops: the file's robot deflects as the model's."""
+    file = tmp_path / "robot.xml"
+    if name == "mujoco_arm":
+        file.write_text(MUJOCO_ARM)
+    else:
+        prup_pin.load("3prup" if name == "3prup" else EXAMPLES / f"{name}.urdf").save(file)
+    reading = Reading(joint_stiffness=1e4) if name == "mujoco_arm" else Reading()
+    robot = reading.load(str(file))
+    mechanism = robot.mechanism
+    effects = [calibrated(mechanism), effect_named("self_weight", "robot", "", {"scale": 1.05}, mechanism)]
+    if name == "mujoco_arm":
+        effects.append(effect_named("inertial_parameters", "fore", "effort in proportion", {"share": 0.2}, mechanism))
+        effects.pop(1)
+    made = export_model(CorrectedModel(str(file), tuple(effects), reading=reading), tmp_path / f"corrected{ending}")
+    found = prup_pin.load(tmp_path / f"corrected{ending}")
+    assert made.mechanism.actuated == mechanism.actuated
+    seen = f"{mechanism.tool.name}_measured"
+    seen = seen if seen in found.mechanism.frame_names else None
+    recording = bench(robot, spread=0.3 if name == "mujoco_arm" else 0.03)
+    weighs = name != "mujoco_arm"
+    wanted = simulate(robot, recording, effects if weighs else effects[:1])
+    got = simulate(found, recording, [weight(found.mechanism)] if weighs else [], markers=[seen] if seen else [])
+    position = got.markers[seen] if seen else got.position
+    assert np.abs(wanted.position - simulate(robot, recording).position).max() > 1e-4
+    assert np.abs(position - wanted.position).max() < 1e-9
+    if name == "mujoco_arm":
+        masses = sorted(inertia.mass for inertia in list(made.mechanism.model.inertias)[1:])
+        assert np.allclose(masses, [2.4, 3.0], rtol=1e-9)
 
 
 # -- what MuJoCo's words are read as -----------------------------------------------------------------------------------
