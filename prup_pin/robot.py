@@ -19,7 +19,9 @@ from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
 from .loaded import Chain, LoadedPose, chain_of, find_loaded_pose
 from .mechanism import Mechanism
 from .mechanism.assumed import assumed
+from .mechanism.mjcf_writer import MJCF_ENDINGS, mjcf_of
 from .mechanism.readers import read_content
+from .mechanism.redrawn import dynamics_of
 from .mechanism.writer import urdf_of
 from .parameters import Parameter
 from .recordings.writer import write_whole
@@ -404,22 +406,34 @@ class Robot:
     def save(self, path: str | Path) -> Path:
         """Write the robot as a URDF that `load` reads as the same robot, and return the file's path.
 
-        It is the file that the robot came from, comments included, with what has been changed since: values, lengths,
-        springs, the variant. Loops stand in <prup_pin> and once more as ROS's <constraint> (docs/robot_file.md). Meshes
-        are not copied. Raises InputError where joints are locked or held (no robot file says so), where it did not
-        come from a URDF, and where the file cannot be written or would not be read as this robot.
+        A path that ends in .xml or .mjcf becomes an MJCF file, for MuJoCo: what moves and weighs, loops and
+        <dynamics>, without shapes and meshes; compliant modules stand where MuJoCo does not look. A corrected model is
+        written by `prup_pin.export`.
+
+        A URDF is the file that the robot came from, comments included, with what has been changed since: values,
+        lengths, springs, the variant. Loops stand in <prup_pin> and once more as ROS's <constraint>
+        (docs/robot_file.md). Meshes are not copied. Raises InputError where joints are locked or held (no robot file
+        says so), where a URDF is asked for of a robot that did not come from one, and where the file cannot be written
+        or would not be read as this robot.
         """
         path = Path(path).expanduser()
         still = sorted({*self.mechanism.locked, *self.mechanism.description.held})
         if still:
             raise InputError(f"locked or held joints ({', '.join(still)}) have no place in a robot file")
-        content = urdf_of(self.mechanism.description)
+        content = urdf_of(self.mechanism.description) if path.suffix.lower() not in MJCF_ENDINGS else self._as_mjcf()
         try:
             Mechanism(read_content(content, path, self.mechanism.description.package_folders))
         except RobotFileError as error:
             raise InputError(f"'{self.name}' cannot be saved as '{path}': {error}") from error
         write_whole({path: (content.decode("utf-8"),)})
         return path
+
+    def _as_mjcf(self) -> bytes:
+        try:
+            home = self.home.q
+        except UnreachablePoseError:
+            home = self.mechanism.home_configuration()
+        return mjcf_of(self.mechanism, dynamics_of(self.mechanism.description), home)
 
     def with_yielding_joints(self, places: Iterable[tuple[str, str]]) -> Robot:
         """Return the robot with modules for joints that yield, by name and way: 'own' or 'across'."""

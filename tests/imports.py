@@ -40,6 +40,7 @@ LAYERS = [
     "build",
     "loading",
     "simulation",
+    "export",
     "compensation",
     "channels",
     "diagnosis",

@@ -1,4 +1,5 @@
-"""The diagnosis knows no law by name: what it must know of one is data of the law, so that a new law is one file."""
+"""The diagnosis knows no law by name, nor does the export: what they must know of one is data of the law, so that a new
+law is one file."""
 
 import ast
 
@@ -16,7 +17,7 @@ CONTRACT = {("laws",), *(("laws", name) for name in _LAWS)}
 CONTRACT |= {("laws", "efforts", name) for name in ("effort_law", "variables", "deviations")}
 #: Classes of laws that the diagnosis may name: any law, one of efforts, all that is within tolerance.
 ANY = {Law, EffortLaw, Calibration}
-FILES = [path for path in files() if path.is_relative_to(ROOT / "diagnosis")]
+FILES = [path for path in files() if any(path.is_relative_to(ROOT / room) for room in ("diagnosis", "export"))]
 
 
 def subclasses(cls):

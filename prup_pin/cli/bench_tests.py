@@ -1,4 +1,4 @@
-"""The commands about bench tests: `import`, `diagnose`, `calibrate`, `predict`, `simulate`."""
+"""The commands about bench tests: `import`, `diagnose`, `calibrate`, `predict`, `export`, `simulate`."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import typer
 
 from .. import simulation
 from ..errors import InputError, PrupPinError, SimulationStoppedError
+from ..export import export_model
 from ..laws import Effect
 from ..numbers import counted
 from ..recordings import Convention, Recording, add_noise, read_plan, read_recording, write_prediction, write_recording
@@ -19,6 +20,7 @@ from ..robot import Robot
 from ..simulation import CorrectedModel, Prediction, as_recorded, in_format, read_model
 from ..views.text import terminal
 from ..views.text.bench_tests import print_simulation
+from ..views.text.exported import print_exported
 from . import progress
 from .files import check_csv, check_folder, file_name, list_written
 from .options import (
@@ -133,6 +135,21 @@ def predict(
     if corrected.effort_noise and not read.noise.effort:
         notes.append("The noise of efforts is that which the diagnosis found.")
     _predict(loaded, read, corrected.effects, out, workers, stop, notes, model=corrected, source=model.name)
+
+
+def export(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="A corrected model: robot and effects.")],
+    to: Annotated[Path, typer.Option("--to", metavar="FILE", help="The robot file: .urdf, or .xml for MuJoCo's MJCF.")],
+) -> None:
+    """A corrected model as a robot file that other simulators load, and what of it that file cannot say."""
+    check_folder(to, "--to", whole=True)
+    corrected = read_model(model)
+    try:
+        made = export_model(corrected, to)
+    except InputError as error:
+        raise InputError(f"--to: {error}") from error
+    print_exported(terminal.console(), made)
+    list_written([to])
 
 
 def _predict(

@@ -10,13 +10,17 @@ from typing import Any
 import numpy as np
 
 from ..laws import Effect, lasting
+from ..laws.deviations import Calibration
 from ..loading import Reading
 from ..mechanism import Mechanism
 from ..recordings import Convention, Noise, Recording
 from ..recordings.columns import NOISE_KEYS
 from ..robot import Robot
-from ..simulation import CorrectedModel
+from ..simulation import CorrectedModel, Known
 from .diagnosis import Diagnosis
+
+#: Share by which a value may have been put off a bound, or rounded, and is still that of its finding.
+_SAME = 1e-6
 
 
 def corrected_model(
@@ -44,7 +48,33 @@ def corrected_model(
         _conventions(diagnosis, recordings),
         diagnosis.own_by_run,
         _effort_noise(diagnosis),
+        tuple(_known(effect, diagnosis) for effect in effects),
     )
+
+
+def _known(effect: Effect, diagnosis: Diagnosis) -> Known:
+    """Return how well an effect's values are known, and what it explains: by its finding, or by the calibration."""
+    found: dict[str, tuple[float, float]] = {
+        item.name: (item.value - 1.96 * item.sd, item.value + 1.96 * item.sd)
+        for item in diagnosis.calibration
+        if isinstance(effect.law, Calibration) and item.name in effect.values
+    }
+    share = None
+    for finding in diagnosis.findings:
+        if finding.physics != effect.law.physics:
+            continue
+        # of several places at once each parameter is named with its own
+        own = "" if finding.location == effect.place.name else f"{effect.place.name}."
+        told = {
+            name: finding.parameters[own + name]
+            for name, value in effect.values.items()
+            if own + name in finding.parameters and np.isclose(finding.parameters[own + name].value, value, rtol=_SAME)
+        }
+        if told:
+            found |= {name: (min(item.interval), max(item.interval)) for name, item in told.items()}
+            share = finding.heldout_gain
+    finite = {name: ends for name, ends in found.items() if np.isfinite(ends).all()}
+    return Known(finite, share if share is not None and math.isfinite(share) else None)
 
 
 def planned(diagnosis: Diagnosis, recording: Recording, robot: str) -> dict[str, Any]:

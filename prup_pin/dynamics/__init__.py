@@ -6,7 +6,7 @@ accelerations on an even clock, and `InverseDynamics` says what the actuators mu
 
 from .clock import EvenClock, even_clock
 from .in_motion import InMotion, could_be_gravity
-from .inertial import INERTIAL, in_frame
+from .inertial import INERTIAL, in_frame, point_mass
 from .inertial_loads import BodyMotion, body_motion
 from .inverse import InverseDynamics, Trajectory
 from .motion import Motion, is_standing, motion_of
@@ -31,4 +31,5 @@ __all__ = [
     "in_frame",
     "is_standing",
     "motion_of",
+    "point_mass",
 ]

@@ -7,7 +7,7 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..spatial import Array
 
-__all__ = ["INERTIAL", "in_frame", "near_body", "of_pseudo_inertia", "pseudo_inertia"]
+__all__ = ["INERTIAL", "in_frame", "near_body", "of_pseudo_inertia", "point_mass", "pseudo_inertia"]
 
 #: Mass, first moments and moments of inertia about a frame's origin, in the order of a regressor's columns.
 INERTIAL = ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -37,6 +37,12 @@ def of_pseudo_inertia(pseudo: Array) -> Array:
     second = pseudo[:3, :3]
     inertia = np.trace(second) * np.eye(3) - second
     return np.array([pseudo[3, 3], *pseudo[:3, 3], *(inertia[i, j] for i, j in _PAIRS)])
+
+
+def point_mass(mass: float, centre: Array) -> Array:
+    """Return the inertial parameters (10,) of a mass [kg] at a point (3,) [m]."""
+    at = np.append(centre, 1.0)
+    return of_pseudo_inertia(mass * np.outer(at, at))
 
 
 def in_frame(placement: Array) -> Array:

@@ -13,8 +13,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..mechanism import Mechanism
+from ..mechanism import Changes, Mechanism
 from ..mechanism.tolerances import kind_of_value, value_tolerances, values_following
+from ..numbers import quantity as quantity_in_words
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import ChangedValue, Deed, Moved, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
@@ -99,6 +100,14 @@ class Calibration(Law):
             value = values.get(item.name, item.nominal)
             if value != item.nominal:
                 yield from item.act(value, setup)
+
+    def written(self, place: Place, values: Mapping[str, float], setup: Setup, changes: Changes) -> Sequence[str]:
+        left = []
+        for item in self.deviations:
+            value = values.get(item.name, item.nominal)
+            if value != item.nominal and None in [deed.redraw(changes) for deed in item.act(value, setup)]:
+                left.append(f"{item.name} = {quantity_in_words(value, item.unit)}")
+        return left
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{len(values)} parameters stand at their calibrated values"

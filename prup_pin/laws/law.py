@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Protocol
 
 from ..errors import InputError, UnknownNameError
-from ..mechanism import Mechanism
+from ..mechanism import Changes, Mechanism
 from ..parameters import Quantity
 from .deeds import Deed, Solved
 from .drawn import Drawn, against_load, against_motion
@@ -114,6 +114,18 @@ class Law(ABC):
         Nothing, of a law that shows in the efforts of a motion alone.
         """
         return ()
+
+    def written(self, place: Place, values: Mapping[str, float], setup: Setup, changes: Changes) -> Sequence[str]:
+        """Write into a robot file's changes what a file can say of it; return what is left out, in words.
+
+        setup: the simulation as the laws before it left it, on a recording without samples.
+        """
+        own = Changes(setup.mechanism)
+        left = [deed.redraw(own) for deed in self.deeds(place, values, setup)]
+        if None in left or not left:
+            return (self.statement(place, values, setup.mechanism),)
+        changes.add(own)
+        return tuple(dict.fromkeys(text for text in left if text))
 
     def outline(self, place: Place, mechanism: Mechanism) -> tuple[Deed, ...]:
         """Return its deeds where a fit starts, on a recording without samples: their kinds and places."""

@@ -1,9 +1,22 @@
 """A robot file becomes a mechanism: one reader per format, one internal form."""
 
+from .changes import Changes, JointDynamics
 from .coupling import Coupling
 from .joints import Joint
 from .links import Link
 from .mechanism import Frame, LoopClosure, Mechanism, Module
 from .yielding import WAYS, yielding_module
 
-__all__ = ["WAYS", "Coupling", "Frame", "Joint", "Link", "LoopClosure", "Mechanism", "Module", "yielding_module"]
+__all__ = [
+    "WAYS",
+    "Changes",
+    "Coupling",
+    "Frame",
+    "Joint",
+    "JointDynamics",
+    "Link",
+    "LoopClosure",
+    "Mechanism",
+    "Module",
+    "yielding_module",
+]

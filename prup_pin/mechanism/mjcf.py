@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from ..errors import nearest_names
+from ..errors import RobotFileError, nearest_names
 from ..spatial import Array, placement
 from .description import (
     CouplingDescription,
@@ -27,7 +27,7 @@ from .description import (
     check_modules,
     check_references,
 )
-from .extension import ExtensionDocument
+from .extension import EXTENSION, ExtensionDocument
 from .mesh_paths import mesh_exists, mesh_problem
 from .xml_file import MAX_JOINTS, MAX_NUMBER, parse
 
@@ -173,7 +173,7 @@ class MjcfDocument(ExtensionDocument):
         notes: list[str] = []
         loops, coupled = self._equalities(notes)
         said: dict = {"actuated": self._driven(notes), "home": self._drawn_home(notes), "gravity": self._free_fall()}
-        extension = self.only_extension()
+        extension = self._said_in_custom_text() if self.root.find(EXTENSION) is None else self.only_extension()
         fields = {} if extension is None else self.extension(extension)
         for length in () if extension is None else extension.findall("length"):
             name = length.get("name", "")[:60]
@@ -196,6 +196,21 @@ class MjcfDocument(ExtensionDocument):
         self.problems += check_references(robot, joints, names, sites=[s for body in self.bodies for s in body.sites])
         self.problems += check_modules(robot, list(self.problems))
         return robot
+
+    def _said_in_custom_text(self) -> etree._Element | None:
+        """Return the <prup_pin> element that stands in a <custom><text>, where MuJoCo does not look, or None."""
+        for element in self.root.iterfind("custom/text"):
+            if element.get("name") == EXTENSION:
+                try:
+                    extension = parse(element.get("data", "").encode("utf-8"), self.path)
+                except RobotFileError as error:
+                    said = "; ".join(problem.message for problem in error.problems)
+                    self.problem(element, f'<text name="{EXTENSION}">: its data is no <{EXTENSION}> element: {said}')
+                    return None
+                for part in extension.iter():
+                    part.sourceline = element.sourceline
+                return extension
+        return None
 
     def _free_fall(self) -> tuple[float, ...] | None:
         """Return the gravity of the options, or None where they say nothing: MuJoCo's own is Pinocchio's."""
@@ -545,15 +560,31 @@ class MjcfDocument(ExtensionDocument):
                             element, f"{what}: no joint named '{given[:60]}'. {nearest_names(given[:60], known)}"
                         )
                 text = f"joint '{joint}' follows {f'joint {other!r}' if other else 'a constant'} ({what})"
-                coupled.append(CouplingDescription(joint or "", text, element.sourceline))
+                ratio, offset = self._followed(element, joint, other, what)
+                leader = other if ratio is not None else None
+                coupled.append(CouplingDescription(joint or "", text, element.sourceline, leader, ratio or 0.0, offset))
             else:
                 self.problem(element, f"{what}: this kind of equality is not read; expected connect, weld or joint")
-        if coupled:
-            listed = ", ".join(f"'{coupling.joint}'" for coupling in coupled)
+        if loose := [coupling for coupling in coupled if coupling.leader is None]:
+            listed = ", ".join(f"'{coupling.joint}'" for coupling in loose)
             notes.append(f"coupled joints (<equality>) carry no load and move on their own here: {listed}")
         if loops:
             notes.append("connect and weld are rigid here: solref and solimp are not compliances")
         return tuple(loops), tuple(coupled)
+
+    def _followed(
+        self, element: etree._Element, joint: str | None, leader: str | None, what: str
+    ) -> tuple[float | None, float]:
+        """Return ratio and offset of a joint that follows another one in proportion; no ratio of one that does not.
+
+        MuJoCo counts both from where the file draws them.
+        """
+        given = self.numbers(element, "polycoef", None, what, (0.0, 1.0, 0.0, 0.0, 0.0), MAX_NUMBER) or ()
+        constant, ratio, *bent = (*given, 0.0, 0.0)[: max(len(given), 2)]
+        if leader is None or not ratio or any(bent):
+            return None, 0.0
+        drawn = {item.name: item.reference for body in self.bodies for item in body.joints}
+        return ratio, constant + drawn.get(joint or "", 0.0) - ratio * drawn.get(leader, 0.0)
 
     def _ends(self, element: etree._Element, what: str) -> tuple[FrameDescription, FrameDescription] | None:
         """Return the two frames of a <connect> or <weld>, or None after reporting."""

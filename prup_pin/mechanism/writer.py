@@ -123,6 +123,11 @@ def _modules(extension: etree._Element, modules: Iterable[ModuleDescription]) ->
         element = elements.get(module.name)
         if element is None:
             element = _added(extension, "module", name=module.name, type=module.kind, joint=module.joint)
+            for key, frame in (("frame", module.frame), ("root", module.root), ("tip", module.tip)):
+                if frame is not None:
+                    element.set(key, frame)
+            if module.axis is not None:
+                element.set("axis", _number(module.axis))
         element.set("type", module.kind)
         given = {item.get("name"): item for item in element.findall("parameter")}
         for name, item in given.items():

@@ -1,7 +1,7 @@
 """A robot under the inputs of a recording, with any laws switched on."""
 
 from .as_recorded import AsRecorded, as_recorded, drawn_for, in_format
-from .model_file import CorrectedModel, effect_named, read_model, write_model
+from .model_file import CorrectedModel, Known, effect_named, read_model, write_model
 from .prediction import Agreement, Prediction, compare, inputs_of, simulate, trajectory_of
 from .simulator import Memory, Run, Simulator
 from .stations import seen_from_stations
@@ -10,6 +10,7 @@ __all__ = [
     "Agreement",
     "AsRecorded",
     "CorrectedModel",
+    "Known",
     "Memory",
     "Prediction",
     "Run",

@@ -31,6 +31,7 @@ __all__ = [
     "FORMAT",
     "VERSION",
     "CorrectedModel",
+    "Known",
     "effect_named",
     "law_named",
     "model_document",
@@ -62,7 +63,18 @@ _KEYS = (
     "notes",
 )
 _READING_KEYS = tuple(item.name for item in fields(Reading) if item.name != "variant")
-_EFFECT_KEYS = ("physics", "location", "aspect", "parameters")
+_EFFECT_KEYS = ("physics", "location", "aspect", "parameters", "share")
+
+
+@dataclass(frozen=True)
+class Known:
+    """How well an effect is known: 95 % intervals of its values by name, and what it explains.
+
+    share: by which share the held-out squared residual falls as this effect comes to all the others.
+    """
+
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    share: float | None = None
 
 
 @dataclass(frozen=True)
@@ -74,7 +86,7 @@ class CorrectedModel:
     [Hz] up to which its motion is the rigid robot's; beyond it lie the encoder's noise and motors that vibrate.
     conventions: how logs of this device are written, which declare none themselves. own_by_run: sensors that are set up
     anew for each run of a recording. effort_noise: by driven joint, the noise [N or N m] of its effort, where a
-    diagnosis estimated it.
+    diagnosis estimated it. known: of each effect in their order, how well, where a diagnosis said it.
     """
 
     robot: str
@@ -87,6 +99,11 @@ class CorrectedModel:
     conventions: tuple[Convention, ...] = ()
     own_by_run: tuple[str, ...] = ()
     effort_noise: Mapping[str, float] = field(default_factory=dict)
+    known: tuple[Known, ...] = ()
+
+    def known_of(self, effect: int) -> Known:
+        """Return how well an effect is known, by its place among the effects."""
+        return self.known[effect] if effect < len(self.known) else Known()
 
     def load(self) -> Robot:
         """Return the robot, without the effects. Raises RobotFileError, UnknownNameError."""
@@ -158,7 +175,8 @@ def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
     path = Path(path)
     mechanism = model.load().mechanism
     effects = []
-    for effect in model.effects:
+    for index, effect in enumerate(model.effects):
+        known = model.known_of(index)
         units = {q.name: q.unit for q in effect.checked(mechanism).law.quantities_at(effect.place, mechanism)}
         effects.append(
             {
@@ -166,9 +184,12 @@ def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
                 "location": effect.place.name,
                 "aspect": effect.place.aspect,
                 "parameters": {
-                    name: {"value": float(value), "unit": units[name]} for name, value in effect.values.items()
+                    name: {"value": float(value), "unit": units[name]}
+                    | ({"interval": [float(end) for end in known.intervals[name]]} if name in known.intervals else {})
+                    for name, value in effect.values.items()
                 },
             }
+            | ({} if known.share is None else {"share": float(known.share)})
         )
     robot = robots.as_path(model.robot)
     is_file = robots.is_file(robot)
@@ -185,9 +206,9 @@ def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
     if reading := _reading_as_json(model.reading):
         value["reading"] = reading
     value |= {"finite_deflection": True, "effects": effects}
-    known = {key: float(getattr(model.noise, name) or 0.0) for key, name in NOISE_KEYS.items()}
-    if any(known.values()):
-        value["noise"] = {key: size for key, size in known.items() if size}
+    noise = {key: float(getattr(model.noise, name) or 0.0) for key, name in NOISE_KEYS.items()}
+    if any(noise.values()):
+        value["noise"] = {key: size for key, size in noise.items() if size}
     if model.band:
         value["band"] = {name: {"value": float(cutoff), "unit": "Hz"} for name, cutoff in model.band.items()}
     if model.effort_noise:
@@ -294,6 +315,7 @@ class _Reader:
         name, mechanism = self.robot(name, replace(reading, variant=variant))
         listed = values.get("effects")
         effects: list[Effect] = []
+        known: list[Known] = []
         if not isinstance(listed, list):
             given = f"is {json_kind(listed)}" if "effects" in values else "is missing"
             self.wrong("effects", f"{given}; expected a list, which may be empty")
@@ -302,6 +324,7 @@ class _Reader:
                 effect = self.effect(entry, f"effects[{index}]", mechanism)
                 if effect is not None:
                     effects.append(effect)
+                    known.append(self.known(entry, f"effects[{index}]"))
         units = {} if mechanism is None else _effort_units(mechanism)
         noise = self.noise(values.get("noise"))
         band = self.by_joint(values, "band", dict.fromkeys(units, "Hz"))
@@ -312,7 +335,17 @@ class _Reader:
         own = self.entries(values.get("own_sensors", {}), "own_sensors", ("by_run",))
         by_run = own_sensors_value(own.get("by_run"), self.problems, self.path.name, "own_sensors.by_run")
         return CorrectedModel(
-            name, tuple(effects), variant, notes, reading, noise, band, conventions, by_run, effort_noise
+            name,
+            tuple(effects),
+            variant,
+            notes,
+            reading,
+            noise,
+            band,
+            conventions,
+            by_run,
+            effort_noise,
+            tuple(known) if any(item != Known() for item in known) else (),
         )
 
     def by_joint(self, values: dict[str, Any], key: str, units: Mapping[str, str]) -> dict[str, float]:
@@ -408,6 +441,24 @@ class _Reader:
         values = self.parameters(given, f"{key}.parameters", law, place, mechanism)
         return Effect(law, place, values) if len(self.problems) == before else None
 
+    def known(self, entry: dict[str, Any], key: str) -> Known:
+        """Return how well an effect is known; what is wrong with it is reported and left out."""
+        share = entry.get("share")
+        if share is not None and not is_number(share):
+            self.wrong(f"{key}.share", f"is {json_kind(share)}; expected a number")
+            share = None
+        intervals = {}
+        for name, item in entry["parameters"].items():
+            ends = item.get("interval")
+            if ends is None:
+                continue
+            if isinstance(ends, list) and len(ends) == 2 and all(map(is_number, ends)):
+                intervals[name] = (float(ends[0]), float(ends[1]))
+            else:
+                at = f"{key}.parameters.{shown(name)}.interval"
+                self.wrong(at, f"is {json_kind(ends)}; expected two numbers, the ends of a 95 % interval")
+        return Known(intervals, None if share is None else float(share))
+
     def parameters(
         self, given: dict[str, Any], key: str, law: Law, place: Place, mechanism: Mechanism
     ) -> dict[str, float]:
@@ -437,7 +488,7 @@ class _Reader:
         if not isinstance(value, dict):
             self.wrong(key, f'is {json_kind(value)}; expected an object {{"value": …, "unit": …}}')
             return None
-        entry = self.entries(value, key, ("value", "unit"))
+        entry = self.entries(value, key, ("value", "unit", "interval"))
         number = entry.get("value")
         if not is_number(number):
             given = f"is {json_kind(number)}" if "value" in entry else "is missing"

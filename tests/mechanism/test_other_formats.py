@@ -634,7 +634,8 @@ def test_an_inactive_equality_is_left_out_with_a_note(mjcf):
 def test_coupled_joints_of_mjcf_must_be_unloaded(mjcf, joint):
     spare = '<body name="spare"><joint name="spare"/></body><site name="tip"'
     path = mjcf(
-        ('<site name="tip"', spare), ("</equality>", f'<joint joint1="{joint}" joint2="left_motor"/></equality>')
+        ('<site name="tip"', spare),
+        ("</equality>", f'<joint joint1="{joint}" joint2="left_motor" polycoef="0 1 .5 0 0"/></equality>'),
     )
     if joint == "spare":
         robot = prup_pin.load(path, tool="tip")

@@ -16,6 +16,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...loaded import Chain, Conditions, Equilibria, FirstOrder
+from ...mechanism import Changes
 from ...spatial import Array
 
 if TYPE_CHECKING:
@@ -100,6 +101,13 @@ class Deed(ABC):
     @abstractmethod
     def enter(self, setup: Setup) -> None:
         """Write what it does into the setup of the simulation."""
+
+    def redraw(self, changes: Changes) -> str | None:
+        """Write what it does into a robot file's changes, and return in words what of it a file leaves out, '' if none.
+
+        None where no robot file can say it: nothing is written then.
+        """
+        return None
 
     @classmethod
     @abstractmethod

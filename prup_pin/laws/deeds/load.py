@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...mechanism import Changes
 from ...spatial import Array
 from .deed import Deed, Solved
 
@@ -48,12 +49,23 @@ def _true_at(reported: Array, true: Callable[[Array], Array], rows: np.ndarray) 
 
 @dataclass(frozen=True, eq=False)
 class ToolLoad(Deed):
-    """A wrench (N, 6) acts on the tool that passes by the sensor; base axes, dead."""
+    """A wrench (N, 6) acts on the tool that passes by the sensor; base axes, dead.
+
+    body: where it is the weight of a body in the tool's hand, the tool's joint by its id and what that body adds to
+    the joint's inertial parameters (10,).
+    """
 
     wrench: Array
+    body: tuple[int, Array] | None = None
 
     def enter(self, setup: Setup) -> None:
         setup.unsensed = setup.unsensed + self.wrench
+
+    def redraw(self, changes: Changes) -> str | None:
+        if self.body is None:
+            return None
+        changes.add_body(*self.body)
+        return ""
 
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:
@@ -103,6 +115,10 @@ class Weight(Deed):
         setup.weight += self.share
         setup.spread_weight = setup.spread_weight or self.spread
 
+    def redraw(self, changes: Changes) -> str | None:
+        changes.weight = self.share + (changes.weight or 0.0)
+        return ""
+
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:
         new, old = (setup.weight, setup.spread_weight), (at.setup.weight, at.setup.spread_weight)
@@ -128,6 +144,10 @@ class ScaledMass(Deed):
     def enter(self, setup: Setup) -> None:
         setup.mechanism.link(self.link)
         setup.mass_factors[self.link] = self.factor * setup.mass_factors.get(self.link, 1.0)
+
+    def redraw(self, changes: Changes) -> str | None:
+        changes.masses[self.link] = self.factor * changes.masses.get(self.link, 1.0)
+        return ""
 
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...mechanism import Changes
 from ...spatial import Array, cross, placement
 from .deed import Deed, Solved
 
@@ -100,6 +101,12 @@ class PoseReport(Deed):
 
     def enter(self, setup: Setup) -> None:
         setup.reports.append(self)
+
+    def redraw(self, changes: Changes) -> str | None:
+        if self.rows is not None or not isinstance(self.reported, Moved):
+            return None
+        changes.see(self.frame, self.reported.outside, self.reported.inside)
+        return ""
 
     @classmethod
     def joined(cls, reports: Iterable[PoseReport]) -> list[PoseReport]:

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...loaded import Chain, Conditions, Equilibria
+from ...mechanism import Changes, JointDynamics
+from ...numbers import number
 from ...spatial import Array
 from .deed import BLOCK, Deed, History, Solved
 
@@ -47,6 +49,14 @@ class JointResistance(Deed):
 
     def enter(self, setup: Setup) -> None:
         setup.resistances.append(self)
+
+    def redraw(self, changes: Changes) -> str | None:
+        joint = changes.mechanism.joint(self.joint)
+        changes.resist(self.joint, JointDynamics(self.damping, self.limit))
+        if not self.limit:
+            return ""
+        unit = f"{joint.effort_unit}/{joint.unit}"
+        return f"until {self.joint} slides it gives way as a spring of {number(self.stiffness, 3)} {unit}"
 
     @classmethod
     def history(cls, setup: Setup, samples: np.ndarray, chain: Chain, before: Slid | None) -> _Resisting | None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import UnknownNameError
+from ...mechanism import Changes
 from ...spatial import Array
 from .deed import Deed, Solved
 
@@ -42,6 +43,12 @@ class Travel(Deed):
             more[:, self.actuator] = self.later
             setup.later = setup.later + more
 
+    def redraw(self, changes: Changes) -> str | None:
+        if np.ndim(self.extent) or np.ndim(self.later) or self.later:
+            return None  # it stands elsewhere by another amount from sample to sample
+        changes.move_zero(changes.mechanism.actuated[self.actuator], float(self.extent))
+        return ""
+
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:
         if setup.travel is at.setup.travel:
@@ -64,6 +71,10 @@ class ChangedLength(Deed):
     def enter(self, setup: Setup) -> None:
         given = setup.parameters.get(self.name, setup.mechanism.parameters[self.name].value)
         setup.parameters[self.name] = given + self.error
+
+    def redraw(self, changes: Changes) -> str | None:
+        changes.lengthen(self.name, self.error)
+        return ""
 
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:
@@ -107,6 +118,10 @@ class MovedJoint(Deed):
         index = setup.mechanism.joint(self.joint).id
         setup.offsets[index] = setup.offsets.get(index, np.zeros(6)) + np.array(self.displacement)
 
+    def redraw(self, changes: Changes) -> str | None:
+        changes.move_joint(self.joint, np.array(self.displacement))
+        return ""
+
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:
         return _by_offsets(setup.offsets, at.setup.offsets, at.first.by_joint)
@@ -129,6 +144,10 @@ class MovedLoopEnd(Deed):
             raise UnknownNameError("loop", self.loop, names)
         key = (names.index(self.loop), self.end)
         setup.loop_offsets[key] = setup.loop_offsets.get(key, np.zeros(6)) + np.array(self.displacement)
+
+    def redraw(self, changes: Changes) -> str | None:
+        changes.move_loop_end(self.loop, self.end, np.array(self.displacement))
+        return ""
 
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...errors import UnknownNameError
 from ...loaded import Chain, deformation_of_law
+from ...mechanism import Changes
 from ...spatial import Array
 from .deed import Deed, Solved
 
@@ -37,6 +38,10 @@ class ChangedValue(Deed):
 
     def enter(self, setup: Setup) -> None:
         setup.values[f"{self.module}.{self.quantity}"] = self.value
+
+    def redraw(self, changes: Changes) -> str | None:
+        changes.values[f"{self.module}.{self.quantity}"] = self.value
+        return ""
 
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:

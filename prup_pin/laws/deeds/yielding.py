@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...mechanism import yielding_module
+from ...mechanism import Changes, yielding_module
 from ...spatial import Array
 from .deed import Deed, Solved
 
@@ -35,6 +35,10 @@ class YieldingJoint(Deed):
         key = self.joint, self.way
         before = setup.yielding.get(key, (0.0,) * len(self.compliance))
         setup.yielding[key] = tuple(one + other for one, other in zip(before, self.compliance, strict=True))
+
+    def redraw(self, changes: Changes) -> str | None:
+        changes.give_way(self.joint, self.way, self.compliance)
+        return ""
 
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:

@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from ...dynamics import InMotion
-from ...mechanism import Mechanism
-from ...numbers import number
+from ...mechanism import JointDynamics, Mechanism
+from ...numbers import number, quantity
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -74,8 +74,27 @@ class SlidingFriction(JointEffortLaw):
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         return at.along(place.name, at.rubbing(place.name, values))[..., None]
 
+    def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
+        return sliding(place, values)
+
+    def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        return how_it_turns_round(place, values, mechanism)
+
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place.name} rubs: it takes {number(values['limit'], 3)} {effort_unit(place, mechanism)} to slide"
+
+
+def sliding(place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
+    """Return the part of a dry friction that is the same however fast the joint slides."""
+    return {place.name: JointDynamics(friction=values["limit"])}
+
+
+def how_it_turns_round(place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+    """Return in words how dry friction differs from a step at a reversal; '' where it does not."""
+    way, speed = values.get("presliding", 0.0), values.get("smoothing", 0.0)
+    told = [f"on a way of {quantity(way, way_unit(place, mechanism))}"] if way else []
+    told += [f"as a film shears below {quantity(speed, speed_unit(place, mechanism))}"] if speed else []
+    return f"at a reversal the dry friction of {place.name} turns round {' and '.join(told)}" if told else ""
 
 
 class LoadedFriction(MovingEffortLaw):
@@ -115,6 +134,13 @@ class LoadedFriction(MovingEffortLaw):
         direction = at.rubbing(place.name, values)
         load = np.abs(at.effort_of(place.name, at.rigid))
         return np.stack([at.along(place.name, direction), at.along(place.name, load * direction)], axis=-1)
+
+    def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
+        return sliding(place, values)
+
+    def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        share = number(100 * values["share_of_load"], 3)
+        return f"{place.name} rubs by {share} % of what the drive passes on, beyond {values['limit']:.4g}"
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (
@@ -171,6 +197,13 @@ class ColdFriction(MovingEffortLaw):
         direction = at.dragged(place.name, values["presliding"])
         cold = np.exp(-np.maximum(at.motion.time - values["start"], 0.0) / values["time"])
         return np.stack([at.along(place.name, direction), at.along(place.name, cold * direction)], axis=-1)
+
+    def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
+        return sliding(place, values)
+
+    def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        cold = f"{number(values['cold'], 3)} {effort_unit(place, mechanism)}"
+        return f"{place.name} rubs by {cold} more at the start, as it warms up in {number(values['time'], 3)} s"
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = effort_unit(place, mechanism)

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...dynamics import InMotion
-from ...mechanism import Mechanism
+from ...mechanism import JointDynamics, Mechanism
 from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
@@ -74,6 +74,9 @@ class CounterbalanceSpring(DrivenEffortLaw):
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         position = at.position(place.name)
         return np.stack([at.along(place.name, position), at.along(place.name, np.ones(len(at)))], axis=-1)
+
+    def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
+        return {place.name: JointDynamics(stiffness=values["stiffness"], preload=values["preload"])}
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "N/m" if mechanism.joint(place.name).slides else "N m/rad"

@@ -11,10 +11,11 @@ from typing import ClassVar
 import numpy as np
 
 from ...dynamics import InMotion
-from ...mechanism import Mechanism
+from ...mechanism import Changes, JointDynamics, Mechanism
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Law, Place
+from ..setup import Setup
 
 __all__ = ["EFFORT", "Body", "EffortLaw", "driven_places", "motor_pairs", "moving_places"]
 
@@ -149,6 +150,23 @@ class EffortLaw(Law):
     def of_body(self, place: Place, mechanism: Mechanism) -> Mapping[int, Array]:
         """Return by joint what each coefficient adds to its body's inertial parameters (10, p), about its frame."""
         return {}
+
+    def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
+        """Return what of it robot files have words for, by joint."""
+        return {}
+
+    def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        """Return in words what `dynamics` leaves out of it; '' where that is nothing."""
+        return "" if self.dynamics(place, values) else self.statement(place, values, mechanism)
+
+    def written(self, place: Place, values: Mapping[str, float], setup: Setup, changes: Changes) -> Sequence[str]:
+        bodies = self.of_body(place, setup.mechanism)
+        for joint, added in bodies.items():
+            changes.add_body(joint, added @ self.coefficients(place, values))
+        for name, dynamics in self.dynamics(place, values).items():
+            changes.resist(name, dynamics)
+        left = "" if bodies else self.beyond_dynamics(place, values, setup.mechanism)
+        return (left,) if left else ()
 
     def agrees(self, coefficients: Array, values: Mapping[str, float]) -> bool:
         """Return whether coefficients (p,) of a fit belong to the scanned values of its columns; most are free."""

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from ...dynamics import InMotion
-from ...mechanism import Mechanism
+from ...mechanism import Changes, Mechanism
 from ...numbers import number, quantity
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
+from ..setup import Setup
 from .delay import Delay, DelayOfAll
 from .effort_law import DrivenEffortLaw, in_units, way_unit
 
@@ -37,6 +38,10 @@ class OffsetEncoder(DrivenEffortLaw):
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         return at.displaced(place.name)[..., None]
+
+    def written(self, place: Place, values: Mapping[str, float], setup: Setup, changes: Changes) -> Sequence[str]:
+        changes.move_zero(place.name, values["offset"])
+        return ()
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         off = quantity(values["offset"], way_unit(place, mechanism), signed=True)

@@ -8,11 +8,12 @@ from typing import ClassVar
 import numpy as np
 
 from ...dynamics import InMotion, could_be_gravity
-from ...mechanism import Mechanism
+from ...mechanism import Changes, Mechanism
 from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
+from ..setup import Setup
 from .effort_law import EffortLaw
 
 #: Gravity in another direction differs by about its own size [m/s^2].
@@ -41,6 +42,10 @@ class Mounting(EffortLaw):
 
     def prior(self, place: Place, mechanism: Mechanism) -> Array:
         return np.full(3, 1 / _USUAL**2)
+
+    def written(self, place: Place, values: Mapping[str, float], setup: Setup, changes: Changes) -> Sequence[str]:
+        changes.gravity = changes.gravity + np.array([values[name] for name in self.linear])
+        return ()
 
     def plausible(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> bool:
         return could_be_gravity(mechanism.gravity + np.array([values[name] for name in self.linear]), mechanism)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from ...dynamics import InMotion
-from ...mechanism import Mechanism
+from ...mechanism import JointDynamics, Mechanism
 from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
@@ -33,6 +33,9 @@ class RotorInertia(MovingEffortLaw):
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         return at.along(place.name, at.acceleration(place.name))[..., None]
+
+    def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
+        return {place.name: JointDynamics(armature=values["inertia"])}
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "kg" if mechanism.joint(place.name).slides else "kg m^2"

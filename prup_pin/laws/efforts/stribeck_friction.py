@@ -8,11 +8,12 @@ from typing import ClassVar
 import numpy as np
 
 from ...dynamics import InMotion
-from ...mechanism import Mechanism
+from ...mechanism import JointDynamics, Mechanism
 from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
+from .coulomb_friction import sliding
 from .effort_law import (
     PRESLIDING,
     JointEffortLaw,
@@ -70,6 +71,12 @@ class StribeckFriction(JointEffortLaw):
         direction = at.dragged(place.name, values["presliding"])
         slow = np.exp(-((at.speed(place.name) / values["speed"]) ** 2))
         return np.stack([at.along(place.name, direction), at.along(place.name, slow * direction)], axis=-1)
+
+    def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
+        return sliding(place, values)
+
+    def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        return self.statement(place, values, mechanism)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (

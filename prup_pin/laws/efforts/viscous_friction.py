@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...dynamics import InMotion
-from ...mechanism import Mechanism
+from ...mechanism import JointDynamics, Mechanism
 from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
@@ -39,6 +39,9 @@ class Damping(JointEffortLaw):
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         return at.along(place.name, at.speed(place.name))[..., None]
 
+    def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
+        return {place.name: JointDynamics(damping=values["damping"])}
+
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place.name} resists its speed, by {number(values['damping'], 3)} {per_speed(place, mechanism)}"
 
@@ -68,6 +71,16 @@ class DirectedViscousFriction(JointEffortLaw):
         speed = at.speed(place.name)
         parts = [at.along(place.name, np.maximum(speed, 0.0)), at.along(place.name, np.minimum(speed, 0.0))]
         return np.stack(parts, axis=-1)
+
+    def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
+        return {place.name: JointDynamics(damping=(values["damping_forwards"] + values["damping_backwards"]) / 2)}
+
+    def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        half = (values["damping_forwards"] - values["damping_backwards"]) / 2
+        if not half:
+            return ""
+        unit = per_speed(place, mechanism)
+        return f"{place.name} resists by {number(half, 3, signed=True)} {unit} more forwards than said, less backwards"
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (
