@@ -572,8 +572,8 @@ def spread_of(
 def _promising(ways: Sequence[_Seen], exists: np.ndarray) -> _Seen | None:
     """Return the likeliest way in which weight may act, by the first order about the robot file.
 
-    None where what is off all over explains too little of poses that are held out in turn, exists (N, K), or where noise
-    may be all of it: many parameters follow anything in a few poses, and foretell others only where it is theirs.
+    None where what is off all over explains too little of poses that are held out in turn, exists (N, K), or where
+    noise may be all of it: many parameters follow anything in a few poses, and foretell others only where it is theirs.
     """
     looks = []
     for seen in ways:
