@@ -209,7 +209,7 @@ def least_left(problem: Problem, fit: Fit, module: str, residual: Array, nuisanc
 
     `nuisance`: what others may do with it. No law of that module alone leaves less, to first order.
     """
-    basis = problem.reach(fit.influence, module)
+    basis = problem.reach(fit, module)
 
     def left(values: Array) -> Array:
         return values - basis @ (basis.mT @ values)

@@ -9,14 +9,15 @@ steps.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from ..channels import Noise, Stack
-from ..laws import Effect
+from ..laws import Effect, Setup
 from ..simulation import Run, Simulator
 from ..spatial import Array
 from .calibrate import Calibrated, Toleranced, changes_per_tolerance, settled
@@ -35,7 +36,7 @@ class Fit:
     x (p,): toleranced parameters in multiples of their tolerances; p = 0 where the robot file is taken at its word.
     chi2: squares of the residual, of x, and of coordinates with a prior about zero (`Candidate.known`).
     per_tolerance (K n, p): whitened change per tolerance, taken at this fit or at one near by, which bends the next
-    step of a parameter a little and no residual.
+    step of a parameter a little and no residual. begin: the setup that the laws come after.
     """
 
     terms: tuple[Term, ...]
@@ -45,10 +46,18 @@ class Fit:
     chi2: float
     x: Array
     per_tolerance: Array
+    begin: Setup
+    _made: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def samples(self) -> np.ndarray:
         return self.run.samples
+
+    def once(self, what: Any, make: Callable[[], Any]) -> Any:
+        """Return what its problem makes of this fit, made once: its Jacobian, what may be fitted beside a law."""
+        if what not in self._made:
+            self._made[what] = make()
+        return self._made[what]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,10 +109,10 @@ class Problem:
     def first(self) -> Fit:
         """The fit of the robot as its file has it, within its tolerances."""
         if self.tolerances is None:
-            return self._fit((), self.nominal, np.zeros(0), np.zeros((self._size, 0)))
+            return self._fit((), self.nominal, np.zeros(0), np.zeros((self._size, 0)), self.nominal.run.setup)
         start = self.tolerances.start
         held = self.whitened_changes(start.influence, start.changes)
-        return self._fit((), start.influence, start.x, held)
+        return self._fit((), start.influence, start.x, held, start.run.setup)
 
     @property
     def _size(self) -> int:
@@ -152,14 +161,13 @@ class Problem:
         basis = _basis(white @ freed_at.signature(self.freed_module))
         return white - basis @ (basis.mT @ white)
 
-    def reach(self, influence: Influence, module: str) -> Array:
+    def reach(self, fit: Fit, module: str) -> Array:
         """Return the whitened changes that a module's deformations can make, (n, K, k).
 
         Orthonormal columns at every sample, zero where a deformation does not reach what is measured.
         """
-        return influence.first.once(
-            ("reach", self, module), lambda: _basis(self.whiteners(influence) @ influence.signature(module))
-        )
+        influence = fit.influence
+        return fit.once(("reach", module), lambda: _basis(self.whiteners(influence) @ influence.signature(module)))
 
     def fit_at(self, terms: Sequence[Term], start: Run | None = None, like: Fit | None = None, x=None) -> Fit:
         """Return the simulation with these terms, without fitting, toleranced parameters as in the fit `like`.
@@ -170,9 +178,7 @@ class Problem:
         x = like.x if x is None else x
         begin = self.simulator.setup(self._effects(x, ()))
         run = self.simulator.run_setup(self.simulator.setup([term.effect for term in terms], begin), start)
-        influence = Influence(self.simulator, run, self.stack)
-        influence.first.once(_begin_key(x), lambda: begin)
-        return self._fit(terms, influence, x, like.per_tolerance)
+        return self._fit(terms, Influence(self.simulator, run, self.stack), x, like.per_tolerance, begin)
 
     def relinearised(self, fit: Fit) -> Fit:
         """Return a fit with the change per tolerance taken at it."""
@@ -185,13 +191,13 @@ class Problem:
     def _effects(self, x: Array, effects: Sequence[Effect]) -> list[Effect]:
         return [*effects] if self.tolerances is None else [*self.tolerances.at(x), *effects]
 
-    def _fit(self, terms: Sequence[Term], influence: Influence, x: Array, held: Array) -> Fit:
+    def _fit(self, terms: Sequence[Term], influence: Influence, x: Array, held: Array, begin: Setup) -> Fit:
         run = influence.run
         residual = self.whitened(influence, self.stack.residual(run)[run.samples])
         chi2 = float((residual**2).sum() + x @ x + sum(term.off @ term.off for term in terms))
         if (self.nominal.run.solved & ~run.solved).any():
             chi2 = np.inf  # samples that these values leave without an answer must not count as a good fit
-        return Fit(tuple(terms), run, influence, residual, chi2, x, held)
+        return Fit(tuple(terms), run, influence, residual, chi2, x, held, begin)
 
     def count(self, fit: Fit) -> int:
         """Return how many numbers of a fit's residual were both measured and simulated."""
@@ -209,12 +215,7 @@ class Problem:
 
     def change(self, fit: Fit, effects: Sequence[Effect]) -> Array:
         """Return the whitened change of the columns (n, K) from a fit to other effects, to first order."""
-        first = fit.influence.first
-        begin = first.once(
-            _begin_key(fit.x),
-            lambda: self.simulator.setup(self._effects(fit.x, ())) if fit.terms else fit.run.setup,
-        )
-        return self.whitened(fit.influence, fit.influence.change(self.simulator.setup(effects, begin)))
+        return self.whitened(fit.influence, fit.influence.change(self.simulator.setup(effects, fit.begin)))
 
     def without_tolerances(self, fit: Fit, values: Array) -> Array:
         """Return whitened values (K n, ...) less what the toleranced parameters of a fit may take of them."""
@@ -290,6 +291,9 @@ class Problem:
 
     def nuisance(self, fit: Fit, kept: Sequence[int]) -> Nuisance | None:
         """Return what some of a fit's terms, given by their places, and the toleranced parameters may do together."""
+        return fit.once(("nuisance", *kept), lambda: self._nuisance(fit, kept))
+
+    def _nuisance(self, fit: Fit, kept: Sequence[int]) -> Nuisance | None:
         sizes = np.cumsum([0, *(term.candidate.size for term in fit.terms)])
         columns = [column for place in kept for column in range(sizes[place], sizes[place + 1])]
         free = self.jacobian(fit)[:, columns] if columns else np.zeros((fit.residual.size, 0))
@@ -299,10 +303,7 @@ class Problem:
         if firm.any():
             offset = held @ np.concatenate([fit.terms[place].off for place in kept])[firm]
         if self.tolerances is not None:
-            # What is kept holds the array by whose identity it is found: no other one can come to have it.
-            key = ("nuisance", self, id(fit.per_tolerance), tuple(kept))
-            every = np.concatenate((held, fit.per_tolerance), axis=1)
-            return fit.influence.first.once(key, lambda: (fit.per_tolerance, Nuisance.within(free, every, offset)))[1]
+            return Nuisance.within(free, np.concatenate((held, fit.per_tolerance), axis=1), offset)
         if firm.any():
             return Nuisance.within(free, held, offset)
         return Nuisance.free(free) if columns else None
@@ -390,6 +391,9 @@ class Problem:
 
     def jacobian(self, fit: Fit) -> Array:
         """Return d(whitened columns)/d(coordinates of all terms), (K n, p), by differences of first-order changes."""
+        return fit.once("jacobian", lambda: self._jacobian(fit))
+
+    def _jacobian(self, fit: Fit) -> Array:
         effects = [term.effect for term in fit.terms]
         columns = []
         for index, term in enumerate(fit.terms):
@@ -429,14 +433,6 @@ def _stepped(
 _MOST_STEPS, _MOST_EVALUATIONS = 6, 25
 #: Step of a logarithm that a slope is trusted for.
 _WIDEST_STEP = 2.0
-
-
-def _begin_key(x: Array) -> tuple[str, bytes]:
-    """Return under which name a run keeps the setup that its laws come after, with toleranced parameters at x (p,).
-
-    What the run shares with a changed setup is the same object in both, and needs no comparison.
-    """
-    return "begin", x.tobytes()
 
 
 def _basis(directions: Array) -> Array:

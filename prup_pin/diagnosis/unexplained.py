@@ -145,7 +145,7 @@ def _outweighing(
 
 def _leaves_noise(problem: Problem, fit: Fit, module: str) -> bool:
     """Return True where a fit leaves noise while a module deforms as it likes, which takes numbers away."""
-    free = np.linalg.norm(problem.reach(fit.influence, module), axis=1) > 0.5
+    free = np.linalg.norm(problem.reach(fit, module), axis=1) > 0.5
     count = max(problem.count(fit) - int(free[fit.run.solved[fit.samples]].sum()), 1)
     return fit.chi2 <= clean_bound(count) ** 2 * count
 
