@@ -10,15 +10,12 @@ from ..numbers import number, quantity
 from ..recordings import KINDS_OF_TOLERANCE
 from .calibrate import CalibratedParameter
 from .chances import normal_isf
-from .criteria import FALSE_ALARM
+from .criteria import FALSE_ALARM, MOST_LISTED
 from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated
 from .problem import Fit, Problem
 
 __all__ = ["all_over"]
-
-#: Places that a statement lists.
-_MOST_LISTED = 4
 
 
 def all_over(
@@ -48,8 +45,8 @@ def _finding(
     every = list(dict.fromkeys(item.deviation.place for item in sorted(items, key=_surety, reverse=True)))
     told = sure or sorted(items, key=_surety, reverse=True)[:1]
     places = list(dict.fromkeys(item.deviation.place for item in sure)) or every
-    more = f" and {len(places) - _MOST_LISTED} more" if len(places) > _MOST_LISTED else ""
-    listed = ", ".join(places[:_MOST_LISTED]) + more
+    more = f" and {len(places) - MOST_LISTED} more" if len(places) > MOST_LISTED else ""
+    listed = ", ".join(places[:MOST_LISTED]) + more
     text = f"; sure of {listed}" if sure else "; these data tell them together, and none alone"
     return Finding(
         physics=told[0].deviation.physics,

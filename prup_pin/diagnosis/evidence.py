@@ -19,9 +19,9 @@ from .candidates import Candidate
 from .chances import chi2_isf
 from .criteria import (
     BEYOND,
+    BLOCKS,
     FALSE_ALARM,
     FEWEST_FOR_FOLDS,
-    FEWEST_PIECES,
     FLIPS,
     FOLDS,
     LEAD,
@@ -196,7 +196,7 @@ def _pieces(blocks: np.ndarray) -> np.ndarray:
     starts = np.concatenate(([True], blocks[1:] != blocks[:-1]))
     block = np.cumsum(starts) - 1
     count = int(block[-1]) + 1 if len(block) else 1
-    parts = int(np.ceil(FEWEST_PIECES / count))
+    parts = int(np.ceil(BLOCKS / count))
     inside = np.arange(len(blocks)) - np.flatnonzero(starts)[block]
     return block * parts + inside * parts // np.bincount(block)[block]
 

@@ -18,14 +18,7 @@ from .calibrate import (
     CalibratedParameter,
 )
 from .candidates import Candidate
-from .criteria import (
-    INDISTINCT,
-    POSE_UNTOLD,
-    UNSEEN,
-    WEIGHT_SHOWS,
-    WIDEST_LOGARITHM,
-    WORTH_SEPARATING,
-)
+from .criteria import INDISTINCT, POSE_UNTOLD, UNSEEN, WEIGHT_SHOWS, WIDEST_LOGARITHM, WORTH_SEPARATING
 from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated, implausible, scale_of
 from .noise import could_show_structure, is_white

@@ -19,18 +19,7 @@ from ..channels import Columns, Noise
 from ..laws import Effect
 from ..laws.drawn import Drawn, against_component
 from ..spatial import Array
-from .criteria import (
-    ALIKE,
-    CHANCE_DEVIATIONS,
-    KNOTS,
-    MOST_BINS,
-    NO_LOAD,
-    NOT_REACHING,
-    NOTHING,
-    SAMPLES_A_BIN,
-    SMOOTH,
-    TREMOR,
-)
+from .criteria import ALIKE, CHANCE_DEVIATIONS, KNOTS, MOST_BINS, NO_LOAD, NOTHING, SAMPLES_A_BIN, SMOOTH, TREMOR
 from .nuisance import Nuisance
 from .problem import Fit, Problem
 
@@ -198,7 +187,7 @@ def yieldings(problem: Problem, fit: Fit) -> list[Yielding]:
         )
         for components in motions:
             basis, sizes, _ = np.linalg.svd(directions[:, :, list(components)], full_matrices=False)
-            seen = sizes > NOT_REACHING * max(float(sizes.max(initial=0.0)), 1e-300)
+            seen = sizes > NOTHING * max(float(sizes.max(initial=0.0)), 1e-300)
             part = (basis.mT @ fit.residual[..., None])[..., 0] * seen
             found.append(Yielding(name, components, float((part**2).sum()) - int(seen.sum())))
     return sorted(found, key=lambda item: -item.gain)
@@ -401,7 +390,7 @@ def _estimate(
     """Return what each sample asks for along a direction, and means; None where they say nothing."""
     direction = (white @ direction[..., None])[..., 0]
     weight = (direction**2).sum(axis=1)
-    good = (weight > NOT_REACHING * weight.max(initial=0.0)) & (weight > 0)
+    good = (weight > NOTHING * weight.max(initial=0.0)) & (weight > 0)
     if good.sum() < 3:
         return None
     x, along, weight = drawn.x[good], direction[good], weight[good]

@@ -16,9 +16,11 @@ from .criteria import (
     DEEPER_SEARCHES,
     INDISTINCT,
     LARGER_LOADS,
+    MOST_LISTED,
     MOST_PAIRS,
     MOST_PLANNED_POSES,
     MOST_REPEATED,
+    NOTHING,
     NOWHERE_APART,
     PLANNED_POSES,
     TILTED_BASE,
@@ -38,10 +40,6 @@ __all__ = ["next_experiment"]
 CYCLE = (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
 #: ... by which loads are weighed where something remembers what was before.
 _SHORT_CYCLE = (0.0, 1.0, 0.0, -1.0)
-#: What decides between poses where every pair has enough.
-_LITTLE = 1e-6
-#: Pairs that a sentence of the reason lists.
-MOST_LISTED = 6
 #: Of what these laws need the plan can see to.
 _SEEN_TO = {"gravity", "temperature", "wrench"}
 
@@ -204,7 +202,7 @@ class _Design:
         best = np.array([self._best(k) for k in range(len(self.worth))])
         asks = MOST_REPEATED * best >= INDISTINCT
         enough = np.where(asks, np.minimum(best, CERTAIN), np.inf)[:, None]
-        share = np.where(asks[:, None], 1 / enough, _LITTLE / max(float(best.max(initial=0.0)), 1e-300))
+        share = np.where(asks[:, None], 1 / enough, NOTHING / max(float(best.max(initial=0.0)), 1e-300))
         have = np.zeros((len(self.worth), 1))
         picked: list[int] = []
         free = np.ones(len(self.positions), bool)
@@ -212,7 +210,7 @@ class _Design:
             if len(picked) >= PLANNED_POSES and not (asks & (have[:, 0] < CERTAIN)).any():
                 break
             gain = (share * (np.minimum(have + self.worth, enough) - np.minimum(have, enough))).sum(axis=0)
-            place = int(np.argmax(np.where(free, gain + _LITTLE**2 * self.worth.sum(axis=0), -np.inf)))
+            place = int(np.argmax(np.where(free, gain + NOTHING**2 * self.worth.sum(axis=0), -np.inf)))
             picked.append(place)
             free &= (self.positions != self.positions[place]).any(axis=1)
             have += self.worth[:, place, None]

@@ -18,10 +18,10 @@ from ..recordings import Recording
 from ..spatial import Array, turn_between
 from .chances import chi2_sf, normal_cdf, normal_pdf, normal_sf
 from .criteria import (
+    BLOCKS,
     CLIP,
-    FEWEST_FOLLOWERS,
+    FEWEST_IN_BLOCK,
     FEWEST_NUMBERS,
-    FEWEST_PIECES,
     SAME_LOAD,
     STRUCTURE_CHANCE,
     USUAL_POSITION_NOISE,
@@ -172,7 +172,7 @@ def _slopes_of_each(problem: Problem, fit: Fit, actuators: Array) -> Iterator[Ar
 def could_show_structure(blocks: np.ndarray) -> bool:
     """Return True where samples are enough, in one pose or in many, for `is_white` to mean something."""
     followers = int((blocks[1:] == blocks[:-1]).sum())
-    return followers >= FEWEST_FOLLOWERS or len(np.unique(blocks)) >= FEWEST_PIECES
+    return followers >= FEWEST_IN_BLOCK or len(np.unique(blocks)) >= BLOCKS
 
 
 def _follows_time(column: Array, blocks: np.ndarray) -> Iterator[float]:
@@ -216,7 +216,7 @@ def _chance_of_products(products: Array) -> float:
 def _neighbours(actuators: Array, blocks: np.ndarray) -> np.ndarray:
     """Return pairs (m, 2) of blocks, by their places among the labels, that are nearest neighbours; none twice."""
     _, first = np.unique(blocks, return_index=True)
-    if len(first) < FEWEST_PIECES:
+    if len(first) < BLOCKS:
         return np.zeros((0, 2), int)
     places = actuators[first] / np.maximum(np.ptp(actuators, axis=0), 1e-12)
     pairs = cKDTree(places).query(places, k=2)[1]

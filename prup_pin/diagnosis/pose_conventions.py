@@ -21,13 +21,7 @@ from ..recordings.conventions import AXES, GEARS, POSITION_UNITS, Evidence, exch
 from ..robot import Robot
 from ..simulation import drawn_for
 from ..spatial import Array, rigid_motion, rotation_exp, turn_between
-from .criteria import (
-    CONVENTION_AS_GOOD,
-    CONVENTION_FINE,
-    CONVENTION_LEAVES,
-    CONVENTION_NEAR,
-    LEAST_REACH,
-)
+from .criteria import AS_GOOD, CONVENTION_FINE, CONVENTION_LEAVES, CONVENTION_NEAR, LEAST_REACH
 
 __all__ = ["conventions_of_poses"]
 
@@ -311,7 +305,7 @@ def _forward(
         if not tried:
             break
         cost, _, convention, read, now = min(tried, key=lambda item: (round(item[0], 2), item[1]))
-        margin = np.log(CONVENTION_AS_GOOD)
+        margin = np.log(AS_GOOD)
         others = [(*taken, item[2]) for item in tried if item[0] < cost + margin and item[2] is not convention]
         taken.append(convention)
         if (now.sizes <= 10 * postures.floor).all():

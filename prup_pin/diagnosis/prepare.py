@@ -31,8 +31,9 @@ from .criteria import (
     FEWEST_STATIONS,
     FOLDS,
     LEAST_REACH,
+    MOST_LISTED,
     MOST_SAMPLES,
-    MUCH_LARGER,
+    MUCH,
     NOTHING,
     TURNED,
     UPSIDE_DOWN,
@@ -46,8 +47,6 @@ __all__ = ["Prepared", "Tell", "allowed_of_markers", "check_belongs", "prepare",
 
 
 Tell = Callable[[str, float], None]
-#: Rows of a table that a remark lists.
-_ROWS_TOLD = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +289,7 @@ def _noise_declared_too_large(
     seen = scatter_of_repeats(stack, linear, inputs, here)
     for name, unit, found in (("position", "µm", seen[0]), ("rotation", "µrad", seen[1])):
         declared = getattr(recording.noise, name)
-        if declared is not None and found is not None and declared > MUCH_LARGER * found:
+        if declared is not None and found is not None and declared > MUCH * found:
             remarks.append(
                 f"{name}_noise is declared as {number(1e6 * declared, 3)} {unit}, but repeats of a load scatter by "
                 f"{number(1e6 * found, 3)} {unit} only: if it is declared too large, effects are overlooked"
@@ -300,7 +299,7 @@ def _noise_declared_too_large(
 
 def _not_simulated(rows: np.ndarray, count: int) -> str:
     """Return that samples of a table, by their places from 0, could not be simulated; line 1 holds its names."""
-    listed = ", ".join(str(row + 2) for row in rows[:_ROWS_TOLD]) + (", …" if len(rows) > _ROWS_TOLD else "")
+    listed = ", ".join(str(row + 2) for row in rows[:MOST_LISTED]) + (", …" if len(rows) > MOST_LISTED else "")
     which = f"line{'s' if len(rows) > 1 else ''} {listed}"
     return f"{len(rows)} of {count} samples could not be simulated ({which}), and say nothing here"
 

@@ -22,7 +22,7 @@ from ..simulation import Run, Simulator
 from ..spatial import Array
 from .calibrate import Calibrated, Toleranced, changes_per_tolerance, settled
 from .candidates import Candidate, Term
-from .criteria import STALE
+from .criteria import NOTHING, STALE
 from .influence import Influence
 from .nuisance import Nuisance, least_step, without
 
@@ -372,7 +372,7 @@ class Problem:
             found = least_step(jacobian[:, open_], left, held, fit.x, reach)
             step[open_] = found[: open_.sum()]
             within = np.clip(here + step, low, high) - here
-            beyond = open_ & ~logarithmic & (np.abs(step - within) > _ROUNDING * np.abs(within))
+            beyond = open_ & ~logarithmic & (np.abs(step - within) > NOTHING * np.abs(within))
             if not beyond.any():
                 return np.concatenate((step, found[open_.sum() :]))
             step[beyond] = within[beyond]
@@ -441,7 +441,5 @@ def _basis(directions: Array) -> Array:
     return basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
 
 
-#: Share of a step that adding and taking away may change.
-_ROUNDING = 1e-6
 #: Share of the reach at which a parameter stands at its end.
 _AT_REACH = 0.999

@@ -19,25 +19,14 @@ from ..numbers import number
 from ..recordings import ARM, Recording, Together
 from ..spatial import Array, rigid_motion, skew, turn_between
 from .chances import chi2_median
-from .criteria import (
-    FEWEST_REGISTERED,
-    LEAST_REACH,
-    LEVER,
-    OPEN_FRAME,
-    OPEN_TARGET,
-    REGISTERED,
-    TURNED,
-    trusted,
-)
+from .criteria import FEWEST_REGISTERED, LEAST_REACH, LEVER, MOST, OPEN_FRAME, OPEN_TARGET, ROUNDING, TURNED, trusted
 
 __all__ = ["Registered", "own_frames", "registered"]
 
 #: What to declare where a pose sensor was set up anew.
 OWN_FRAMES = 'where that is so, declare "own_sensors": ["pose_sensor"]'
 OWN_STATIONS = 'where that is so, declare "own_sensors": {"by_run": ["pose_sensor"]}'
-_ROUNDS, _STILL = 200, 1e-9
-#: Points nearer than this are where they should be [m].
-_NEAREST = 1e-9
+_ROUNDS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +98,7 @@ def registered(
         motion = None
         for beside in dict.fromkeys(((declared or 0.0) > OPEN_TARGET, True)):
             other = _motion(out.stack.poses, linear, here, beside)
-            if other is None or (not is_open and not other.after < REGISTERED * other.before):
+            if other is None or (not is_open and not other.after < MOST * other.before):
                 continue
             moved = _seen_from_base(out.stack, other, here)
             reach = allowed[0] + other.beside, allowed[1]
@@ -220,7 +209,7 @@ def _motion(channels: Sequence[PoseChannel], linear: Linear, here: np.ndarray, b
             return None
         moved = max(np.abs(fit[0] - turn).max(), np.abs(fit[1] - shift).max())
         turn, shift = fit
-        if moved < _STILL:
+        if moved < ROUNDING:
             break
         weights = _trust(np.linalg.norm(measured - own @ turn.T - shift, axis=1))
         ends = np.cumsum([len(part[0]) for part in parts])[:-1]
@@ -239,7 +228,7 @@ def _motion(channels: Sequence[PoseChannel], linear: Linear, here: np.ndarray, b
 
 def _trust(distances: Array) -> Array:
     """Return weights (n,) of points so far from where they should be: gross ones weigh little (Student's t)."""
-    size = max(float(np.median(distances**2)) / chi2_median(3), _NEAREST**2)
+    size = max(float(np.median(distances**2)) / chi2_median(3), ROUNDING**2)
     return trusted(distances**2 / size)
 
 

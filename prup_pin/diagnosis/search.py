@@ -27,7 +27,7 @@ from .criteria import (
     MOST_FITS,
     MOST_SIMULATED,
     MOST_TERMS,
-    PARALLEL,
+    NOTHING,
     WORTH_SEPARATING,
     beyond_tolerance,
 )
@@ -423,7 +423,7 @@ def _standard_scores(problem: Problem, fit: Fit, index: int) -> Array:
 def _parallel(one: Rival, other: Rival) -> bool:
     """Return True where two rivals change the pose in the same way, so that one need not be tried after the other."""
     a, b = one.change.ravel(), other.change.ravel()
-    return float(a @ b) > (1 - PARALLEL) * float(np.sqrt((a @ a) * (b @ b))) and abs(one.chi2 - other.chi2) < LEAD
+    return float(a @ b) > (1 - NOTHING) * float(np.sqrt((a @ a) * (b @ b))) and abs(one.chi2 - other.chi2) < LEAD
 
 
 def dropped(search: Search, fit: Fit, least: Callable[[int], float]) -> Fit:

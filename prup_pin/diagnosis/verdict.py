@@ -16,10 +16,7 @@ from .all_over import all_over
 from .calibrate import (
     calibrated_parameters,
 )
-from .criteria import (
-    WEIGHT_SHOWS,
-    clean_bound,
-)
+from .criteria import MOST_LISTED, WEIGHT_SHOWS, clean_bound
 from .diagnosis import Diagnosis
 from .evidence import is_clean
 from .findings import (
@@ -39,10 +36,6 @@ from .search import Selection
 from .unexplained import Final
 
 __all__ = ["verdict_of"]
-
-
-#: Parameters that a remark lists by name.
-MOST_LISTED = 5
 
 
 def verdict_of(

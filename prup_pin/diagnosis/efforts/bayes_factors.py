@@ -26,13 +26,13 @@ from ..criteria import (
     BODY_MISSING,
     EFFORT_INDISTINCT,
     EFFORT_LIKELIER,
-    EFFORT_SURE,
     HELD_MASS,
     HELD_RADIUS,
     HELD_SKEW,
+    ITERATIONS,
     LINK_ANYHOW,
-    LINK_IN_PROPORTION,
-    LINK_SHIFTED,
+    LINK_KNOWN,
+    SURE,
 )
 from .evidence import gradients, held_out, standard_error
 from .problem import EffortCandidate, EffortModel, EffortProblem, NormalEquations, fit, identifiable
@@ -68,7 +68,7 @@ def _likelier_body(model: EffortModel, term: EffortCandidate) -> EffortModel:
     for candidate, _ in sorted(bodies, key=lambda item: -item[1])[:_TRIED]:
         other = model.replaced(model.terms.index(term), candidate)
         apart = held_out(other) - left
-        if float(apart.sum()) <= EFFORT_SURE * standard_error(apart) and is_plausible(other, candidate):
+        if float(apart.sum()) <= SURE * standard_error(apart) and is_plausible(other, candidate):
             return other
     return model
 
@@ -184,8 +184,8 @@ def _among_bodies(
     return out
 
 
-#: Steps of Newton's method, and the change that ends it.
-_STEPS, _SETTLED = 60, 1e-4
+#: The change that ends Newton's method.
+_SETTLED = 1e-4
 #: Difference for derivatives, in standard deviations.
 _STEP = 1e-4
 #: Share of a link's length below which a radius of gyration was left out of a drawing, and what it is then.
@@ -230,13 +230,13 @@ def other_link(
     links = [link for link in mechanism.links if link.joint == joint]
     body = mechanism.model.inertias[joint].toDynamicParameters()
     one = float(np.log((1 - BODY_HELD) / count))
-    proportion = _linear(body[:, None], information, gradient) + np.log(LINK_IN_PROPORTION) if body[0] > 0 else -np.inf
+    proportion = _linear(body[:, None], information, gradient) + np.log(LINK_KNOWN) if body[0] > 0 else -np.inf
     anyhow, spread = _anyhow(body, mechanism), np.log(LINK_ANYHOW / len(_WIDER))
     found = [_linear(wider * anyhow, information, gradient) + spread for wider in _WIDER]
     for link in links:
         part = -np.log(len(links))
-        found.append(_linear(link.inertial[:, None], information, gradient) + part + np.log(LINK_IN_PROPORTION))
-        found.append(_shifted(link, mechanism, information, gradient) + part + np.log(LINK_SHIFTED))
+        found.append(_linear(link.inertial[:, None], information, gradient) + part + np.log(LINK_KNOWN))
+        found.append(_shifted(link, mechanism, information, gradient) + part + np.log(LINK_KNOWN))
     return float(np.logaddexp.reduce(found)) + one, float(proportion) + one
 
 
@@ -317,7 +317,7 @@ def _laplace(parameters: Callable[[Array], Array], information: Array, gradient:
         return np.column_stack([(parameters(x + step) - parameters(x - step)) / (2 * _STEP) for step in steps])
 
     x, best, damping = start, log_posterior(start), 1e-2
-    for _ in range(_STEPS):
+    for _ in range(ITERATIONS):
         slope = slopes(x)
         inner = slope.T @ information @ slope + np.eye(len(x))
         uphill = slope.T @ (gradient - information @ parameters(x)) - x

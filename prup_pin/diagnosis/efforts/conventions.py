@@ -23,12 +23,11 @@ from ...recordings.columns import LARGEST_NUMBER
 from ...recordings.conventions import GEARS, POSITION_UNITS, Evidence, exchanged, merged
 from ...spatial import Array
 from ..criteria import (
-    CONVENTION_AS_GOOD,
+    AS_GOOD,
     CONVENTION_LEAVES,
     EFFORT_APART,
     EFFORT_FEWEST,
     EFFORT_FOLLOWS,
-    EFFORT_MEANT,
     EFFORT_OF_A_UNIT,
     EFFORT_RIGHT,
     EFFORT_SENSE,
@@ -36,7 +35,9 @@ from ..criteria import (
     EFFORT_STRANGE,
     EFFORT_UNIT,
     EFFORT_UNIT_SHARE,
-    FAR_BEYOND,
+    MOST,
+    MOST_LISTED,
+    MUCH,
 )
 from .noise import noise_of
 
@@ -200,7 +201,7 @@ class _Search:
         which = [
             name
             for name, written, read in zip(motion.driven, *both, strict=True)
-            if not signed.get(name, 0.0) > 0 and read < CONVENTION_LEAVES**2 < EFFORT_MEANT * written
+            if not signed.get(name, 0.0) > 0 and read < CONVENTION_LEAVES**2 < MOST * written
         ]
         if not which or set(which) >= set(signed) or np.isfinite(self._hung(self.written)).any():
             return None  # or gravity pulls another way
@@ -224,7 +225,7 @@ class _Search:
         convention = Convention(f"q.{name}", "reversed")
         motion, efforts, noise = self.read(read_as(self.written, [convention], self.drawn))
         shares = shares_of_efforts(motion, efforts, self.at.rigid_of(motion), noise)
-        return bool(shares[motion.driven.index(name)] < CONVENTION_AS_GOOD**2 * left)
+        return bool(shares[motion.driven.index(name)] < AS_GOOD**2 * left)
 
     def _found(self, start: tuple[Convention, ...], begin: Recording) -> Evidence:
         """Return what is read otherwise beside a unit; begin: as that is read."""
@@ -340,7 +341,7 @@ class _Search:
         rigid = self.at.rigid_of(motion)
         driven, names = list(recording.efforts), list(recording.positions)
         written, read = (shares_of_efforts(motion, sign * efforts, rigid, noise) for sign in (1, -1))
-        turned = read < EFFORT_MEANT * written
+        turned = read < MOST * written
         which = [name for name, other in zip(motion.driven, turned, strict=True) if other]
         if len(driven) > 1:
             yield (Convention("tau", "reversed"),)
@@ -451,7 +452,7 @@ def _limit(written: float) -> float:
 
     What is worse than no effort at all is turned round somewhere, whatever else is off.
     """
-    return max(EFFORT_MEANT * min(written, 1.0), min(CONVENTION_LEAVES * written, EFFORT_SENSE))
+    return max(MOST * min(written, 1.0), min(CONVENTION_LEAVES * written, EFFORT_SENSE))
 
 
 def gains_apart(gains: dict[str, float]) -> bool:
@@ -546,9 +547,6 @@ def gains_of_efforts(motion: Motion, efforts: Array, rigid: Array, follows: floa
 #: What to do about a log that hardly fits its robot.
 CHECK_ROBOT = "Check --robot, which joint each column belongs to, and whether the log holds efforts without weight"
 
-#: Numbers that a sentence shows.
-_SHOWN = 8
-
 
 def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
     """Return suspicions. Raises InputError where joints cannot be where they are said to be.
@@ -567,7 +565,7 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
         _check_limits(at, motion, first)
     gains = {name: gain for name, gain in gains_of_efforts(motion, efforts, rigid).items() if gain > 0}
     if not in_units and gains_apart(gains):
-        told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:_SHOWN])
+        told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:MOST_LISTED])
         return [
             "the efforts follow the rigid robot's, but are other multiples of them at each joint "
             f"({told}): are they in per cent or A? Expected N m or N"
@@ -602,7 +600,7 @@ def _check_limits(at: InMotion, motion: Motion, first: float) -> None:
         low, high = (float(limit[joint.first_q]) for limit in (model.lowerPositionLimit, model.upperPositionLimit))
         reached = float(np.abs(motion.position[:, column]).max())
         most = max(abs(low), abs(high))
-        if joint.nq == 1 and 0 < most < LARGEST_NUMBER and reached > FAR_BEYOND * most:
+        if joint.nq == 1 and 0 < most < LARGEST_NUMBER and reached > MUCH * most:
             unit = "rad" if joint.turns else "m"
             allowed = f"{number(low)} to {number(high)} {unit}"
             share = f"{number(100 * first, 3)} %" if first < 10 else "more than 1000 %"

@@ -16,12 +16,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import gammaincc
 
 from ...spatial import Array
-from ..criteria import (
-    EFFORT_CHANCE,
-    EFFORT_FLIPS,
-    EFFORT_INDISTINCT,
-    EFFORT_SURE,
-)
+from ..criteria import EFFORT_FLIPS, EFFORT_INDISTINCT, FALSE_ALARM, SURE
 from .problem import EffortCandidate, EffortModel, NormalEquations, column_scales, fit, identifiable
 
 __all__ = [
@@ -234,7 +229,7 @@ def scores(model: EffortModel) -> tuple[list[Score], float]:
         # beside a plainer form of it, a richer law has only the difference as coefficients
         if candidate.law.one_sided and not any(candidate.replaces(term) for term in model.terms):
             deviation = np.sqrt((basis**2).sum(axis=1) * mean / basis.shape[1])
-            possible = bool((coefficients > -EFFORT_SURE * deviation).all() and (coefficients > 0).any())
+            possible = bool((coefficients > -SURE * deviation).all() and (coefficients > 0).any())
         if possible and not candidate.law.one_sided:
             values_here = candidate.law.fitted(candidate.place, coefficients, candidate.values)
             possible = candidate.law.plausible(candidate.place, values_here, problem.mechanism)
@@ -250,7 +245,7 @@ def scores(model: EffortModel) -> tuple[list[Score], float]:
         Score(candidate, min(0.0, float(chance + np.log(candidate.law.looked_at))), gain, possible)
         for (candidate, gain, possible), chance in zip(found, logs[:, -1], strict=True)
     ]
-    return scored, float(np.quantile(np.minimum(0.0, logs[:, :-1].min(axis=0)), EFFORT_CHANCE))
+    return scored, float(np.quantile(np.minimum(0.0, logs[:, :-1].min(axis=0)), FALSE_ALARM))
 
 
 def standard_error(saving: Array) -> float:
@@ -261,7 +256,7 @@ def standard_error(saving: Array) -> float:
 def no_worse(after: Array, before: Array) -> bool:
     """Return whether held-out squares (B,) are not surely larger after than before."""
     apart = after - before
-    return float(apart.sum()) < EFFORT_SURE * standard_error(apart)
+    return float(apart.sum()) < SURE * standard_error(apart)
 
 
 def relative_gain(before: Array, after: Array) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from ...recordings.columns import AS_LOGGED
 from ...robot import Robot
 from ...spatial import Array
 from ..chances import hotelling_sf, student_ppf, student_sf
-from ..criteria import EFFORT_GAIN, EFFORT_IMITATED, EFFORT_MATTERS, EFFORT_PLAINLY, EFFORT_SURE, FALSE_ALARM
+from ..criteria import EFFORT_GAIN, EFFORT_IMITATED, EFFORT_MATTERS, EFFORT_PLAINLY, FALSE_ALARM, SURE
 from .conventions import gains_apart
 from .evidence import held_out, relative_gain
 from .gains import Gains
@@ -109,7 +109,7 @@ class FinalState:
         if not bodies:
             return []
         _, covariance, _ = self.covariances
-        reach = EFFORT_SURE * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        reach = SURE * np.sqrt(np.maximum(np.diag(covariance), 0.0))
         beyond = []
         for term in bodies:
             own = self.model.slice_of(term)

@@ -12,7 +12,7 @@ from ...numbers import number
 from ...recordings import Convention
 from ...spatial import Array
 from ..chances import student_ppf
-from ..criteria import EFFORT_ALONE, FALSE_ALARM, MOST_COMBINATIONS, beyond_tolerance
+from ..criteria import FALSE_ALARM, MOST, MOST_COMBINATIONS, beyond_tolerance
 from ..diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import CrossValidation, held_out
 from .final_state import FinalState
@@ -177,7 +177,7 @@ def _alone_of_all(final: FinalState, term: EffortCandidate, without: Array) -> s
     share = float(saved_by.max()) / max(gain, np.finfo(float).tiny)
     drawn = sum(float(inertia.mass) for inertia in final.mechanism.model.inertias)
     own = abs(values.get("mass", 0.0))
-    if share < EFFORT_ALONE or own > drawn or not best.law.plausible(best.place, values, final.mechanism):
+    if share < MOST or own > drawn or not best.law.plausible(best.place, values, final.mechanism):
         return ""  # a robot file without masses lacks more than one body
     if best.law.impossible(best.place, change, np.zeros_like(change), final.mechanism):
         return ""

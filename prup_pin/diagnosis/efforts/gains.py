@@ -26,8 +26,9 @@ from ..criteria import (
     EFFORT_GAINS_LEAVE,
     EFFORT_GAINS_SAVE,
     EFFORT_MASSES,
-    EFFORT_SURE,
     EFFORT_UNIT,
+    MUCH,
+    SURE,
 )
 from .problem import column_blocks, kept_samples
 
@@ -37,8 +38,6 @@ __all__ = ["Gains", "gains_of", "in_newtons", "law_of_gains"]
 _SAMPLES = 6000
 #: Combinations of inertial parameters of which efforts know less than this share of the best known are not looked for.
 _TOLD = 1e-12
-#: Masses are given so many times their spread while it is asked whether gains are needed beside them.
-_WIDER = 3.0
 #: Drives without which a unit is not told from a load.
 _FEWEST = 3
 #: Blocks of time that are held out in turn.
@@ -108,8 +107,8 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     alike, before, after = np.ones(len(start)), [], []  # held out, where all are as told and where each is its own
     for block in range(_BLOCKS):
         others = products.without(block)
-        before.append(_left(products, block, _inertial(others, drawn, _WIDER, alike)[0], alike))
-        own = _solved(others, drawn, _WIDER, start)
+        before.append(_left(products, block, _inertial(others, drawn, MUCH, alike)[0], alike))
+        own = _solved(others, drawn, MUCH, start)
         after.append(_left(products, block, own.inertial, np.exp(own.log)))
     saving = np.array(before) - np.array(after)
     sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(_BLOCKS), np.finfo(float).tiny)
@@ -120,7 +119,7 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     log, covariance = found.log, found.covariance
     apart = covariance - covariance.mean(axis=0)
     apart = apart - apart.mean(axis=1, keepdims=True)
-    much = saving.sum() > EFFORT_GAINS_SAVE * np.sum(before) and sure > EFFORT_SURE
+    much = saving.sum() > EFFORT_GAINS_SAVE * np.sum(before) and sure > SURE
     # drives count otherwise, be it all alike, where only masses of the whole robot that no drawing is so far from
     # would do without; of two drives a load may be so much as well
     light, right = (
@@ -136,7 +135,7 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
 def _several(log: Array, covariance: Array) -> bool:
     """Return whether at least two gains are surely and markedly others; log (k,): of each."""
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return int((np.abs(log) > np.maximum(np.log(EFFORT_GAINS_APART), EFFORT_SURE * deviation)).sum()) > 1
+    return int((np.abs(log) > np.maximum(np.log(EFFORT_GAINS_APART), SURE * deviation)).sum()) > 1
 
 
 def _told(products: _Products, drawn: Array, spread: Array) -> tuple[_Products, Array]:

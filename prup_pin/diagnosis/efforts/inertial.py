@@ -25,17 +25,13 @@ from ...dynamics.inertial import pseudo_inertia
 from ...mechanism import Mechanism
 from ...numbers import number
 from ...spatial import Array
-from ..criteria import EFFORT_TOLD
+from ..criteria import EFFORT_TOLD, ITERATIONS, MOST_LISTED, UNSEEN
 from .problem import EffortModel, fit
 
 __all__ = ["BaseParameters", "consistent_fit"]
 
-#: Share of a combination's efforts below which a parameter is not named in it.
-_NAMED = 1e-3
-#: Parameters named in a combination; more are counted.
-_MOST_NAMED = 6
-#: Steps of Newton's method, the decrease that ends it, and halvings of a step.
-_STEPS, _SETTLED, _HALVINGS = 60, 1e-6, 40
+#: The decrease that ends Newton's method, and halvings of a step.
+_SETTLED, _HALVINGS = 1e-6, 40
 #: By which the divergence's weight falls from one run of it to the next.
 _SOFTER = 10.0
 #: Weight of the divergence where a law says nothing of what its body is likely to be.
@@ -76,7 +72,7 @@ class BaseParameters:
         own = gram[np.ix_(leads, leads)]
         share = np.linalg.lstsq(own, gram[leads], rcond=None)[0] if leads else np.zeros((0, len(names)))
         share[:, leads] = np.eye(len(leads))
-        share[np.abs(share) < _NAMED] = 0.0
+        share[np.abs(share) < UNSEEN] = 0.0
         matrix = share * size[None, :] / size[leads][:, None]
         called = [_called(*each, names) for each in zip(matrix, leads, share, strict=True)]
         silent = tuple(name for index, name in enumerate(names) if not share[:, index].any())
@@ -87,12 +83,12 @@ def _called(row: Array, lead: int, share: Array, names: Sequence[str]) -> str:
     """Return a combination in words: its leading parameter and the others, those that do most first."""
     others = [index for index in np.argsort(-np.abs(share), kind="stable") if index != lead and row[index]]
     words = [names[lead]]
-    for index in others[:_MOST_NAMED]:
+    for index in others[:MOST_LISTED]:
         value = abs(row[index])
-        factor = "" if abs(value - 1) < _NAMED else f"{number(value, 3)} "
+        factor = "" if abs(value - 1) < UNSEEN else f"{number(value, 3)} "
         words.append(f"{'-' if row[index] < 0 else '+'} {factor}{names[index]}")
-    if len(others) > _MOST_NAMED:
-        words.append(f"and {len(others) - _MOST_NAMED} more")
+    if len(others) > MOST_LISTED:
+        words.append(f"and {len(others) - MOST_LISTED} more")
     return " ".join(words)
 
 
@@ -150,7 +146,7 @@ def _newton(matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndar
         return float(value)
 
     now = cost(x)
-    for _ in range(_STEPS):
+    for _ in range(ITERATIONS):
         slope, curved = matrix @ x - moment, matrix.copy()
         for body in bodies:
             inverse = np.linalg.inv(body.at(x))

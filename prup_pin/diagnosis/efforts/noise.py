@@ -24,6 +24,7 @@ from ...dynamics import InMotion, at_limit, is_standing
 from ...recordings import Recording
 from ...recordings.recording import STANDSTILL
 from ...spatial import Array
+from ..criteria import MOST
 
 __all__ = ["EffortNoise", "noise_of", "noise_of_efforts", "rounding_that_follows"]
 
@@ -32,8 +33,8 @@ _ORDER, _FOR_EACH = 40, 10
 #: Samples that are foretold, at most: they tell the size to a per cent.
 _MOST = 20_000
 #: What is so many times the usual innovation is a jump, as friction is that turns round: samples that it is among are
-#: left out, and the others foretold again, as long as they are this share of all: what comes more often is the noise.
-_JUMP, _ROUNDS, _USUAL = 4.0, 4, 0.5
+#: left out, and the others foretold again, as long as they are most of all: what comes more often is the noise.
+_JUMP, _ROUNDS = 4.0, 4
 #: A column is sampled more slowly than rows come where nine in ten of its values stand for two rows and more.
 _HELD = 0.1
 #: Steps of the clock, in usual ones, over which nothing is foretold.
@@ -153,7 +154,7 @@ def _innovations(parts: Sequence[Array]) -> float:
     size = float("inf")
     for _ in range(_ROUNDS):
         table = np.concatenate([_windows(part, own, order, count) for part, own in zip(parts, quiet, strict=True)])
-        if len(table) < max(_FOR_EACH * order, _USUAL * min(count, _MOST)):
+        if len(table) < max(_FOR_EACH * order, MOST * min(count, _MOST)):
             break
         foretold = np.linalg.lstsq(table[:, :-1], table[:, -1], rcond=None)[0]
         filter_ = np.concatenate(([1.0], -foretold[::-1]))

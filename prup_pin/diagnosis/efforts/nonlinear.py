@@ -12,7 +12,7 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...spatial import Array
-from ..criteria import EFFORT_INDISTINCT, EFFORT_SURE
+from ..criteria import EFFORT_INDISTINCT, SURE
 from .evidence import CrossValidation, relative_gain
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, NormalEquations, fit
@@ -57,7 +57,7 @@ def refined(
         best = int(np.argmin(squares.sum(axis=1)))
         # what is zero so far must surely be something
         more = best > 0 and len(law.free(tried[best - 1].values)) > count
-        if best == 0 or relative_gain(squares[0], squares[best])[1] <= (EFFORT_SURE if more else 0.0):
+        if best == 0 or relative_gain(squares[0], squares[best])[1] <= (SURE if more else 0.0):
             columns.cut(size)
             continue
         taken = tried[best - 1]

@@ -17,12 +17,13 @@ from scipy.linalg import block_diag, eigh
 from scipy.optimize import minimize_scalar
 
 from ...spatial import Array
+from ..criteria import FEW_ROUNDS
 from .problem import EffortModel, NormalEquations, fit
 
 __all__ = ["learned_precisions", "usual_precisions"]
 
-#: Widths among which a kind's is looked for, over the usual one; and how often all kinds are looked at in turn.
-_NARROWEST, _WIDEST, _ROUNDS = 0.01, 1.0, 3
+#: Widths among which a kind's is looked for, over the usual one.
+_NARROWEST, _WIDEST = 0.01, 1.0
 _TINY = float(np.finfo(float).tiny)
 
 
@@ -66,7 +67,7 @@ def learned_precisions(model: EffortModel, kinds: Mapping[str, tuple[np.ndarray,
     for own, usual in kinds.values():
         precision[np.ix_(own, own)] = usual
     widths = dict.fromkeys(kinds, 1.0)
-    for _ in range(_ROUNDS):
+    for _ in range(FEW_ROUNDS):
         for name, (own, usual) in kinds.items():
             others = np.setdiff1d(np.arange(len(where)), own)
             others_normal = NormalEquations.of((told + precision)[np.ix_(others, others)])

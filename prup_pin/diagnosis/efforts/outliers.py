@@ -19,7 +19,7 @@ from ...dynamics import InMotion
 from ...dynamics.smoothing import pieces
 from ...numbers import number
 from ...spatial import Array
-from ..criteria import EFFORT_EVENT, EFFORT_EVENT_APART, EFFORT_EVENT_LOUD, MOST_EFFORT_EVENTS, MOST_IN_EFFORT_EVENTS
+from ..criteria import BEYOND, MOST, MOST_EFFORT_EVENTS, MOST_OUTLIERS, MUCH, OUTLIER, ROUNDING
 from ..diagnosis import Finding
 from .problem import EffortProblem, column_scales
 
@@ -27,12 +27,8 @@ __all__ = ["OutlierInterval", "is_outlying", "outlier_intervals"]
 
 #: Kept samples that are looked at together, and those at an end of a piece where filters have not settled.
 _WINDOW, _END = 4, 8
-#: Share of the loudest window's residual that others must have to be left out with it.
-_AS_LOUD = 0.5
-#: Multiples of the noise that still belong to an interval, and samples between two of them.
-_AROUND, _BETWEEN = 3.0, 6
-#: Of unit columns, squared: keeps combinations that nothing tells where they are.
-_ROUNDING = 1e-9
+#: Samples between two intervals.
+_BETWEEN = 6
 #: Periods of the cut-off on either side that go with an interval.
 _SPREAD = 1.0
 #: Share of the loudest joint's residual that another joint must have to be named.
@@ -69,7 +65,7 @@ def is_outlying(interval: OutlierInterval, rows: np.ndarray, residual: Array, go
     first, last = interval.rows
     inside = ((rows >= first) & (rows <= last))[:, None] & good
     times = np.where(inside, residual / _noise(residual, good & ~inside), 0.0)
-    return bool(np.sqrt((times**2).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)).max() > EFFORT_EVENT_LOUD)
+    return bool(np.sqrt((times**2).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)).max() > OUTLIER)
 
 
 def outlier_intervals(
@@ -86,24 +82,22 @@ def outlier_intervals(
     while True:
         loud = np.array([rest.loudness(window) for window in windows])
         loud[[bool(rest.out[window].any()) for window in windows]] = 0.0
-        if not loud.max(initial=0.0) > EFFORT_EVENT_LOUD:
+        if not loud.max(initial=0.0) > OUTLIER:
             break
-        rest = rest.without(
-            [windows[place] for place in np.flatnonzero(loud >= max(_AS_LOUD * loud.max(), EFFORT_EVENT_LOUD))]
-        )
-        if rest.out.mean() > MOST_IN_EFFORT_EVENTS:
+        rest = rest.without([windows[place] for place in np.flatnonzero(loud >= max(MOST * loud.max(), OUTLIER))])
+        if rest.out.mean() > MOST_OUTLIERS:
             return []
-    around = np.abs(rest.left / rest.noise).max(axis=1) > _AROUND
+    around = np.abs(rest.left / rest.noise).max(axis=1) > BEYOND
     spans = sorted(_spans(rest.out, around, piece), key=rest.strength)
     # what is only large beside a larger one, or as all is fitted without it, is put back
     for rows in spans[:-1]:
         tried = rest.including(rows)
-        if tried.loudness(rows) < EFFORT_EVENT_LOUD:
+        if tried.loudness(rows) < OUTLIER:
             rest = tried
     loudest = max((rest.loudness(window) for window in windows if not rest.out[window].any()), default=0.0)
     found = []
     for rows in sorted(spans, key=lambda rows: rows.start):
-        if not (rest.out[rows].any() and rest.strength(rows) > max(EFFORT_EVENT, EFFORT_EVENT_APART * loudest)):
+        if not (rest.out[rows].any() and rest.strength(rows) > max(2 * OUTLIER, MUCH * loudest)):
             continue
         by_joint = np.sqrt(np.mean((rest.left[rows] / rest.noise) ** 2, axis=0))
         joints = tuple(at.driven[joint] for joint in np.flatnonzero(by_joint > _OF_MOST * by_joint.max()))
@@ -169,7 +163,7 @@ class _Rest:
 def _solved(matrix: Array, right: Array) -> Array:
     """Return the solution (p, ...) of normal equations, kept definite by a little shrinkage."""
     scale = column_scales(np.diag(matrix))
-    factor = cho_factor(matrix * scale[:, None] * scale + _ROUNDING * np.eye(len(scale)))
+    factor = cho_factor(matrix * scale[:, None] * scale + ROUNDING * np.eye(len(scale)))
     return (scale * cho_solve(factor, (scale * right.T).T).T).T
 
 

@@ -24,7 +24,7 @@ from ...laws import Place
 from ...laws.efforts import Body, EffortLaw
 from ...mechanism import Mechanism
 from ...spatial import Array
-from ..criteria import AR_FLOOR, AR_ORDER, EFFORT_BLOCKS, EFFORT_FOLDS, FEWEST_IN_BLOCK, FEWEST_POSTURES
+from ..criteria import AR_FLOOR, AR_ORDER, BLOCKS, EFFORT_FOLDS, FEWEST_IN_BLOCK, FEWEST_POSTURES, ROUNDING
 
 __all__ = [
     "DesignMatrix",
@@ -145,7 +145,7 @@ class Whitening:
         return out
 
 
-def column_blocks(every: np.ndarray, count: int = EFFORT_BLOCKS, postures: int = 0) -> np.ndarray:
+def column_blocks(every: np.ndarray, count: int = BLOCKS, postures: int = 0) -> np.ndarray:
     """Return labels (n,) of the blocks of time for cross-validation; of `postures` at rest each may be a block."""
     n = len(every)
     count = int(np.clip(max(n // FEWEST_IN_BLOCK, postures // FEWEST_POSTURES), 2, count))
@@ -383,8 +383,6 @@ class EffortProblem:
 
 #: Of the longest column, below which one is nothing; and of unit columns, squared, below which they are one.
 _ABSENT, _ONE = 1e-10, 1e-7
-#: Of the largest eigenvalue, below which a combination of columns counts as told by nothing.
-_ROUNDING = 1e-9
 
 
 def column_scales(squares: Array) -> Array:
@@ -431,7 +429,7 @@ class NormalEquations:
         """Decompose a matrix (p, p). squares (p,): of the columns, if not its diagonal; least: smallest eigenvalue."""
         scale = column_scales(np.diag(matrix) if squares is None else squares)
         values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
-        kept = values > (_ROUNDING * values.max(initial=0.0) if least is None else least)
+        kept = values > (ROUNDING * values.max(initial=0.0) if least is None else least)
         return cls(scale, values[kept], vectors[:, kept])
 
     def solve(self, right: Array) -> Array:

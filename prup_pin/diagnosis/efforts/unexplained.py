@@ -24,16 +24,17 @@ from ...laws.efforts.variables import variable_of
 from ...numbers import number
 from ...spatial import Array
 from ..criteria import (
-    EFFORT_CHANCE,
     EFFORT_CURVE_OWN,
     EFFORT_FLIPS,
     EFFORT_FOREIGN,
-    EFFORT_LOUD,
-    EFFORT_NO_MATTER,
     EFFORT_NO_NOISE,
-    EFFORT_SURE,
-    EFFORT_UNTOLD,
+    EXPLAINED,
+    FALSE_ALARM,
     FEWEST_EFFORT_BLOCKS,
+    LOUD,
+    NO_MATTER,
+    ROUNDING,
+    SURE,
 )
 from ..diagnosis import Finding, heldout_gain
 from .conventions import CHECK_ROBOT
@@ -50,8 +51,6 @@ _OWN = ("direction", "speed", "position", "load")
 _OTHERS = ("speed", "acceleration", "position")
 #: Share of the recording by which it is shifted at least.
 _NEAR = 0.05
-#: Of the largest block's, below which a block tells nothing.
-_TELLS = 1e-9
 
 
 def structure_left(final: FinalState) -> list[Finding]:
@@ -104,7 +103,7 @@ def _is_foreign(share: Mapping[str, float]) -> bool:
 
     A correction that takes the drawn efforts away leaves the noise, which speaks for no robot at all.
     """
-    return share["rigid"] > EFFORT_FOREIGN and share["heldout"] > EFFORT_UNTOLD
+    return share["rigid"] > EFFORT_FOREIGN and share["heldout"] > EXPLAINED
 
 
 def _foreign(share: Mapping[str, float]) -> Finding:
@@ -119,7 +118,7 @@ def _foreign(share: Mapping[str, float]) -> Finding:
 
 def _beyond_declared(residuals: EffortResiduals) -> Iterator[Finding]:
     """Yield the joint of the largest residual, if that is more than the declared noise."""
-    if residuals.after["fit"] > EFFORT_LOUD:
+    if residuals.after["fit"] > LOUD:
         worst = max(residuals.by_joint, key=lambda name: residuals.by_joint[name]["after"])
         multiple = number(residuals.by_joint[worst]["after"], 3)
         yield _unknown_at(
@@ -135,7 +134,7 @@ def _no_noise(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding
     loud = {
         name: shares[name]["heldout"] * rms_of(residuals.measured[final.efforts.good[:, column], column])
         for column, name in enumerate(final.at.driven)
-        if shares[name]["heldout"] > EFFORT_UNTOLD and not by_joint[name]["after"] <= EFFORT_NO_NOISE
+        if shares[name]["heldout"] > EXPLAINED and not by_joint[name]["after"] <= EFFORT_NO_NOISE
     }
     if loud:
         worst = max(loud, key=lambda name: loud[name])
@@ -166,7 +165,7 @@ def _unmoved(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]
             values[good, column] for values in (residuals.measured, residuals.predicted, residuals.rigid)
         )
         size, left = rms_of(measured), float(np.std(measured - predicted))
-        if left > max(EFFORT_NO_MATTER * size, float(np.hypot(np.std(rigid), scatter[column]))):
+        if left > max(NO_MATTER * size, float(np.hypot(np.std(rigid), scatter[column]))):
             multiple = number(residuals.by_joint[name]["after"], 3)
             yield _unknown_at(
                 name,
@@ -181,7 +180,7 @@ def _worse(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]:
     """Yield joints of which the corrected model predicts the effort surely worse than the drawing, by what matters."""
     for column, name in enumerate(final.at.driven):
         drawn, left = residuals.shares[name]["rigid"], residuals.shares[name]["heldout"]
-        if not (left > EFFORT_NO_MATTER and left > (1 + EFFORT_NO_MATTER) * drawn):
+        if not (left > NO_MATTER and left > (1 + NO_MATTER) * drawn):
             continue
         counts, blocks = final.efforts.good[:, column], final.problem.columns.parts
         squares = (
@@ -189,7 +188,7 @@ def _worse(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]:
             for values in (residuals.held_out, residuals.rigid)
         )
         _, sure = relative_gain(*(np.array([float(own[part].sum()) for part in blocks]) for own in squares))
-        if sure > EFFORT_SURE:
+        if sure > SURE:
             yield _unknown_at(
                 name,
                 f"with what was found {number(100 * left, 3)} % of the effort of {name} are left on blocks of time "
@@ -253,7 +252,7 @@ def time_varying(efforts: PreparedEfforts, left: Array, measured: Array, noise: 
         here = good[:, column]
         size = float((measured[here, column] ** 2).sum())
         # what is left in all is no matter, nor is what follows anything
-        least = max(EFFORT_NO_MATTER**2 * size, noise[column] ** 2 * here.sum())
+        least = max(NO_MATTER**2 * size, noise[column] ** 2 * here.sum())
         plain = left[:, column]
         if not float(plain @ plain) > least:
             continue
@@ -275,7 +274,7 @@ def time_varying(efforts: PreparedEfforts, left: Array, measured: Array, noise: 
     if not found:
         return None
     by_chance = (np.max(others, axis=0)[:, None] >= np.array(own)).mean(axis=0)
-    sure = [each for each, chance in zip(found, by_chance, strict=True) if chance < EFFORT_CHANCE and each.size > 0]
+    sure = [each for each, chance in zip(found, by_chance, strict=True) if chance < FALSE_ALARM and each.size > 0]
     most = max(sure, key=lambda each: each.share, default=None)
     return most if most is not None and most.share > EFFORT_CURVE_OWN else None
 
@@ -310,7 +309,7 @@ def _saved(left: Array, columns: Array, blocks: np.ndarray, good: np.ndarray, la
     starts = np.flatnonzero(np.diff(blocks, prepend=-1))
     shifts = (lags * count).astype(int)[:, None]
     sizes = np.add.reduceat(columns**2, starts)
-    told = sizes > _TELLS * sizes.max(axis=0, initial=0.0)
+    told = sizes > ROUNDING * sizes.max(axis=0, initial=0.0)
     for start, end, size, tells in zip(starts, [*starts[1:], count], sizes, told, strict=True):
         shifted = left[(np.arange(start, end) - shifts) % count]
         out[:, tells] += (shifted @ columns[start:end, tells]) ** 2 / size[tells]
