@@ -28,18 +28,18 @@ from ..simulation import Run, Simulator
 from ..spatial import Array
 from .candidates import Candidate
 from .criteria import (
+    ALIKE,
     AS_GOOD,
     CALIBRATION_STEP,
     FAR_BEHIND,
     FEW_ROUNDS,
     FREELY,
     LOUD,
+    PARAMETER_COST,
     ROUNDS,
     SETTLED,
     SETTLED_SHARE,
     STEP,
-    TWINS,
-    WEIGHT_ACTS,
     WEIGHT_SHOWS,
     beyond_tolerance,
 )
@@ -174,7 +174,7 @@ class Calibrated:
         columns = self.jacobian[:, seen_at_all] / sizes[seen_at_all]
         correlation = np.eye(len(sizes))
         correlation[np.ix_(seen_at_all, seen_at_all)] = np.abs(columns.T @ columns)
-        count, group = connected_components(correlation > TWINS, directed=False)
+        count, group = connected_components(correlation**2 > ALIKE, directed=False)
         members = [np.flatnonzero(group == label) for label in range(count)]
         names = [item.name for item in self.toleranced.law.deviations]
         return tuple(tuple(names[index] for index in several) for several in members if len(several) > 1)
@@ -244,7 +244,7 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
     weights = [[item.effect(item.coordinates_of(np.ones(item.size)))] for item in heavy[: 1 if rigid else None]]
     if not weights:
         return problem.within(_begun(problem, toleranced, [], reach))
-    shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else -WEIGHT_ACTS
+    shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else -PARAMETER_COST
     if rigid:
         begun = [_begun(problem, toleranced, effects, reach) for effects in ([], *weights)]
         light, weighed = (_left_by_joints(problem, each, joints) for each in begun)

@@ -20,16 +20,16 @@ FALSE_ALARM: Final = 0.01
 #: Chance of calling pure noise a structure, over all tests of one residual.
 STRUCTURE_CHANCE: Final = 1e-4
 #: Standard deviations by which a residual of noise alone exceeds 1 less than once in 10^4 recordings.
-CHANCE_DEVIATIONS: Final = 4.0
-#: Standard errors over blocks that a saving must have.
-SURE: Final = 2.5
+CHANCE_DEVIATIONS: Final = normal_isf(STRUCTURE_CHANCE)
+#: Standard errors over blocks that a saving must have, and deviations beyond which a number is clipped.
+SURE: Final = normal_isf(FALSE_ALARM / 2)
 #: A parameter farther than this many tolerances from the robot file is a finding, or farther where chance takes one of
 #: so many parameters there; nor is a kind's tolerance declared wrong by more: what is farther off is something else.
 #: So many times the noise is no noise any more.
 BEYOND: Final = 3.0
 #: A number so many standard deviations off is gross: normal numbers never are.
 OUTLIER: Final = 6.0
-#: Alternatives whose chi squared is larger by less than this cannot be told apart.
+#: Alternatives whose chi squared, or -2 log of the odds, is larger by less than this cannot be told apart.
 INDISTINCT: Final = 13.0
 #: Alternatives within this many times INDISTINCT are worth an experiment that separates them; those that cost so much
 #: more by values that are unusual are none.
@@ -37,33 +37,23 @@ WORTH_SEPARATING: Final = 3
 #: Difference in chi squared beyond which more would not make a pair of explanations any clearer: so many INDISTINCT
 #: leave one of them indistinct once in three hundred.
 CERTAIN: Final = 4 * INDISTINCT
-#: Chi squared that a parameter must earn: a little more than the usual information criteria ask, for a large library.
+#: Chi squared, or -2 log of the odds, that a parameter must earn: a little more than the usual information criteria
+#: ask, for a large library. So much, too, costs a tolerance of a kind that was declared wrong, must another kind of
+#: thing be likelier to take a law's place, must a plan tell; and so much worse may the robot's own weight make a
+#: calibration and still be taken to act, as it does on every real robot.
 PARAMETER_COST: Final = 8.0
 #: A lead in chi squared that decides nothing else: a likely place has it before one that data cannot tell from it, a
 #: rival takes a term's place with more, so that two equals do not swap for ever, and what first order misjudges by less
 #: is not simulated.
 LEAD: Final = 1.0
-#: -2 log of the odds that a kind's tolerance was declared wrong: one in some ninety.
-RESCALING_COST: Final = 9.0
-#: Chi squared by which the robot's own weight may make a calibration worse and still be taken to act, as it does on
-#: every real robot: what noise does to it once in two hundred times; and by which weight beside a payload must be
-#: likelier ...
-WEIGHT_ACTS: Final = 8.0
-#: ... or where nothing else loads the robot, and by which it must show to be told: three deviations and more.
-WEIGHT_SHOWS: Final = 25.0
-#: Outliers are those of a load that nobody recorded where that is likelier than errors of a sensor by this logarithm.
-LOAD_LIKELIER: Final = 5.0
-#: Logarithm of the odds by which another law must be the likelier one to take a law's place, where it is another kind
-#: of thing; and by which the less likely is still told as what may be meant.
-EFFORT_LIKELIER, EFFORT_UNLIKELY = 3.0, 7.0
+#: Chi squared by which the robot's own weight must show to be told, and be likelier where nothing else loads the robot.
+WEIGHT_SHOWS: Final = 2 * INDISTINCT
 
 # == what decides: shares ==============================================================================================
 
-#: Share of the held-out squared residual that a law must remove: less than this cried wolf on clean recordings.
-LEAST_GAIN: Final = 0.01
-#: The same of efforts: below, what it says would not be of use, and may be a trace of what the rigid model and its
-#: filters leave.
-EFFORT_GAIN = 0.02
+#: Share of the held-out squared residual that a law must remove, or of its own gain by which another one is as good:
+#: less cries wolf on clean recordings, may be a trace of what the rigid model and its filters leave, and is of no use.
+GAIN: Final = 0.02
 #: Share below which nobody minds: of a joint's effort, friction is no better known; of what is left of the joints in
 #: which a law acts where the drawing is taken to hold but for a few laws, gears that yield leave a trace; of what is
 #: left in all, what a curve of no law takes away is not told.
@@ -73,8 +63,8 @@ NO_MATTER: Final = 0.05
 EXPLAINED: Final = 0.1
 #: More than this share is most.
 MOST: Final = 0.5
-#: Places, and variables that a deformation may follow, that take away at least this share of what the best one does
-#: cannot be told from it.
+#: Places, laws, parameters, and variables that a deformation may follow, that take away at least this share of the
+#: squares that the best one does, or of each other's, cannot be told from it.
 ALIKE: Final = 0.95
 #: A law is doubtful that gains less than so many times what is left.
 IMITATED: Final = 100.0
@@ -92,18 +82,14 @@ EFFORT_PLAINLY = 0.1
 EFFORT_CURVE_OWN = 0.3
 #: ... and the share of what the laws take away there: less is what every real joint has beyond any law.
 EFFORT_MATERIAL = 0.005
-#: Another place or law is as good where it loses less than so many standard errors over blocks, or than this share
-#: of the gain while that is no more than most of what is left.
-EFFORT_ALIKE, EFFORT_CLASS = 2.0, 0.02
 
 # == what decides: sizes ===============================================================================================
 
-#: Declared noise is rarely known better than this: a residual of so many times the noise may be noise.
+#: Declared noise is rarely known better than this: a residual of so many times the noise may be noise; a finding
+#: without which no more would be left is told after what is unknown.
 NOISE_LIKE: Final = 1.10
-#: Where a law takes away all but this share, a slightly rough law is still the right one, beside toleranced parameters
-#: that shift the load at which a gap closes or a joint slides ...
-ROUGH_SHARE: Final = 0.02
-#: ... up to this many times the noise.
+#: Where a law takes away all but GAIN, a slightly rough law is still the right one up to this many times the noise,
+#: beside toleranced parameters that shift the load at which a gap closes or a joint slides.
 ROUGH: Final = 1.25
 #: Multiple of the noise beyond which much is left: of efforts, no noise; while parameters are calibrated, that is the
 #: mean square, and the last digits are not looked for.
@@ -115,10 +101,8 @@ NOTHING: Final = 1e-6
 UNSEEN: Final = 1e-3
 #: Offsets and the like are rarely this many times larger than where a fit starts.
 USUAL_MULTIPLE: Final = 30.0
-#: ... but where they are, they may be so by far: of a square that is larger than this the logarithm counts.
-TAIL: Final = 4.0
-#: Freedom of Student's t, with which numbers far off weigh little while nothing is known: few, since some may be gross.
-SPREAD_FREEDOM: Final = 3.0
+#: ... but where they are, they may be so by far: freedom of Student's t, with which numbers far off weigh little.
+FREEDOM: Final = 3.0
 
 
 def chance_bound(count: int) -> float:
@@ -138,7 +122,7 @@ def beyond_tolerance(count: int) -> float:
 
 def trusted(squares: np.ndarray) -> np.ndarray:
     """Return weights of three numbers that are off by these squares together, in multiples of their variance."""
-    return (SPREAD_FREEDOM + 3) / (SPREAD_FREEDOM + squares)
+    return (FREEDOM + 3) / (FREEDOM + squares)
 
 
 # == what a computation may cost =======================================================================================
@@ -150,17 +134,13 @@ MOST_SAMPLES: Final = 1200
 #: Blocks of time, or pieces of a recording, whose residuals are independent of each other: fewer agree by accident.
 BLOCKS: Final = 40
 #: Parts into which blocks fall; each is left out once.
-FOLDS: Final = 7
-EFFORT_FOLDS = 8
-#: Fewer blocks than this leave too little to fit; pieces of them in time are then held out.
-FEWEST_FOR_FOLDS: Final = 5
-#: Blocks of time below which none can be judged by the others.
-FEWEST_EFFORT_BLOCKS = 4
+FOLDS: Final = 8
+#: Fewer blocks than this cannot judge one another: of poses, pieces of them in time are then held out.
+FEWEST_BLOCKS: Final = 4
 #: Fewest samples in a block, or that follow another one in the same pose, and postures of which each is on its own.
 FEWEST_IN_BLOCK, FEWEST_POSTURES = 12, 2
 #: So often the signs of the residual's pieces are flipped to see what chance removes.
-FLIPS: Final = 200
-EFFORT_FLIPS = 400
+FLIPS: Final = 400
 #: Each further effect makes the others harder to tell apart; beyond these the rest is called unknown.
 MOST_TERMS: Final = 4
 MOST_EFFORT_TERMS = 60
@@ -189,14 +169,16 @@ STEP: Final = 1e-3
 CURVATURE: Final = 1.5e-3
 #: Logarithms beyond this are no numbers any more; intervals end there.
 WIDEST_LOGARITHM: Final = 50.0
+#: Farthest that a logarithm is moved at a time: a slope is trusted for no more.
+WIDEST_STEP: Final = 2.0
 #: What is left of a unit column beside those that are there, squared, below which it adds nothing of its own.
 EFFORT_INDISTINCT = 1e-4
-#: What is left of a unit column of inertial parameters beside the others, squared, below which the motion does not tell
-#: it from them.
+#: What is left of a unit column beside the others, squared, below which the motion does not tell it from them.
 EFFORT_TOLD = 1e-8
 #: Order of the whitening filters, and the white noise that is there in any case, as a share of a residual's power.
 AR_ORDER, AR_FLOOR = 6, 0.01
-#: A step that gains less chi squared than this changes nothing that is told.
+#: A step that gains less chi squared than this changes nothing that is told; explanations that differ by less at all
+#: poses and loads weighed are one and the same.
 SETTLED: Final = 0.05
 #: ... nor, where the mean squared residual exceeds LOUD, one that gains less than this share of what exceeds it.
 SETTLED_SHARE: Final = 1e-3
@@ -221,8 +203,6 @@ POSE_UNTOLD: Final = 0.02
 SAME_LOAD: Final = 0.02
 #: Fewer numbers tell no scatter: those of eight repeats of a position.
 FEWEST_NUMBERS: Final = 24
-#: Numbers farther out than this many standard deviations are outliers.
-CLIP: Final = 2.5
 #: What a good sensor has, where nothing is declared and nothing repeats [m, rad].
 USUAL_POSITION_NOISE: Final = 1e-6
 USUAL_ROTATION_NOISE: Final = 5e-6
@@ -230,8 +210,9 @@ USUAL_ROTATION_NOISE: Final = 5e-6
 LEAST_WARMING: Final = 0.2
 #: Noise that every bench is better than [m, rad]: weights of positions against rotations.
 COARSE: Final = (1e-5, 1e-5, 1e-5, 5e-5, 5e-5, 5e-5)
-#: Runs without which it is not asked whether the pose sensor stands elsewhere in each, unless that is declared.
-FEWEST_STATIONS: Final = 3
+#: Runs without which it is not asked whether the pose sensor stands elsewhere in each, unless that is declared; drives
+#: of which some show what one thing does to all.
+FEWEST_OF_KIND: Final = 3
 #: Numbers that are gross by the middle half of all are so unless they are more than this share: then numbers scatter
 #: more widely than their middle half says, and those are gross that lie so far off by all the others ...
 MOST_OUTLIERS: Final = 0.1
@@ -277,8 +258,6 @@ OPEN_TARGET: Final = 5e-3
 FEWEST_REGISTERED: Final = 6
 #: Orientations farther apart than this are no deflections either [rad].
 TURNED: Final = 0.2
-#: Cosine below which measured gravity is the opposite of the robot file's.
-UPSIDE_DOWN: Final = -0.9
 #: Share of the efforts beyond which columns may be meant otherwise: one of seven joints whose sign is turned round
 #: leaves more; another reading must leave no more than most of that, and of all. Samples below which nothing is said.
 EFFORT_STRANGE, EFFORT_FEWEST = 0.35, 50
@@ -334,8 +313,6 @@ SAMPLES_A_BIN: Final = 6
 NO_LOAD: Final = 2e-3
 #: Changes of a position, of a load or of all of a way below this share of their range are a tremor.
 TREMOR: Final = 0.01
-#: Cosine of two parameters' changes beyond which they are told only together.
-TWINS: Final = 0.995
 
 # == the next experiment ===============================================================================================
 
@@ -350,16 +327,11 @@ MOST_PLANNED_POSES: Final = 8
 MOST_REPEATED: Final = 6
 #: Poses are come to across this share of a joint's range, where what is unknown depends on the side.
 APPROACHED_FROM: Final = 0.05
-#: A plan is proposed from this on, in chi squared: twice the noise of what it compares.
-WORTH_DOING: Final = 4.0
 #: Where no plan found tells a pair apart for certain, so often so many further poses and loads are weighed: anywhere,
 #: and near the best ones, for a gap that just closes shows in few of them.
 DEEPER_SEARCHES: Final = 2
 DEEPER_CANDIDATES: Final = 96
-#: ... unless all poses and loads weighed differ by less than this, in chi squared: the two are one and the same.
-NOWHERE_APART: Final = 0.01
-#: What else might tell such a pair apart is simulated: loads so many times as large, the base tilted by so much [rad].
-LARGER_LOADS: Final = 3.0
+#: What else might tell such a pair apart is simulated: loads MUCH larger, the base tilted by so much [rad].
 TILTED_BASE: Final = 0.2
 #: Poses may lie outside the recorded ones by this share of their span, or by this much where they hardly vary [m, rad].
 WIDER: Final = 0.25

@@ -21,12 +21,13 @@ from .criteria import (
     BEYOND,
     BLOCKS,
     FALSE_ALARM,
-    FEWEST_FOR_FOLDS,
+    FEWEST_BLOCKS,
     FLIPS,
     FOLDS,
+    ITERATIONS,
     LEAD,
     PARAMETER_COST,
-    RESCALING_COST,
+    UNSEEN,
     beyond_tolerance,
     clean_bound,
 )
@@ -118,7 +119,7 @@ def scale_of(problem: Problem, fit: Fit) -> float:
 
 def fold_labels(blocks: np.ndarray) -> np.ndarray:
     """Return labels (N,) of samples that are held out together: blocks, each cut in time where there are too few."""
-    if len(np.unique(blocks)) >= FEWEST_FOR_FOLDS:
+    if len(np.unique(blocks)) >= FEWEST_BLOCKS:
         return blocks
     place = np.arange(len(blocks)) - np.searchsorted(blocks, blocks)
     return blocks * FOLDS + place * FOLDS // np.bincount(blocks)[blocks]
@@ -228,9 +229,6 @@ def threshold(tried: int, residual: Array, blocks: np.ndarray, rivals: Sequence[
 # -- tolerances that were declared too narrow --------------------------------------------------------------------------
 
 
-_ITERATIONS, _AGREED = 200, 1e-4
-
-
 def rescaled_tolerances(problem: Problem, fit: Fit) -> dict[str, float]:
     """Return by how many times as far off as declared parts are, by kinds of which that is sure.
 
@@ -260,7 +258,7 @@ def factors_of_kinds(normal: Array, right: Array, kinds: Sequence[str], free: Se
             # one part that is far off, wherever it is, needs no other tolerance for its whole kind
             own = labels == kind
             alone = left - _outlier_gains(normal, right, found)[own].max(initial=0.0) + 2 * np.log(max(own.sum(), 1))
-            others.append((min(left - RESCALING_COST, alone), found, left, fewer))
+            others.append((min(left - PARAMETER_COST, alone), found, left, fewer))
         least = min(others, key=lambda each: each[0])
         if least[0] > cost:
             break
@@ -283,7 +281,7 @@ def minus_2_log_posterior(fit: Fit, library: int, factors: Mapping[str, float] |
     laws = sum(penalty(term) for term in fit.terms)
     named = len(fit.terms) + count_beyond_tolerance(fit)
     elsewhere = 2 * float(np.log(max(library, 1))) * max(named - 1, 0)
-    return float(fit.chi2) + size + laws + elsewhere + RESCALING_COST * len(factors or ())
+    return float(fit.chi2) + size + laws + elsewhere + PARAMETER_COST * len(factors or ())
 
 
 def count_beyond_tolerance(fit: Fit) -> int:
@@ -314,7 +312,7 @@ def _maximum_likelihood(normal: Array, right: Array, labels: np.ndarray, free: S
     """Return the likeliest variances (p,) where only some kinds are not as declared, and -2 log L."""
     variances = np.ones(len(labels))
     members = [labels == kind for kind in free]
-    for _ in range(_ITERATIONS):
+    for _ in range(ITERATIONS):
         mean, known, _ = _posterior(normal, right, variances)
         new = variances.copy()
         for here in members:
@@ -322,7 +320,7 @@ def _maximum_likelihood(normal: Array, right: Array, labels: np.ndarray, free: S
             new[here] = np.clip(size, 1.0, BEYOND**2)
         moved = np.abs(np.log(new / variances)).max(initial=0.0)
         variances = new
-        if moved < _AGREED:
+        if moved < UNSEEN:
             break
     return variances, _posterior(normal, right, variances)[2]
 

@@ -15,18 +15,18 @@ from .criteria import (
     DEEPER_CANDIDATES,
     DEEPER_SEARCHES,
     INDISTINCT,
-    LARGER_LOADS,
     MOST_LISTED,
     MOST_PAIRS,
     MOST_PLANNED_POSES,
     MOST_REPEATED,
+    MUCH,
     NOTHING,
-    NOWHERE_APART,
+    PARAMETER_COST,
     PLANNED_POSES,
+    SETTLED,
     TILTED_BASE,
     WEIGHED_LOADS,
     WEIGHED_POSES,
-    WORTH_DOING,
     WORTH_SEPARATING,
 )
 from .diagnosis import Finding
@@ -84,12 +84,12 @@ def _proposed(problem: Problem, selection: Selection, joint: str) -> dict[str, A
         return {"why": why, "plan": _plan(search, search.largest(), CYCLE)}
     chosen, repeated = search.planned()
     told = _Outcome(search, chosen, repeated)
-    if told.most < WORTH_DOING and told.undecided:
+    if told.most < PARAMETER_COST and told.undecided:
         # what is worth a plan for all is little; what is worth it for one pair, gone through often, tells that pair
         told = _Outcome(search, search.best_places(told.undecided[0]), MOST_REPEATED)
         repeated, chosen = told.repeated, told.chosen
     answer = {"why": told.why, "plan": {}, **told.lists, "weighed": len(search.positions)}
-    if told.most >= WORTH_DOING:
+    if told.most >= PARAMETER_COST:
         cycle = CYCLE[:-1] * (repeated - 1) + CYCLE
         answer["plan"] = _plan(search, chosen, cycle, any("temperature" in pair.needs for pair in pairs))
     return answer
@@ -144,7 +144,7 @@ class _Design:
         every = range(len(self.pairs))
         self.worth = self._weighed(every, slice(None))
         for _ in range(DEEPER_SEARCHES):
-            near = [k for k in every if NOWHERE_APART < self._best(k) < CERTAIN]
+            near = [k for k in every if SETTLED < self._best(k) < CERTAIN]
             if not near:
                 break
             begun = len(self.positions)
@@ -303,7 +303,7 @@ class _Outcome:
         pairs, bench = self.search.pairs, self.search.bench
         ways: list[tuple[str, str, float, Array | None]] = []
         if alike:
-            ways.append((f"Loads {LARGER_LOADS:g} times as large", "larger_loads", LARGER_LOADS, None))
+            ways.append((f"Loads {MUCH:g} times as large", "larger_loads", MUCH, None))
         if any("gravity" in pairs[k].needs for k, _ in alike):
             gravity = bench.robot.mechanism.gravity if bench.gravity is None else bench.gravity
             ways.append(("The base tilted against gravity", "tilted_base", 1.0, _tilted(gravity)))

@@ -19,11 +19,11 @@ from ..spatial import Array, turn_between
 from .chances import chi2_sf, normal_cdf, normal_pdf, normal_sf
 from .criteria import (
     BLOCKS,
-    CLIP,
     FEWEST_IN_BLOCK,
     FEWEST_NUMBERS,
     SAME_LOAD,
     STRUCTURE_CHANCE,
+    SURE,
     USUAL_POSITION_NOISE,
     USUAL_ROTATION_NOISE,
     chance_bound,
@@ -38,7 +38,7 @@ __all__ = ["could_show_structure", "estimate_noise", "is_white", "noise_of_the_r
 
 
 #: What is left of the variance of normal numbers without the outliers.
-_CLIPPED = 1 - 2 * CLIP * normal_pdf(CLIP) / (2 * normal_cdf(CLIP) - 1)
+_CLIPPED = 1 - 2 * SURE * normal_pdf(SURE) / (2 * normal_cdf(SURE) - 1)
 
 
 def estimate_noise(recording: Recording, stack: Stack, linear: Linear, inputs: Inputs, here: np.ndarray) -> Noise:
@@ -98,7 +98,7 @@ def _scatter(values: Array) -> float | None:
         return None
     robust = 1.4826 * float(np.median(np.abs(values)))
     for _ in range(5):  # a mean of squares without outliers says more than the median
-        inside = np.abs(values) <= CLIP * robust
+        inside = np.abs(values) <= SURE * robust
         robust = float(np.sqrt((values[inside] ** 2).mean() / _CLIPPED)) if inside.any() else robust
     return robust / np.sqrt(2) if robust > 0 else None
 

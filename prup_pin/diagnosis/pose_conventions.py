@@ -21,14 +21,12 @@ from ..recordings.conventions import AXES, GEARS, POSITION_UNITS, Evidence, exch
 from ..robot import Robot
 from ..simulation import drawn_for
 from ..spatial import Array, rigid_motion, rotation_exp, turn_between
-from .criteria import AS_GOOD, CONVENTION_FINE, CONVENTION_LEAVES, CONVENTION_NEAR, LEAST_REACH
+from .criteria import AS_GOOD, CONVENTION_FINE, CONVENTION_LEAVES, CONVENTION_NEAR, LEAST_REACH, ROUNDS
 
 __all__ = ["conventions_of_poses"]
 
 #: Postures that are looked at, of robots with loops, which take longer to close, and of others.
 _POSTURES, _OF_TREES = 12, 40
-#: Rounds in which frames that depend on one another are fitted in turn.
-_ROUNDS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +180,7 @@ def _positions(
     good = [fitted & np.isfinite(at[:, 0, 3]) & np.isfinite(seen).all(axis=1) for at, seen in points]
     stays = sum(int(rows.sum()) for rows in good) < 4
     if not stays:
-        for _ in range(_ROUNDS):
+        for _ in range(ROUNDS):
             own = [at[:, :3, 3] + at[:, :3, :3] @ aside for (at, _), aside in zip(points, shifts, strict=True)]
             drawn = np.concatenate([a[rows] for a, rows in zip(own, good, strict=True)])
             aim = np.concatenate([seen[rows] for (_, seen), rows in zip(points, good, strict=True)])
@@ -210,7 +208,7 @@ def _orientations(drawn: Array, seen: Array, fitted: np.ndarray, near: bool, tur
     best = None
     for start in (np.eye(3), turn):
         left, right = start, np.eye(3)
-        for _ in range(1 if not good.any() else _ROUNDS):
+        for _ in range(1 if not good.any() else ROUNDS):
             right = _nearest((drawn[good].mT @ left.T @ seen[good]).sum(axis=0))
             left = _nearest((seen[good] @ (drawn[good] @ right).mT).sum(axis=0))
         if near and max(np.linalg.norm(turn_between(np.eye(3), each)) for each in (left, right)) > CONVENTION_NEAR:

@@ -26,9 +26,10 @@ from .calibrate import (
 )
 from .candidates import Candidate, candidates, under_load
 from .criteria import (
+    ALIKE,
     ALLOWED_TOLERANCES,
     FAR,
-    FEWEST_STATIONS,
+    FEWEST_OF_KIND,
     FOLDS,
     LEAST_REACH,
     MOST_LISTED,
@@ -36,7 +37,6 @@ from .criteria import (
     MUCH,
     NOTHING,
     TURNED,
-    UPSIDE_DOWN,
 )
 from .noise import estimate_noise, scatter_of_repeats
 from .problem import Problem
@@ -233,7 +233,7 @@ def _off_everywhere(problem: Problem, together: Together, library: Sequence[Cand
         ways.append([])
     # A station for each run is a kind as any other, which the data ask for or not; two do not tell how they scatter.
     own = bool(together.stations) or "pose_sensor" not in together.groups
-    several = own and len(np.unique(together.recording.run)) >= (2 if together.stations else FEWEST_STATIONS)
+    several = own and len(np.unique(together.recording.run)) >= (2 if together.stations else FEWEST_OF_KIND)
     found = spread_of(replace(problem, stack=replace(problem.stack, stations=None)), together, ways, several)
     if not several or found is None or found.stations is not None:
         return found
@@ -343,7 +343,7 @@ def _points_up(measured: Array, drawn: Array) -> bool:
     """Return True where gravity is, in the median, the opposite of the robot file's."""
     sizes = np.linalg.norm(measured, axis=1) * np.linalg.norm(drawn)
     known = sizes > 0
-    return bool(known.any() and np.median((measured @ drawn)[known] / sizes[known]) < UPSIDE_DOWN)
+    return bool(known.any() and np.median((measured @ drawn)[known] / sizes[known]) < -ALIKE)
 
 
 #: Kinds of columns that are not compared, and what they are.

@@ -22,7 +22,7 @@ from ..simulation import Run, Simulator
 from ..spatial import Array
 from .calibrate import Calibrated, Toleranced, changes_per_tolerance, settled
 from .candidates import Candidate, Term
-from .criteria import NOTHING, STALE
+from .criteria import NOTHING, STALE, UNSEEN, WIDEST_STEP
 from .influence import Influence
 from .nuisance import Nuisance, least_step, without
 
@@ -315,7 +315,7 @@ class Problem:
 
     def is_held_back(self, fit: Fit) -> bool:
         """Return True where a parameter would go farther than laws are looked for."""
-        return bool(np.abs(fit.x).max(initial=0.0) > _AT_REACH * self.farthest)
+        return bool(np.abs(fit.x).max(initial=0.0) > (1 - UNSEEN) * self.farthest)
 
     def refine(self, terms: Sequence[Term], start: Fit, reach: float | None = None) -> Fit:
         """Return the fit of all terms and toleranced parameters together through the whole simulation.
@@ -338,7 +338,7 @@ class Problem:
                 trial, place = [], 0
                 for term, size in zip(fit.terms, sizes, strict=True):
                     low, high = term.candidate.bounds
-                    widest = np.where(term.candidate.logarithmic, _WIDEST_STEP, np.inf)
+                    widest = np.where(term.candidate.logarithmic, WIDEST_STEP, np.inf)
                     moved = np.clip(share * step[place : place + size], -widest, widest)
                     trial.append(Term(term.candidate, np.clip(term.coordinates + moved, low, high)))
                     place += size
@@ -424,22 +424,16 @@ def _stepped(
     """Return where one Gauss-Newton step leads from a start, or the start: most laws are in proportion, or nearly."""
     low, high = candidate.bounds
     step = np.linalg.lstsq(slope(start), -left(start), rcond=1e-10)[0]
-    widest = np.where(candidate.logarithmic, _WIDEST_STEP, np.inf)
+    widest = np.where(candidate.logarithmic, WIDEST_STEP, np.inf)
     moved = np.clip(start + np.clip(step, -widest, widest), low, high)
     return moved if (left(moved) ** 2).sum() < (left(start) ** 2).sum() else start
 
 
 #: Steps through the whole simulation, and evaluations to first order, in which nearly all fits have ended.
 _MOST_STEPS, _MOST_EVALUATIONS = 6, 25
-#: Step of a logarithm that a slope is trusted for.
-_WIDEST_STEP = 2.0
 
 
 def _basis(directions: Array) -> Array:
     """Return orthonormal columns (n, K, k) that span directions (n, K, k), zero where these are none."""
     basis, sizes, _ = np.linalg.svd(directions, full_matrices=False)
     return basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
-
-
-#: Share of the reach at which a parameter stands at its end.
-_AT_REACH = 0.999

@@ -19,14 +19,24 @@ from ..numbers import number
 from ..recordings import ARM, Recording, Together
 from ..spatial import Array, rigid_motion, skew, turn_between
 from .chances import chi2_median
-from .criteria import FEWEST_REGISTERED, LEAST_REACH, LEVER, MOST, OPEN_FRAME, OPEN_TARGET, ROUNDING, TURNED, trusted
+from .criteria import (
+    FEWEST_REGISTERED,
+    ITERATIONS,
+    LEAST_REACH,
+    LEVER,
+    MOST,
+    OPEN_FRAME,
+    OPEN_TARGET,
+    ROUNDING,
+    TURNED,
+    trusted,
+)
 
 __all__ = ["Registered", "own_frames", "registered"]
 
 #: What to declare where a pose sensor was set up anew.
 OWN_FRAMES = 'where that is so, declare "own_sensors": ["pose_sensor"]'
 OWN_STATIONS = 'where that is so, declare "own_sensors": {"by_run": ["pose_sensor"]}'
-_ROUNDS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +212,7 @@ def _motion(channels: Sequence[PoseChannel], linear: Linear, here: np.ndarray, b
     measured = np.concatenate([part[2] for part in parts])
     drawn = np.concatenate([part[0] for part in parts])
     turn, shift, weights = np.eye(3), np.zeros(3), np.ones(points)
-    for _ in range(_ROUNDS):
+    for _ in range(ITERATIONS):
         own = np.concatenate([at + turned @ aside for (at, turned, _), aside in zip(parts, shifts, strict=True)])
         fit = rigid_motion(own, measured, weights)
         if fit is None:

@@ -21,9 +21,9 @@ from .candidates import Candidate
 from .criteria import (
     BEYOND,
     CURVATURE,
+    GAIN,
     INDISTINCT,
     LEAD,
-    LEAST_GAIN,
     MOST_FITS,
     MOST_SIMULATED,
     MOST_TERMS,
@@ -133,7 +133,7 @@ def dropped_by_folds(problem: Problem, selection: Selection, blocks: np.ndarray)
         held = cross_validated(problem, fit, labels)
         gains = [cross_validated(problem, fit, labels, less=index) - held for index in range(len(fit.terms))]
         least = int(np.argmin(gains))
-        if gains[least] > LEAST_GAIN * held:
+        if gains[least] > GAIN * held:
             break
         smaller = search.refine([term for index, term in enumerate(fit.terms) if index != least], fit)
         if is_clean(problem, fit) and not is_clean(problem, smaller):
@@ -179,7 +179,7 @@ def _added(
                 continue
             tell("the whole simulation", _share(step, 0.6))
             trial = search.released(search.refine([*fit.terms, rival.term], fit))
-            helps = before - cross_validated(problem, trial, labels) > LEAST_GAIN * before
+            helps = before - cross_validated(problem, trial, labels) > GAIN * before
             if rest.chi2 - trial.chi2 >= gain and (helps or _relieves_strain(rest, trial, gain)):
                 taken = search.refine(trial.terms, trial)  # a second law would make up for what has not come to its end
                 break

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .criteria import IMITATED, ROUGH, ROUGH_SHARE, clean_bound
+from .criteria import GAIN, IMITATED, ROUGH, clean_bound
 from .diagnosis import Finding
 from .evidence import cross_validated
 from .findings import chi2_without, finding_of, nothing_compared, parameters_of, rms_of_sum, without_place
@@ -69,7 +69,7 @@ def _without_laws(problem: Problem, first: Fit, last: Fit) -> float:
 def _unexplained(start: float, last: Fit, count: int, named: bool) -> bool:
     """Return True where structure is left over that no law takes away; `start` is the chi squared without any."""
     rms, began = rms_of_sum(last.chi2, count), rms_of_sum(start, count)
-    rough = named and rms <= ROUGH and (rms**2 - 1) <= ROUGH_SHARE * (began**2 - 1)
+    rough = named and rms <= ROUGH and (rms**2 - 1) <= GAIN * (began**2 - 1)
     return rms > clean_bound(count) and not rough
 
 

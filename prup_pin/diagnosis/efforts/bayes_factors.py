@@ -25,23 +25,21 @@ from ..criteria import (
     BODY_HELD,
     BODY_MISSING,
     EFFORT_INDISTINCT,
-    EFFORT_LIKELIER,
     HELD_MASS,
     HELD_RADIUS,
     HELD_SKEW,
     ITERATIONS,
     LINK_ANYHOW,
     LINK_KNOWN,
+    PARAMETER_COST,
     SURE,
+    TRIED,
 )
 from .evidence import gradients, held_out, standard_error
 from .problem import EffortCandidate, EffortModel, EffortProblem, NormalEquations, fit, identifiable
 from .search import is_plausible
 
 __all__ = ["held_body", "log_bayes_factors", "other_link", "with_likelier_bodies"]
-
-#: Candidates in a law's place that are tried on held-out blocks.
-_TRIED = 8
 
 
 def with_likelier_bodies(model: EffortModel) -> EffortModel:
@@ -65,7 +63,7 @@ def _likelier_body(model: EffortModel, term: EffortCandidate) -> EffortModel:
     left = held_out(model)
     factors = log_bayes_factors(model, term)
     bodies = [(other, factor) for other, factor in factors if other.is_body and factor > 0]
-    for candidate, _ in sorted(bodies, key=lambda item: -item[1])[:_TRIED]:
+    for candidate, _ in sorted(bodies, key=lambda item: -item[1])[:TRIED]:
         other = model.replaced(model.terms.index(term), candidate)
         apart = held_out(other) - left
         if float(apart.sum()) <= SURE * standard_error(apart) and is_plausible(other, candidate):
@@ -107,7 +105,7 @@ def _is_asked_for(rest: EffortModel, term: EffortCandidate) -> bool:
     _, left, gradient = gradients(rest)
     basis = _basis(rest.problem, left, term)
     apart = max(_scatter(rest, basis, term), 1.0)
-    return _log_evidence(basis, gradient, term, apart)[0] > EFFORT_LIKELIER
+    return _log_evidence(basis, gradient, term, apart)[0] > PARAMETER_COST / 2
 
 
 def _has_rivals(law: EffortLaw) -> bool:
@@ -176,7 +174,7 @@ def _among_bodies(
             out[other] = held_body(mechanism, information[own, own], asked[own])
             continue
         whole, proportion = links.get(mechanism.frame(other.place.name).joint, (-np.inf, -np.inf))
-        plain = proportion > whole - EFFORT_LIKELIER
+        plain = proportion > whole - PARAMETER_COST / 2
         if other.law.body is Body.SCALED_LINK:
             out[other] = whole if plain else proportion
         else:

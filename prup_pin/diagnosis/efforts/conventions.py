@@ -23,6 +23,7 @@ from ...recordings.columns import LARGEST_NUMBER
 from ...recordings.conventions import GEARS, POSITION_UNITS, Evidence, exchanged, merged
 from ...spatial import Array
 from ..criteria import (
+    ALIKE,
     AS_GOOD,
     CONVENTION_LEAVES,
     EFFORT_APART,
@@ -35,6 +36,7 @@ from ..criteria import (
     EFFORT_STRANGE,
     EFFORT_UNIT,
     EFFORT_UNIT_SHARE,
+    FEWEST_OF_KIND,
     MOST,
     MOST_LISTED,
     MUCH,
@@ -54,14 +56,12 @@ __all__ = [
 
 #: Samples that are looked at, and of a scan of many ratios.
 _SAMPLES, _SCANNED = 600, 80
-#: Conventions one after the other, and joints of which some would show what one thing does to all.
-_MOST, _FEWEST = 6, 3
+#: Conventions one after the other.
+_MOST = 6
 #: Share by which a reading must leave less for each of its words.
 _WORD = 0.02
 #: Words for axes that count together.
 _TOGETHER = ("plus", "minus")
-#: What is left of a joint is the same where both differ by less.
-_SAME = 0.9
 #: Ratios that come nearest, which are looked at more closely.
 _RATIOS = 12
 #: Units of a clock by its median step: s below the first, then ms, us, ns.
@@ -258,7 +258,7 @@ class _Search:
             return True
         if any(item.word in _TOGETHER for item in taken):
             return False
-        changed = (np.minimum(before, after) < _SAME * np.maximum(before, after)) & np.isfinite(before)
+        changed = (np.minimum(before, after) < ALIKE * np.maximum(before, after)) & np.isfinite(before)
         if not changed.any():
             return False
         left = _rms(before[changed])
@@ -398,7 +398,7 @@ class _Search:
             if known and abs(np.log(usual * word.factor)) < np.log(EFFORT_RIGHT):  # type: ignore[operator]
                 return Convention("tau", word.name)
         # of two drives a load may be so much larger as well
-        return Convention("tau", "gain", (float(f"{usual:.3g}"),)) if len(sizes) >= _FEWEST else None
+        return Convention("tau", "gain", (float(f"{usual:.3g}"),)) if len(sizes) >= FEWEST_OF_KIND else None
 
     def _geared(self, first: float) -> Evidence | None:
         """Return that positions are the motors', before gears of one ratio; and efforts too, where these are so."""
@@ -458,7 +458,9 @@ def _limit(written: float) -> float:
 def gains_apart(gains: dict[str, float]) -> bool:
     """Return whether no joint's effort is in the unit of the rigid robot's; gains: of each, above 0."""
     apart = np.abs(np.log(list(gains.values())))
-    return not (len(gains) < _FEWEST or np.median(apart) < np.log(EFFORT_APART) or apart.min() < np.log(EFFORT_RIGHT))
+    return not (
+        len(gains) < FEWEST_OF_KIND or np.median(apart) < np.log(EFFORT_APART) or apart.min() < np.log(EFFORT_RIGHT)
+    )
 
 
 def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:

@@ -13,15 +13,7 @@ from ...errors import InputError
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
-from ..criteria import (
-    EFFORT_CURVE_OWN,
-    EFFORT_GAIN,
-    EFFORT_GAINS_SAVE,
-    EFFORT_IMITATED,
-    EFFORT_MATERIAL,
-    NO_MATTER,
-    SURE,
-)
+from ..criteria import EFFORT_CURVE_OWN, EFFORT_GAINS_SAVE, EFFORT_IMITATED, EFFORT_MATERIAL, GAIN, NO_MATTER, SURE
 from .band import band_of, in_motion
 from .bayes_factors import with_likelier_bodies
 from .conventions import check_efforts
@@ -152,7 +144,7 @@ def _searched(
     else:
         found = searched(common, sure, _part(tell, 0.4, 0.7))
         usual = searched(common, common.start(freed), _part(tell, 0.7, 1.0))
-    return common, found if relative_gain(held_out(usual), held_out(found))[0] > EFFORT_GAIN else usual
+    return common, found if relative_gain(held_out(usual), held_out(found))[0] > GAIN else usual
 
 
 def _part(tell: Callable[[float], None], first: float, last: float) -> Callable[[float], None]:

@@ -16,7 +16,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import gammaincc
 
 from ...spatial import Array
-from ..criteria import EFFORT_FLIPS, EFFORT_INDISTINCT, FALSE_ALARM, SURE
+from ..criteria import EFFORT_INDISTINCT, EFFORT_TOLD, FALSE_ALARM, FLIPS, SURE
 from .problem import EffortCandidate, EffortModel, NormalEquations, column_scales, fit, identifiable
 
 __all__ = [
@@ -32,8 +32,6 @@ __all__ = [
 
 #: Of unit columns, squared, for each of them: keeps combinations that nothing tells where they are.
 _ROUNDING = 1e-11
-#: What is left of unit columns beside the others, squared, below which nothing is told by it.
-_NOTHING = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +152,7 @@ class CrossValidation:
 
 def _least(matrix: Array, moment: Array, whole: Array, one_sided: bool) -> Array:
     """Return the solution of a small system (p, p); `whole` (p,): its diagonal before others were projected out."""
-    normal = NormalEquations.of(matrix, whole, _NOTHING)
+    normal = NormalEquations.of(matrix, whole, EFFORT_TOLD)
     x = normal.solve(moment)
     if one_sided and (x < 0).any():
         if len(x) == 1 or not len(normal.values):
@@ -206,7 +204,7 @@ def scores(model: EffortModel) -> tuple[list[Score], float]:
     problem = model.problem
     gradient, rest, true = gradients(model)
     blocks = problem.columns.count
-    signs = np.random.default_rng(blocks).choice([-1.0, 1.0], (EFFORT_FLIPS, blocks))
+    signs = np.random.default_rng(blocks).choice([-1.0, 1.0], (FLIPS, blocks))
     flipped, total = signs @ gradient, problem.columns.total
     longest = float(np.diag(total).max(initial=0.0))
     taken = {term.where.start for term in model.terms}

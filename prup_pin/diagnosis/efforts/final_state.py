@@ -15,7 +15,7 @@ from ...recordings.columns import AS_LOGGED
 from ...robot import Robot
 from ...spatial import Array
 from ..chances import hotelling_sf, student_ppf, student_sf
-from ..criteria import EFFORT_GAIN, EFFORT_IMITATED, EFFORT_MATTERS, EFFORT_PLAINLY, FALSE_ALARM, SURE
+from ..criteria import EFFORT_IMITATED, EFFORT_MATTERS, EFFORT_PLAINLY, FALSE_ALARM, GAIN, SURE
 from .conventions import gains_apart
 from .evidence import held_out, relative_gain
 from .gains import Gains
@@ -120,7 +120,7 @@ class FinalState:
         possible, _ = consistent_fit(self.model, self.efforts.bodies_within_tolerance)
         columns, where = self.problem.columns, self.model.where
         free, bound = (float((columns.residual(where, each) ** 2).sum()) for each in (x, possible))
-        return beyond if bound - free > EFFORT_GAIN * bound else []
+        return beyond if bound - free > GAIN * bound else []
 
     def _imitates_impossible(self, term: EffortCandidate) -> bool:
         """Return whether a law is an impossible body, or hardly saves anything without one at its joint."""

@@ -12,7 +12,7 @@ from ...numbers import number
 from ...recordings import Convention
 from ...spatial import Array
 from ..chances import student_ppf
-from ..criteria import FALSE_ALARM, MOST, MOST_COMBINATIONS, beyond_tolerance
+from ..criteria import ALIKE, FALSE_ALARM, MOST, MOST_COMBINATIONS, beyond_tolerance
 from ..diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import CrossValidation, held_out
 from .final_state import FinalState
@@ -24,8 +24,6 @@ from .search import cost_of, kinds_of_most_drives, squared_strain
 
 __all__ = ["beyond_found", "gains_found", "laws_found"]
 
-#: Share of the most that one body takes away, from which another is as good.
-_AS_GOOD = 0.99
 #: Units of a body's inertial parameters.
 _UNITS = dict(zip(INERTIAL, ("kg", *3 * ("kg m",), *6 * ("kg m^2",)), strict=True))
 
@@ -167,7 +165,7 @@ def _alone_of_all(final: FinalState, term: EffortCandidate, without: Array) -> s
     saved_by = (without - CrossValidation(rest).with_each(single)).sum(axis=1)
     # the tool's load comes before the link that would be as good
     best = min(
-        (one for one, own in zip(single, saved_by, strict=True) if own > _AS_GOOD * saved_by.max()),
+        (one for one, own in zip(single, saved_by, strict=True) if own > ALIKE * saved_by.max()),
         key=lambda one: one.where.start,
     )
     with_it = rest.with_term(best)

@@ -25,19 +25,15 @@ from ...dynamics.inertial import pseudo_inertia
 from ...mechanism import Mechanism
 from ...numbers import number
 from ...spatial import Array
-from ..criteria import EFFORT_TOLD, ITERATIONS, MOST_LISTED, UNSEEN
+from ..criteria import EFFORT_TOLD, ITERATIONS, MOST_LISTED, NOTHING, ROUNDING, UNSEEN
 from .problem import EffortModel, fit
 
 __all__ = ["BaseParameters", "consistent_fit"]
 
-#: The decrease that ends Newton's method, and halvings of a step.
-_SETTLED, _HALVINGS = 1e-6, 40
 #: By which the divergence's weight falls from one run of it to the next.
 _SOFTER = 10.0
 #: Weight of the divergence where a law says nothing of what its body is likely to be.
 _WEIGHT = 0.5
-#: Of the drawn body's smallest second moment, below which it has none to speak of: that body is left free.
-_FLAT = 1e-12
 _UNITS = np.array([pseudo_inertia(unit) for unit in np.eye(10)])
 
 
@@ -159,7 +155,7 @@ def _newton(matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndar
         step = np.zeros(len(x))
         step[here] = -scale * np.linalg.solve(own, scale * slope[here])
         expected, share = -float(slope @ step), 1.0
-        for _ in range(_HALVINGS):
+        for _ in range(ITERATIONS):
             tried = cost(x + share * step)
             if tried < now - 1e-4 * share * expected:
                 break
@@ -167,7 +163,7 @@ def _newton(matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndar
         else:
             break
         x, now = x + share * step, tried
-        if expected < _SETTLED:
+        if expected < NOTHING:
             break
     return x
 
@@ -185,7 +181,7 @@ def _bodies(mechanism: Mechanism, model: EffortModel, toleranced: Sequence[tuple
     found = []
     for joint, matrix in changes.items():
         drawn = pseudo_inertia(mechanism.model.inertias[joint].toDynamicParameters())
-        if _smallest(drawn) > _FLAT * np.trace(drawn):
+        if _smallest(drawn) > ROUNDING * np.trace(drawn):
             found.append(_Body(drawn, np.tensordot(matrix.T, _UNITS, axes=1)))
     return found
 

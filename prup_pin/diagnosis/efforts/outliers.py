@@ -29,8 +29,6 @@ __all__ = ["OutlierInterval", "is_outlying", "outlier_intervals"]
 _WINDOW, _END = 4, 8
 #: Samples between two intervals.
 _BETWEEN = 6
-#: Periods of the cut-off on either side that go with an interval.
-_SPREAD = 1.0
 #: Share of the loudest joint's residual that another joint must have to be named.
 _OF_MOST = 0.2
 
@@ -77,7 +75,7 @@ def outlier_intervals(
     good (n, k): those that count.
     """
     rest, motion = _Rest(problem, x, good), at.motion
-    piece, spread = motion.piece[kept], _SPREAD / motion.band.highest
+    piece, spread = motion.piece[kept], 1 / motion.band.highest  # a period of the cut-off goes with an interval
     windows = list(_windows(piece))
     while True:
         loud = np.array([rest.loudness(window) for window in windows])

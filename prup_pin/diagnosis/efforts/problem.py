@@ -24,7 +24,7 @@ from ...laws import Place
 from ...laws.efforts import Body, EffortLaw
 from ...mechanism import Mechanism
 from ...spatial import Array
-from ..criteria import AR_FLOOR, AR_ORDER, BLOCKS, EFFORT_FOLDS, FEWEST_IN_BLOCK, FEWEST_POSTURES, ROUNDING
+from ..criteria import AR_FLOOR, AR_ORDER, BLOCKS, EFFORT_TOLD, FEWEST_IN_BLOCK, FEWEST_POSTURES, FOLDS, ROUNDING
 
 __all__ = [
     "DesignMatrix",
@@ -210,7 +210,7 @@ class DesignMatrix:
         self.target = target
         self.starts = np.searchsorted(blocks, np.arange(self.count))
         self.parts = [slice(int(a), int(b)) for a, b in pairwise((*self.starts, len(blocks)))]
-        self.folds = np.array_split(np.arange(self.count), min(EFFORT_FOLDS, max(self.count, 1)))
+        self.folds = np.array_split(np.arange(self.count), min(FOLDS, max(self.count, 1)))
         self.rows = [slice(self.parts[f[0]].start, self.parts[f[-1]].stop) if len(f) else slice(0) for f in self.folds]
         # of each joint the columns that are not nothing there, in order and one a row: (m, n), and room for more
         self._tables = [np.zeros((0, len(target))) for _ in range(target.shape[1])]
@@ -381,10 +381,6 @@ class EffortProblem:
         return self.only([candidate for candidate in self.candidates if not candidate.law.is_curve])
 
 
-#: Of the longest column, below which one is nothing; and of unit columns, squared, below which they are one.
-_ABSENT, _ONE = 1e-10, 1e-7
-
-
 def column_scales(squares: Array) -> Array:
     """Return the factors (p,) that make columns with these sums of squares (p,) as long as one."""
     return 1 / np.sqrt(np.maximum(squares, np.finfo(float).tiny))
@@ -397,13 +393,13 @@ def identifiable(left: Array, whole: Array, least: float, longest: float) -> Arr
     share of `least` remains, however the columns were combined to begin with. longest: squared length of any column.
     """
     squares = np.diag(whole)
-    there = np.flatnonzero(squares > _ABSENT**2 * longest)
+    there = np.flatnonzero(squares > ROUNDING**2 * longest)
     scale, at = column_scales(squares[there]), (there[:, None], there)
     if len(there) == 1:
         basis, values, vectors = scale[:, None], left[at][0] * scale**2, np.ones((1, 1))
     else:
         values, vectors = np.linalg.eigh(whole[at] * scale[:, None] * scale)
-        apart = values > _ONE
+        apart = values > EFFORT_TOLD
         basis = scale[:, None] * vectors[:, apart] / np.sqrt(values[apart])
         values, vectors = np.linalg.eigh(basis.T @ left[at] @ basis)
     told = values > least

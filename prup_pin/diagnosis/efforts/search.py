@@ -17,7 +17,7 @@ import numpy as np
 
 from ...laws.efforts import Body
 from ...spatial import Array
-from ..criteria import EFFORT_GAIN, MOST, MOST_EFFORT_TERMS, NO_MATTER, SURE, TRIED, beyond_tolerance
+from ..criteria import AS_GOOD, FEWEST_OF_KIND, GAIN, MOST, MOST_EFFORT_TERMS, NO_MATTER, SURE, TRIED, beyond_tolerance
 from .evidence import CrossValidation, held_out, no_worse, relative_gain, scores, standard_error
 from .nonlinear import refined
 from .prepare import PreparedEfforts
@@ -36,14 +36,10 @@ __all__ = [
     "with_relieving_laws",
 ]
 
-#: Joints with the same law from which it is a kind of the robot's, where they are half of its drives.
-_FEWEST_OF_KIND = 3
 #: A link that is not as drawn.
 _ONE_LINK = (Body.LINK, Body.SCALED_LINK)
 #: Times that a law may come in at a place: once more after it was made needless by what was itself needless later.
 _ENTRIES = 2
-#: How much more strain than any law a curve of no law takes off, to be what is there.
-_FAR_MORE = 1.25
 
 _Key = tuple[str, str, str]
 
@@ -257,7 +253,7 @@ def _is_earned(before: EffortModel, after: EffortModel, term: EffortCandidate) -
 def _earns(validation: CrossValidation, term: EffortCandidate, before: Array, after: Array) -> bool:
     """Return whether a term saves enough of the squares of the joints in which it acts, and surely."""
     saving = float((before - after).sum())
-    least = EFFORT_GAIN if validation.model.keeps_nuisances else NO_MATTER
+    least = GAIN if validation.model.keeps_nuisances else NO_MATTER
     if relative_gain(before, after)[1] <= SURE or saving <= least * validation.squares_at(term):
         return False
     return saving > term.law.least_gain * float(before.sum())
@@ -316,7 +312,7 @@ def kinds_of_most_drives(
     for term in model.terms if terms is None else terms:
         if term.law.physics in common and term.place.name in problem.mechanism.actuated:
             kinds.setdefault(term.law.physics, []).append(term)
-    most = max(_FEWEST_OF_KIND, problem.columns.target.shape[1] / 2)
+    most = max(FEWEST_OF_KIND, problem.columns.target.shape[1] / 2)
     return {kind: own for kind, own in kinds.items() if len({term.place.name for term in own}) >= most}
 
 
@@ -381,7 +377,7 @@ def with_relieving_laws(efforts: PreparedEfforts, model: EffortModel) -> EffortM
         if not laws:
             break
         most = max(relief for relief, _ in laws)
-        if any(relief > max(_FAR_MORE * most, most + limit**2) for relief, _ in _reliefs(model, curves)):
+        if any(relief > max(AS_GOOD * most, most + limit**2) for relief, _ in _reliefs(model, curves)):
             break
         good = [law for relief, law in laws if relief > most - limit**2]
         model = model.with_term(min(good, key=lambda law: (law.size, law.where.start)))

@@ -25,12 +25,12 @@ from ...numbers import number
 from ...spatial import Array
 from ..criteria import (
     EFFORT_CURVE_OWN,
-    EFFORT_FLIPS,
     EFFORT_FOREIGN,
     EFFORT_NO_NOISE,
     EXPLAINED,
     FALSE_ALARM,
-    FEWEST_EFFORT_BLOCKS,
+    FEWEST_BLOCKS,
+    FLIPS,
     LOUD,
     NO_MATTER,
     ROUNDING,
@@ -79,7 +79,7 @@ def structure_left(final: FinalState) -> list[Finding]:
 
 def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[Finding]) -> list[Finding]:
     """Return the findings of what no law explains: the structure that is left, or a residual that is no noise."""
-    if final.problem.columns.count < FEWEST_EFFORT_BLOCKS:
+    if final.problem.columns.count < FEWEST_BLOCKS:
         text = f"{len(final.efforts.kept)} samples of efforts are too few to judge anything by others"
         return [_unknown_at("robot", text)]
     found = list(structure)
@@ -246,7 +246,7 @@ def time_varying(efforts: PreparedEfforts, left: Array, measured: Array, noise: 
     good = efforts.away_from_ends(min(efforts.judged.cutoffs)) & np.isfinite(left)
     left = np.where(good, left, 0.0)
     white = Whitening(autoregression(left, good, efforts.piece), usable(good, efforts.piece))
-    lags = np.concatenate(([0.0], np.linspace(_NEAR, 1 - _NEAR, EFFORT_FLIPS)))
+    lags = np.concatenate(([0.0], np.linspace(_NEAR, 1 - _NEAR, FLIPS)))
     found, own, others = [], [], []
     for column, joint in enumerate(efforts.at.driven):
         here = good[:, column]
