@@ -31,15 +31,15 @@ from .criteria import (
     ALIKE,
     AS_GOOD,
     CALIBRATION_STEP,
-    FAR_BEHIND,
     FEW_ROUNDS,
     FREELY,
     LOUD,
+    MUCH,
     PARAMETER_COST,
     ROUNDS,
     SETTLED,
-    SETTLED_SHARE,
     STEP,
+    UNSEEN,
     WEIGHT_SHOWS,
     beyond_tolerance,
 )
@@ -250,7 +250,7 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
         light, weighed = (_left_by_joints(problem, each, joints) for each in begun)
         return problem.within(begun[1] if weighed < light - shows else begun[0])
     within = judged = _ways(problem, _first_steps(problem, toleranced, [*weights, []], reach))
-    if min(each.objective for each in within) > FAR_BEHIND * within[0].residual.size:
+    if min(each.objective for each in within) > MUCH * within[0].residual.size:
         # What is left out decides, at the ends of what tolerances may take; less so where they may take what they like.
         judged = _ways(problem, [replace(each, reach=each.toleranced.reach) for each in within], FEW_ROUNDS)
     best = min(judged, key=lambda each: each.objective + (shows if each.effects else 0.0))
@@ -279,7 +279,7 @@ def _ways(problem, begun: Sequence[Calibrated], rounds: int = ROUNDS) -> list[Ca
     best, *others = sorted(begun, key=attrgetter("objective"))
     found = [settled(problem, best, rounds)]
     for other in others:
-        if other.objective > FAR_BEHIND * best.objective:
+        if other.objective > MUCH * best.objective:
             continue
         # what is off by far is so in whatever way weight acts
         beside = _at(problem, other.toleranced, found[0].x, other.effects, found[0].run, other.reach)
@@ -392,7 +392,7 @@ def _improved(problem, now: Calibrated, least_share: float = CALIBRATION_STEP) -
         step = least_within(root, root @ (now.x + step), np.broadcast_to(now.reach, step.shape)) - now.x
     # Where much is left, the last digits would be those of a model that lacks something.
     more = max(now.objective - LOUD * now.residual.size, 0.0)
-    if float(step @ normal @ step) < SETTLED + SETTLED_SHARE * more:
+    if float(step @ normal @ step) < SETTLED + UNSEEN * more:
         return None
     share = 1.0
     while share >= least_share:

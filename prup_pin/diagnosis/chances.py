@@ -23,9 +23,6 @@ __all__ = [
     "student_sf",
 ]
 
-#: Of a correlation matrix, below which combinations of its numbers are none.
-_ROUNDING = 1e-10
-
 
 def chi2_isf(chance: float, degrees: float) -> float:
     """Return what a chi squared of so many degrees exceeds by this chance."""
@@ -49,7 +46,7 @@ def hotelling_sf(x: Array, covariance: Array, degrees: int) -> float:
     """
     size = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    told = values > _ROUNDING * values[-1]
+    told = values > np.sqrt(np.finfo(float).eps) * values[-1]
     count = min(int(told.sum()), degrees)
     square = float(np.sort((vectors[:, told].T @ (x / size)) ** 2 / values[told])[-count:].sum())
     rest = degrees - count + 1

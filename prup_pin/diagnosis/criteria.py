@@ -31,9 +31,6 @@ BEYOND: Final = 3.0
 OUTLIER: Final = 6.0
 #: Alternatives whose chi squared, or -2 log of the odds, is larger by less than this cannot be told apart.
 INDISTINCT: Final = 13.0
-#: Alternatives within this many times INDISTINCT are worth an experiment that separates them; those that cost so much
-#: more by values that are unusual are none.
-WORTH_SEPARATING: Final = 3
 #: Difference in chi squared beyond which more would not make a pair of explanations any clearer: so many INDISTINCT
 #: leave one of them indistinct once in three hundred.
 CERTAIN: Final = 4 * INDISTINCT
@@ -58,9 +55,10 @@ GAIN: Final = 0.02
 #: which a law acts where the drawing is taken to hold but for a few laws, gears that yield leave a trace; of what is
 #: left in all, what a curve of no law takes away is not told.
 NO_MATTER: Final = 0.05
-#: Explained is what leaves no more than this share: of what kinds that are off everywhere explain, of efforts where no
-#: noise was declared.
-EXPLAINED: Final = 0.1
+#: So small a share is little: what may be left of what is explained; numbers of all that may be gross, before they
+#: scatter more widely than their middle half says; distances of all reach that are no other machine's; a step of its
+#: own uncertainty; of held-out squares what weights may do to a trace of the filters.
+LITTLE: Final = 0.1
 #: More than this share is most.
 MOST: Final = 0.5
 #: Places, laws, parameters, and variables that a deformation may follow, that take away at least this share of the
@@ -75,9 +73,6 @@ AS_GOOD: Final = 1.5
 #: So many times as much is another thing: noise declared that is larger than repeats show, residuals in an interval
 #: beside all others, positions beyond a joint's limits, a module that is softer than drawn, masses.
 MUCH: Final = 3.0
-#: Share of the held-out squares by which plain weights must be better than whitened ones: less than this, a law that is
-#: a trace of the filters may save, and whitening knows more of noise.
-EFFORT_PLAINLY = 0.1
 #: Share of what is left of its own joint that a curve of no law must take away, held out, to be told as unknown.
 EFFORT_CURVE_OWN = 0.3
 #: ... and the share of what the laws take away there: less is what every real joint has beyond any law.
@@ -97,7 +92,8 @@ LOUD: Final = 1.5
 #: What varies or acts by less does not [N, N m, m, rad, K, s]; nor is less than this share of anything something.
 NOTHING: Final = 1e-6
 #: A parameter whose usual change moves the whole residual by less than this share of the noise is not seen, nor one in
-#: a combination of which it is less.
+#: a combination of which it is less; nor is a preference for smooth curves, so weak beside what the data say; loads
+#: below this share of their span are none.
 UNSEEN: Final = 1e-3
 #: Offsets and the like are rarely this many times larger than where a fit starts.
 USUAL_MULTIPLE: Final = 30.0
@@ -143,12 +139,11 @@ FEWEST_IN_BLOCK, FEWEST_POSTURES = 12, 2
 FLIPS: Final = 400
 #: Each further effect makes the others harder to tell apart; beyond these the rest is called unknown.
 MOST_TERMS: Final = 4
-MOST_EFFORT_TERMS = 60
 #: Fits through the whole simulation after which no further law is looked for: twice what two effects took, so that it
-#: ends what would not end well, and nothing else.
+#: ends what would not end well, and nothing else; and laws of efforts.
 MOST_FITS: Final = 60
 #: ... where it only matters whether a law or two explain all that is left: what one effect and its rivals took.
-FEW_FITS: Final = 15
+FEW_FITS: Final = MOST_FITS // 4
 #: Candidates that are simulated before a round, a term's place or a merger is given up; those that are tried to first
 #: order, or on held-out blocks.
 MOST_SIMULATED: Final = 6
@@ -180,19 +175,14 @@ AR_ORDER, AR_FLOOR = 6, 0.01
 #: A step that gains less chi squared than this changes nothing that is told; explanations that differ by less at all
 #: poses and loads weighed are one and the same.
 SETTLED: Final = 0.05
-#: ... nor, where the mean squared residual exceeds LOUD, one that gains less than this share of what exceeds it.
-SETTLED_SHARE: Final = 1e-3
+#: ... nor, where the mean squared residual exceeds LOUD, one that gains less than UNSEEN of what exceeds it.
 #: A step that does not help is shortened down to this share.
 CALIBRATION_STEP: Final = 0.01
-#: ... and after the first step: with or without weight, what is this many times worse is not followed to its end.
-FAR_BEHIND: Final = 4.0
 #: Logarithm by which a parameter may be off that may take what it likes: a stiffness may be a twentieth then, or so,
 #: and robots that hang in threads take long to balance. A frame may stand anywhere.
 FREELY: Final = 3.0
 #: Tolerances by which a parameter may move before the simulation is differentiated anew.
 STALE: Final = 0.5
-#: A step of variances below this share of its own uncertainty is the last.
-SPREAD_SETTLED: Final = 0.1
 
 # == what is known of sensors ==========================================================================================
 
@@ -211,23 +201,16 @@ LEAST_WARMING: Final = 0.2
 #: Noise that every bench is better than [m, rad]: weights of positions against rotations.
 COARSE: Final = (1e-5, 1e-5, 1e-5, 5e-5, 5e-5, 5e-5)
 #: Runs without which it is not asked whether the pose sensor stands elsewhere in each, unless that is declared; drives
-#: of which some show what one thing does to all.
+#: of which some show what one thing does to all; outlier intervals, beyond which such a thing is the robot's own.
 FEWEST_OF_KIND: Final = 3
-#: Numbers that are gross by the middle half of all are so unless they are more than this share: then numbers scatter
-#: more widely than their middle half says, and those are gross that lie so far off by all the others ...
-MOST_OUTLIERS: Final = 0.1
-#: ... but for up to so many where the nearest of them is so many times as far off as the farthest of the others: no law
-#: leaves that gap.
+#: More than LITTLE of all numbers may be gross, up to this share, where the nearest of them is so many times as far off
+#: as the farthest of the others: no law leaves that gap.
 MOST_APART: Final = 0.3
 APART: Final = 20.0
-#: Outlier intervals of a motion, at most: what comes more often is the robot's own.
-MOST_EFFORT_EVENTS: Final = 3
-#: Of one sample's noise, what a law must add to some joint's effort to be told: gears that yield add a part of it.
-EFFORT_MATTERS = 0.5
-#: Multiple of one sample's noise beyond which more than EXPLAINED is none, where no noise was declared: it would be new
+#: Multiple of one sample's noise beyond which more than LITTLE is none, where no noise was declared: it would be new
 #: in less than a sixteenth of its power from sample to sample, though nothing foretells it.
 EFFORT_NO_NOISE = 4.0
-#: Share of the efforts that the drawing leaves beyond which a correction that leaves more than EXPLAINED only took the
+#: Share of the efforts that the drawing leaves beyond which a correction that leaves more than LITTLE only took the
 #: robot away.
 EFFORT_FOREIGN = 2.0
 
@@ -242,12 +225,6 @@ CONVENTION_FINE: Final = 3e-4
 CONVENTION_NEAR: Final = 0.05
 #: Loads are asked where the drawing, each module as soft as suits, leaves more of what they move than this share.
 CONVENTION_SHOWN: Final = 0.03
-#: Standard deviation of how much softer a module is than drawn, while conventions compete.
-CONVENTION_SOFTER: Final = 0.5
-#: Positions farther apart than this share of the robot's reach are neither deflections nor errors of a calibration.
-FAR: Final = 0.1
-#: ... and, where these are declared, so many tolerances of markers, zeros and links.
-ALLOWED_TOLERANCES: Final = 4.0
 #: A robot smaller than this is compared as if it were so large [m].
 LEAST_REACH: Final = 0.1
 #: A frame's tolerance beyond which its sensor stands anywhere [m], a turn counted at this lever [m]; and a target's.
@@ -291,7 +268,8 @@ LINK_KNOWN: Final = (1 - LINK_ANYHOW) / 2
 #: A body that a tool holds: its mass as a share of the robot's, and its radii of gyration as shares of a link's length,
 #: each with the standard deviation of its logarithm; the centre is a link's length off the tool.
 HELD_MASS, HELD_RADIUS, HELD_SKEW = (0.05, 1.5), (0.25, 0.7), 0.15
-#: Share by which a link's mass, inertia and centre (of its radius of gyration) are off where they are anything at all.
+#: Share by which something is off where it may be anything at all: a link's mass, inertia and centre (of its radius of
+#: gyration); how soft a module is, while conventions compete.
 ANYHOW = 0.5
 
 # == what people read ==================================================================================================
@@ -302,15 +280,9 @@ MOST_LISTED: Final = 5
 MOST_COMBINATIONS = 16
 #: Laws of more parameters have no single size to tell.
 MOST_PARAMETERS_TOLD: Final = 2
-#: Knots of a recovered curve: enough for a gap with its two edges, few enough for 40 samples.
+#: Knots of a recovered curve, means on each side of no load, and samples in each: enough for a gap with its two edges,
+#: few enough for 40 samples and for a person.
 KNOTS: Final = 7
-#: Preference for smooth curves, as a share of what the data say: too weak to be seen, enough where there are none.
-SMOOTH: Final = 1e-3
-#: Means on each side of no load, and samples in each: a curve with bands that a person can read.
-MOST_BINS: Final = 8
-SAMPLES_A_BIN: Final = 6
-#: Loads below this share of their span are none.
-NO_LOAD: Final = 2e-3
 #: Changes of a position, of a load or of all of a way below this share of their range are a tremor.
 TREMOR: Final = 0.01
 
@@ -318,19 +290,16 @@ TREMOR: Final = 0.01
 
 #: Explanations that it is to separate: the best ones.
 MOST_PAIRS: Final = 10
-#: Poses and mixed loads that are weighed, and poses of the plan: what a bench test can do in an hour.
-WEIGHED_POSES: Final = 12
-WEIGHED_LOADS: Final = 8
+#: Poses of the plan: what a bench test can do in an hour; twice as many where some pair needs more, and their cycles of
+#: loads so often: as long as a first recording. Poses and mixed loads that are weighed.
 PLANNED_POSES: Final = 4
-#: ... as many as this where some pair needs more, and their cycles of loads so often: as long as a first recording.
-MOST_PLANNED_POSES: Final = 8
+MOST_PLANNED_POSES: Final = 2 * PLANNED_POSES
 MOST_REPEATED: Final = 6
-#: Poses are come to across this share of a joint's range, where what is unknown depends on the side.
-APPROACHED_FROM: Final = 0.05
+WEIGHED_POSES, WEIGHED_LOADS = 3 * PLANNED_POSES, 2 * PLANNED_POSES
 #: Where no plan found tells a pair apart for certain, so often so many further poses and loads are weighed: anywhere,
 #: and near the best ones, for a gap that just closes shows in few of them.
 DEEPER_SEARCHES: Final = 2
-DEEPER_CANDIDATES: Final = 96
+DEEPER_CANDIDATES: Final = WEIGHED_POSES * WEIGHED_LOADS
 #: What else might tell such a pair apart is simulated: loads MUCH larger, the base tilted by so much [rad].
 TILTED_BASE: Final = 0.2
 #: Poses may lie outside the recorded ones by this share of their span, or by this much where they hardly vary [m, rad].

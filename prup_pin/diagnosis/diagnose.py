@@ -17,7 +17,7 @@ from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import as_recorded
 from .conventions import read_logs
-from .criteria import EXPLAINED, FEW_FITS, MOST_FITS, beyond_tolerance
+from .criteria import FEW_FITS, LITTLE, MOST_FITS, beyond_tolerance
 from .diagnosis import Diagnosis, Finding, by_recording
 from .efforts import diagnose_efforts
 from .efforts.with_poses import (
@@ -154,7 +154,7 @@ def _under_loads(
             few = _searched(prepared, tell, FEW_FITS)
             if not few.is_clean:
                 again = _searched(other, tell)
-                if again.left < EXPLAINED * few.left:
+                if again.left < LITTLE * few.left:
                     return other, again
     return prepared, _searched(prepared, tell)
 

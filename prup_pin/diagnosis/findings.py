@@ -18,7 +18,7 @@ from .calibrate import (
     CalibratedParameter,
 )
 from .candidates import Candidate
-from .criteria import INDISTINCT, POSE_UNTOLD, UNSEEN, WEIGHT_SHOWS, WIDEST_LOGARITHM, WORTH_SEPARATING
+from .criteria import INDISTINCT, MUCH, POSE_UNTOLD, UNSEEN, WEIGHT_SHOWS, WIDEST_LOGARITHM
 from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated, implausible, scale_of
 from .noise import could_show_structure, is_white
@@ -271,7 +271,7 @@ def finding_of(
     places += term.candidate.law.same_places(term.candidate.place, robot.mechanism)
     for rival in selection.rivals[index]:
         # indistinct: as good a fit, with values that are not absurd; more parameters only rank it lower
-        absurd = rival.chi2 + scale * implausible(rival.term) > own + WORTH_SEPARATING * scale * INDISTINCT
+        absurd = rival.chi2 + scale * implausible(rival.term) > own + MUCH * scale * INDISTINCT
         if rival.chi2 - fit.chi2 > scale * INDISTINCT or absurd:
             continue
         if rival.term.candidate.law.physics == term.candidate.law.physics:

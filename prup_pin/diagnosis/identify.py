@@ -27,7 +27,18 @@ from ..simulation import Run, Simulator
 from ..spatial import Array
 from .candidates import Candidate
 from .chances import chi2_isf
-from .criteria import FALSE_ALARM, LEAST_FORCE, LEAST_MOMENT, LEAST_WARMING, LEAST_WIDER, MOST_PARAMETERS_TOLD, WIDER
+from .criteria import (
+    FALSE_ALARM,
+    FEW_ROUNDS,
+    ITERATIONS,
+    LEAST_FORCE,
+    LEAST_MOMENT,
+    LEAST_WARMING,
+    LEAST_WIDER,
+    MOST_PARAMETERS_TOLD,
+    NO_MATTER,
+    WIDER,
+)
 from .diagnosis import Detectable
 from .problem import Fit, Problem, Term
 from .search import Selection
@@ -36,10 +47,6 @@ __all__ = ["Bench", "Pair", "SimulatedTest", "information", "not_detectable", "s
 
 
 # -- what could not be seen --------------------------------------------------------------------------------------------
-
-
-#: Steps to the size that would have been seen, the first of them as the law tells, and how well its chi squared is met.
-_ROUNDS, _EXTRAPOLATIONS, _MET = 24, 4, 0.02
 
 
 def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator[Detectable]:
@@ -127,14 +134,14 @@ def _smallest_seen(candidate: Candidate, at: Array, seen: float, share: Callable
     far = low if law.magnified(value_at(near), 2.0) < value_at(near) else high
     if share_at(far) < 1:
         return None
-    for index in range(_ROUNDS):
+    for index in range(ITERATIONS):
         # As the law tells; what saturates takes halving besides.
         more = law.magnified(value_at(near), float(np.sqrt(1 / seen)))
         guess = float(candidate.coordinates_of(np.array([more, *candidate.values_of(at)[1:]]))[0])
-        if index >= _EXTRAPOLATIONS or not min(near, far) < guess < max(near, far):
+        if index >= FEW_ROUNDS or not min(near, far) < guess < max(near, far):
             guess = (near + far) / 2
         found = share_at(guess)
-        if abs(found - 1) < _MET:
+        if abs(found - 1) < NO_MATTER:
             return value_at(guess)
         if found < 1:
             near, seen = guess, found

@@ -19,12 +19,12 @@ from ..robot import Robot
 from ..simulation import Simulator
 from ..spatial import Array, cross, rotation_exp, turn_between
 from .criteria import (
+    ANYHOW,
     AS_GOOD,
     CHANCE_DEVIATIONS,
     COARSE,
     CONVENTION_LEAVES,
     CONVENTION_SHOWN,
-    CONVENTION_SOFTER,
     FEWEST_IN_BLOCK,
     MUCH,
 )
@@ -216,7 +216,7 @@ def _softened(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) 
     for _ in range(3):
         rest = target - columns @ scale
         noise2 = max(float(rest @ rest) / len(target), 1e-6)
-        matrix = columns.T @ columns / noise2 + np.eye(size) / CONVENTION_SOFTER**2
+        matrix = columns.T @ columns / noise2 + np.eye(size) / ANYHOW**2
         scale = 1 + np.linalg.solve(matrix, columns.T @ (target - columns.sum(axis=1)) / noise2)
         scale = np.clip(scale, 1 / MUCH, MUCH)
     rest = judged.free(judged.moved).ravel() - judged.by_module(other) @ scale

@@ -19,7 +19,7 @@ from ..channels import Columns, Noise
 from ..laws import Effect
 from ..laws.drawn import Drawn, against_component
 from ..spatial import Array
-from .criteria import ALIKE, CHANCE_DEVIATIONS, KNOTS, MOST_BINS, NO_LOAD, NOTHING, SAMPLES_A_BIN, SMOOTH, TREMOR
+from .criteria import ALIKE, CHANCE_DEVIATIONS, KNOTS, NOTHING, TREMOR, UNSEEN
 from .nuisance import Nuisance
 from .problem import Fit, Problem
 
@@ -102,7 +102,7 @@ def curve_against(
     if not scale.max() > 0:
         return None
     # a weak preference for smooth curves keeps knots that the data do not reach from swinging
-    second = np.diff(np.eye(len(knots)), 2, axis=0) * SMOOTH * scale.max()
+    second = np.diff(np.eye(len(knots)), 2, axis=0) * UNSEEN * scale.max()
     normal = columns.T @ columns + second.T @ second + 1e-12 * scale.max() ** 2 * np.eye(len(knots))
     inverse = np.linalg.inv(normal)
     target = fit.residual.ravel()
@@ -416,13 +416,13 @@ def _bins(x: Array) -> np.ndarray:
     reach = float(np.ptp(x))
     if not reach > 1e-9 * float(np.abs(x).max()):
         return np.zeros(len(x), int)
-    sides = np.where(np.abs(x) < NO_LOAD * reach, 0, np.sign(x)).astype(int)
+    sides = np.where(np.abs(x) < UNSEEN * reach, 0, np.sign(x)).astype(int)
     bins, first = np.zeros(len(x), int), 0
     for side in (-1, 0, 1):
         rows = np.flatnonzero(sides == side)
         if not len(rows):
             continue
-        count = 1 if side == 0 else int(np.clip(len(rows) // SAMPLES_A_BIN, 1, MOST_BINS))
+        count = 1 if side == 0 else int(np.clip(len(rows) // KNOTS, 1, KNOTS))
         edges = np.quantile(x[rows], np.linspace(0, 1, count + 1)[1:-1])
         bins[rows] = first + np.searchsorted(np.unique(edges), x[rows], side="right")
         first = int(bins[rows].max()) + 1

@@ -10,11 +10,11 @@ import numpy as np
 from ..numbers import counted, number
 from ..spatial import WRENCH_NAMES, Array
 from .criteria import (
-    APPROACHED_FROM,
     CERTAIN,
     DEEPER_CANDIDATES,
     DEEPER_SEARCHES,
     INDISTINCT,
+    LITTLE,
     MOST_LISTED,
     MOST_PAIRS,
     MOST_PLANNED_POSES,
@@ -27,7 +27,6 @@ from .criteria import (
     TILTED_BASE,
     WEIGHED_LOADS,
     WEIGHED_POSES,
-    WORTH_SEPARATING,
 )
 from .diagnosis import Finding
 from .identify import Bench, Pair, SimulatedTest, information, separation
@@ -128,7 +127,7 @@ class _Design:
         on the way; nothing where it cannot be moved so."""
         column = self.bench.robot.mechanism.actuated.index(joint)
         step = np.zeros(self.positions.shape[1])
-        step[column] = APPROACHED_FROM * float((self.bench.high - self.bench.low)[column])
+        step[column] = LITTLE * float((self.bench.high - self.bench.low)[column])
         chosen: list[int] = []
         for place in self.largest():
             sides = [self.positions[place] - step, self.positions[place] + step]
@@ -372,7 +371,7 @@ def _indistinct_pairs(selection: Selection) -> list[Pair]:
     for term, rivals in zip(selection.last.terms, selection.rivals, strict=True):
         for rival in rivals:
             other = rival.term
-            if _holds(other, term) or other is term or rival.chi2 - selection.last.chi2 > WORTH_SEPARATING * INDISTINCT:
+            if _holds(other, term) or other is term or rival.chi2 - selection.last.chi2 > MUCH * INDISTINCT:
                 continue
             pairs.append(Pair(term, other, rival.whole))
     return pairs

@@ -27,11 +27,11 @@ from .calibrate import (
 from .candidates import Candidate, candidates, under_load
 from .criteria import (
     ALIKE,
-    ALLOWED_TOLERANCES,
-    FAR,
+    BEYOND,
     FEWEST_OF_KIND,
     FOLDS,
     LEAST_REACH,
+    LITTLE,
     MOST_LISTED,
     MOST_SAMPLES,
     MUCH,
@@ -399,7 +399,7 @@ def allowed_of_markers(declared: Tolerances, mechanism: Mechanism) -> tuple[floa
     joints = float(np.sqrt(len(mechanism.actuated)))
     length = (declared.target_position or 0.0) + joints * (declared.position or 0.0)
     turn = joints * ((declared.encoder_offset or 0.0) + (declared.direction or 0.0))
-    return ALLOWED_TOLERANCES * length, FAR + ALLOWED_TOLERANCES * turn
+    return BEYOND * length, LITTLE + BEYOND * turn
 
 
 def check_belongs(
@@ -408,7 +408,7 @@ def check_belongs(
     inputs: Inputs,
     here: np.ndarray,
     rows: np.ndarray,
-    allowed: tuple[float, float] = (0.0, FAR),
+    allowed: tuple[float, float] = (0.0, LITTLE),
 ) -> None:
     """Raise InputError where recording and robot are worlds apart, with the likely reason.
 

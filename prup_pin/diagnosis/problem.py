@@ -22,7 +22,7 @@ from ..simulation import Run, Simulator
 from ..spatial import Array
 from .calibrate import Calibrated, Toleranced, changes_per_tolerance, settled
 from .candidates import Candidate, Term
-from .criteria import NOTHING, STALE, UNSEEN, WIDEST_STEP
+from .criteria import LITTLE, NOTHING, STALE, UNSEEN, WIDEST_STEP
 from .influence import Influence
 from .nuisance import Nuisance, least_step, without
 
@@ -334,7 +334,7 @@ class Problem:
             step = self._step(fit, reach)
             share, better = 1.0, None
             sizes = [term.candidate.size for term in fit.terms]
-            while share > 0.1:
+            while share > LITTLE:
                 trial, place = [], 0
                 for term, size in zip(fit.terms, sizes, strict=True):
                     low, high = term.candidate.bounds

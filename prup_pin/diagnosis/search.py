@@ -27,8 +27,8 @@ from .criteria import (
     MOST_FITS,
     MOST_SIMULATED,
     MOST_TERMS,
+    MUCH,
     NOTHING,
-    WORTH_SEPARATING,
     beyond_tolerance,
 )
 from .evidence import Rival, cost_of, cross_validated, is_clean, penalty, scale_of, threshold
@@ -280,7 +280,7 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
         return without(change.ravel(), nuisance).reshape(change.shape)
 
     bound = Bound(problem, about, problem.target(about) - removed, nuisance)
-    worst = fit.chi2 + max(WORTH_SEPARATING * scale * INDISTINCT, _first_order_error(problem, fit, index))
+    worst = fit.chi2 + max(MUCH * scale * INDISTINCT, _first_order_error(problem, fit, index))
     rivals = [Rival(own, fit.chi2, beyond(problem.change(about, [*effects, own.effect]) - removed), scale)]
     present = {term.candidate.name for term in fit.terms}
     for candidate in library:

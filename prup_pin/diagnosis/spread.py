@@ -47,18 +47,16 @@ from .chances import chi2_isf, chi2_median
 from .criteria import (
     APART,
     CALIBRATION_STEP,
-    EXPLAINED,
     FALSE_ALARM,
     ITERATIONS,
+    LITTLE,
     MOST_APART,
     MOST_LISTED,
-    MOST_OUTLIERS,
     MOST_TERMS,
     NOTHING,
     OUTLIER,
     ROUNDING,
     ROUNDS,
-    SPREAD_SETTLED,
     STEP,
     trusted,
 )
@@ -613,7 +611,7 @@ def _explains(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
     drawn = _fitted(data, seen.floors, fit.noise, np.full(len(seen.floors), "", object), seen.floors, seen.least)
     told_nothing = bool((seen.floors[seen.stands == ""] <= NOTHING**2).all())
     may_be_noise = told_nothing and seen.least == 0 and seen.problem.simulator.inputs.weight_alone
-    return _left(data, fit, fit.noise) < EXPLAINED * _left(data, drawn, fit.noise) or may_be_noise
+    return _left(data, fit, fit.noise) < LITTLE * _left(data, drawn, fit.noise) or may_be_noise
 
 
 def _gives_way(fit: _Fit, labels: np.ndarray, kind: str) -> bool:
@@ -698,7 +696,7 @@ class _Seen:
                 known = np.ones((len(exists), weights.shape[1]))
                 known[samples] = weights
             now, step = here, self.parameters.nearest(data, fit) - here.x
-            if (np.abs(step) < SPREAD_SETTLED * np.sqrt(np.diagonal(fit.covariance)) + 1e-4).all():
+            if (np.abs(step) < LITTLE * np.sqrt(np.diagonal(fit.covariance)) + 1e-4).all():
                 break
             further = self.stepped(here, step, exists, known, fit)
             if further is None:
@@ -795,8 +793,8 @@ def far_off(squares: Array) -> tuple[np.ndarray, float]:
     known = np.isfinite(squares)
     size = float(np.median(squares[known])) / chi2_median(3)
     far = known & (squares > OUTLIER**2 * size)
-    if far.sum() > MOST_OUTLIERS * known.sum() and not _stand_apart(squares[known], far[known]):
-        size = float(np.quantile(squares[known], 1 - MOST_OUTLIERS)) / chi2_isf(MOST_OUTLIERS, 3)
+    if far.sum() > LITTLE * known.sum() and not _stand_apart(squares[known], far[known]):
+        size = float(np.quantile(squares[known], 1 - LITTLE)) / chi2_isf(LITTLE, 3)
         far = known & (squares > OUTLIER**2 * size)
     return far, size
 

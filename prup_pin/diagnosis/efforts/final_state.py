@@ -15,7 +15,7 @@ from ...recordings.columns import AS_LOGGED
 from ...robot import Robot
 from ...spatial import Array
 from ..chances import hotelling_sf, student_ppf, student_sf
-from ..criteria import EFFORT_IMITATED, EFFORT_MATTERS, EFFORT_PLAINLY, FALSE_ALARM, GAIN, SURE
+from ..criteria import EFFORT_IMITATED, FALSE_ALARM, GAIN, LITTLE, MOST, SURE
 from .conventions import gains_apart
 from .evidence import held_out, relative_gain
 from .gains import Gains
@@ -96,7 +96,7 @@ class FinalState:
         plain = efforts.unwhitened(self.model)
         other = consistent_fit(plain, bodies)[0]
         apart = other - x
-        if relative_gain(efforts.held_out_unwhitened(self.model), held_out(plain))[0] > EFFORT_PLAINLY:
+        if relative_gain(efforts.held_out_unwhitened(self.model), held_out(plain))[0] > LITTLE:
             x = other
         return x, apart, matrix
 
@@ -167,7 +167,7 @@ class FinalState:
                 matters = bool(self.x[own].any()) and self.p_value(term) <= FALSE_ALARM
             else:
                 added = np.sqrt(np.mean((columns[:, :, own] @ self.x[own]) ** 2, axis=0))
-                matters = bool((added > EFFORT_MATTERS * least).any())
+                matters = bool((added > MOST * least).any())
             if matters:
                 found.append(term)
         return found

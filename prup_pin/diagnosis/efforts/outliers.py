@@ -19,7 +19,7 @@ from ...dynamics import InMotion
 from ...dynamics.smoothing import pieces
 from ...numbers import number
 from ...spatial import Array
-from ..criteria import BEYOND, MOST, MOST_EFFORT_EVENTS, MOST_OUTLIERS, MUCH, OUTLIER, ROUNDING
+from ..criteria import BEYOND, FEWEST_OF_KIND, LITTLE, MOST, MUCH, OUTLIER, ROUNDING
 from ..diagnosis import Finding
 from .problem import EffortProblem, column_scales
 
@@ -29,8 +29,6 @@ __all__ = ["OutlierInterval", "is_outlying", "outlier_intervals"]
 _WINDOW, _END = 4, 8
 #: Samples between two intervals.
 _BETWEEN = 6
-#: Share of the loudest joint's residual that another joint must have to be named.
-_OF_MOST = 0.2
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,7 @@ def outlier_intervals(
         if not loud.max(initial=0.0) > OUTLIER:
             break
         rest = rest.without([windows[place] for place in np.flatnonzero(loud >= max(MOST * loud.max(), OUTLIER))])
-        if rest.out.mean() > MOST_OUTLIERS:
+        if rest.out.mean() > LITTLE:
             return []
     around = np.abs(rest.left / rest.noise).max(axis=1) > BEYOND
     spans = sorted(_spans(rest.out, around, piece), key=rest.strength)
@@ -98,14 +96,14 @@ def outlier_intervals(
         if not (rest.out[rows].any() and rest.strength(rows) > max(2 * OUTLIER, MUCH * loudest)):
             continue
         by_joint = np.sqrt(np.mean((rest.left[rows] / rest.noise) ** 2, axis=0))
-        joints = tuple(at.driven[joint] for joint in np.flatnonzero(by_joint > _OF_MOST * by_joint.max()))
+        joints = tuple(at.driven[joint] for joint in np.flatnonzero(by_joint > MOST * by_joint.max()))
         begin, end = (float(motion.time[kept[place]]) for place in (rows.start, rows.stop - 1))
         near = motion.piece == motion.piece[kept[rows.start]]
         near &= (motion.time >= begin - spread) & (motion.time <= end + spread)
         of_recording = motion.rows[near]
         ends = int(of_recording[0]), int(of_recording[-1])
         found.append(OutlierInterval(begin, end, joints, float(by_joint.max()), ends))
-    return found if len(found) <= MOST_EFFORT_EVENTS else []
+    return found if len(found) <= FEWEST_OF_KIND else []
 
 
 class _Rest:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...laws.efforts import Body
 from ...spatial import Array
-from ..criteria import AS_GOOD, FEWEST_OF_KIND, GAIN, MOST, MOST_EFFORT_TERMS, NO_MATTER, SURE, TRIED, beyond_tolerance
+from ..criteria import AS_GOOD, FEWEST_OF_KIND, GAIN, MOST, MOST_FITS, NO_MATTER, SURE, TRIED, beyond_tolerance
 from .evidence import CrossValidation, held_out, no_worse, relative_gain, scores, standard_error
 from .nonlinear import refined
 from .prepare import PreparedEfforts
@@ -75,7 +75,7 @@ def _forward(
 ) -> EffortModel:
     """Return the model with all laws that enter, one after the other."""
     fresh, squares = True, np.inf
-    while len(model.terms) < MOST_EFFORT_TERMS:
+    while len(model.terms) < MOST_FITS:
         validation = CrossValidation(model)
         tell(1 - np.exp(-len(model.terms) / 8))
         if not fresh and validation.squares.sum() < MOST * squares:
@@ -291,7 +291,7 @@ def _simplest(tried: Sequence[tuple[float, Array, EffortCandidate]]) -> EffortCa
     best_gain, best_after, simplest = max(tried, key=lambda item: item[0])
     for _, after, candidate in tried:
         apart = after - best_after
-        least = max(SURE * standard_error(apart), 0.02 * best_gain)
+        least = max(SURE * standard_error(apart), GAIN * best_gain)
         if float(apart.sum()) < least and candidate.size < simplest.size:
             simplest = candidate
     for _, after, candidate in tried:

@@ -27,10 +27,10 @@ from ..criteria import (
     EFFORT_CURVE_OWN,
     EFFORT_FOREIGN,
     EFFORT_NO_NOISE,
-    EXPLAINED,
     FALSE_ALARM,
     FEWEST_BLOCKS,
     FLIPS,
+    LITTLE,
     LOUD,
     NO_MATTER,
     ROUNDING,
@@ -49,8 +49,6 @@ __all__ = ["TimeVarying", "structure_left", "time_varying", "unexplained"]
 #: What a block may follow of its own joint's motion, and of another joint's.
 _OWN = ("direction", "speed", "position", "load")
 _OTHERS = ("speed", "acceleration", "position")
-#: Share of the recording by which it is shifted at least.
-_NEAR = 0.05
 
 
 def structure_left(final: FinalState) -> list[Finding]:
@@ -103,7 +101,7 @@ def _is_foreign(share: Mapping[str, float]) -> bool:
 
     A correction that takes the drawn efforts away leaves the noise, which speaks for no robot at all.
     """
-    return share["rigid"] > EFFORT_FOREIGN and share["heldout"] > EXPLAINED
+    return share["rigid"] > EFFORT_FOREIGN and share["heldout"] > LITTLE
 
 
 def _foreign(share: Mapping[str, float]) -> Finding:
@@ -134,7 +132,7 @@ def _no_noise(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding
     loud = {
         name: shares[name]["heldout"] * rms_of(residuals.measured[final.efforts.good[:, column], column])
         for column, name in enumerate(final.at.driven)
-        if shares[name]["heldout"] > EXPLAINED and not by_joint[name]["after"] <= EFFORT_NO_NOISE
+        if shares[name]["heldout"] > LITTLE and not by_joint[name]["after"] <= EFFORT_NO_NOISE
     }
     if loud:
         worst = max(loud, key=lambda name: loud[name])
@@ -246,7 +244,7 @@ def time_varying(efforts: PreparedEfforts, left: Array, measured: Array, noise: 
     good = efforts.away_from_ends(min(efforts.judged.cutoffs)) & np.isfinite(left)
     left = np.where(good, left, 0.0)
     white = Whitening(autoregression(left, good, efforts.piece), usable(good, efforts.piece))
-    lags = np.concatenate(([0.0], np.linspace(_NEAR, 1 - _NEAR, FLIPS)))
+    lags = np.concatenate(([0.0], np.linspace(LITTLE, 1 - LITTLE, FLIPS)))
     found, own, others = [], [], []
     for column, joint in enumerate(efforts.at.driven):
         here = good[:, column]
