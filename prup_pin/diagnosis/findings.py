@@ -28,6 +28,7 @@ from .search import Selection
 __all__ = [
     "always_acting",
     "beyond_its_tolerance",
+    "calibrated_beyond",
     "chi2_without",
     "finding_of",
     "finite_deflection",
@@ -37,7 +38,7 @@ __all__ = [
     "rms_of_sum",
     "sensor_displaced",
     "too_few",
-    "unknown_at_robot",
+    "unknown_at",
     "unrecorded_load",
     "with_neutral_values",
     "without_place",
@@ -112,24 +113,31 @@ def always_acting(effect: Effect, robot: Robot) -> Finding:
     )
 
 
-def beyond_its_tolerance(item: CalibratedParameter, held: float) -> Finding:
-    """Return the finding that a parameter lies beyond its tolerance."""
-    reach = 1.96 * item.sd
-    gain = (item.x / item.share) ** 2
-    own = item.deviation.kind in (*SENSORS["pose_sensor"], *SENSORS["target"])  # set up by whoever measures
+def beyond_its_tolerance(
+    name: str, physics: str, place: str, value: FittedParameter, off: float, gain: float, more: str = ""
+) -> Finding:
+    """Return the finding that a parameter lies `off` tolerances beside the robot file, and by which share it counts."""
     return Finding(
-        physics=item.deviation.physics,
-        location=item.deviation.place,
-        candidates=(item.deviation.place,),
-        parameters={
-            item.name: FittedParameter(item.value, item.deviation.unit, (item.value - reach, item.value + reach))
-        },
-        heldout_gain=float(gain / (gain + max(held, 1e-300))),
+        physics=physics,
+        location=place,
+        candidates=(place,),
+        parameters={name: replace(value, drawn=None)},
+        heldout_gain=gain,
         statement=(
-            f"{item.name} lies {number(abs(item.x), 3)} tolerances beside the robot file: "
-            f"{number(item.value, 6)} {item.deviation.unit} instead of {number(item.deviation.nominal, 6)}"
-            + (f"; where it just is there, declare it (tolerance {item.deviation.kind})" if own else "")
+            f"{name} lies {number(abs(off), 3)} tolerances beside the robot file: "
+            f"{number(value.value, 6)} {value.unit} instead of {number(value.drawn or 0.0, 6)}{more}"
         ),
+    )
+
+
+def calibrated_beyond(item: CalibratedParameter, held: float) -> Finding:
+    """Return the finding of a calibrated parameter beyond its tolerance; held: chi squared of what was held out."""
+    reach, gain, of = 1.96 * item.sd, (item.x / item.share) ** 2, item.deviation
+    own = of.kind in (*SENSORS["pose_sensor"], *SENSORS["target"])  # set up by whoever measures
+    more = f"; where it just is there, declare it (tolerance {of.kind})" if own else ""
+    value = FittedParameter(item.value, of.unit, (item.value - reach, item.value + reach), of.nominal)
+    return beyond_its_tolerance(
+        item.name, of.physics, of.place, value, item.x, float(gain / (gain + max(held, 1e-300))), more
     )
 
 
@@ -152,9 +160,10 @@ def without_place(problem: Problem, fit: Fit, selection: Selection, count: int) 
     parts = [(name, squares[where].sum()) for name, _, where in problem.stack.groups()]
     most, size = max(parts, key=lambda part: part[1])
     share = size / max(float(squares.sum()), 1e-300)
-    return unknown_at_robot(
+    return unknown_at(
+        "robot",
         f"what is left is {number(rms_of_sum(fit.chi2, count), 3)} times the noise, and nothing takes it away: "
-        f"{tried}. It shows in the {most} ({100 * share:.0f} % of its square)"
+        f"{tried}. It shows in the {most} ({100 * share:.0f} % of its square)",
     )
 
 
@@ -169,17 +178,18 @@ def nothing_compared(problem: Problem, unused: Sequence[str]) -> Finding:
     if not measured and not any(name.startswith("tau.") for name in unused):
         why += ", and no effort (columns tau.<joint>)"
     rest = f"; not used were {', '.join(unused)}" if unused else ""
-    found = unknown_at_robot(f"nothing could be compared, so nothing can be ruled out: {why}{rest}")
-    return found if measured else replace(found, advice=_NOTHING_MEASURED)
+    statement = f"nothing could be compared, so nothing can be ruled out: {why}{rest}"
+    return unknown_at("robot", statement, advice="" if measured else _NOTHING_MEASURED)
 
 
 def unrecorded_load(left: Noise, force: float) -> Finding:
     """Return the finding that forces [N] nobody recorded leave what is left, which has the size of that noise."""
-    found = unknown_at_robot(
+    return unknown_at(
+        "robot",
         f"what is left, {quantity(left.position, 'm')} and {quantity(left.rotation, 'rad')}, lies where forces of some "
-        f"{number(force, 2)} N at the tool move the robot, and no load was recorded"
+        f"{number(force, 2)} N at the tool move the robot, and no load was recorded",
+        advice="give the load of each sample in columns w.fx … w.mz, with 0 where there was none",
     )
-    return replace(found, advice="give the load of each sample in columns w.fx … w.mz, with 0 where there was none")
 
 
 def too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Finding | None:
@@ -188,11 +198,12 @@ def too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Findi
     if selection.last.terms or could_show_structure(blocks[samples]):
         return None
     noise, poses = problem.noise, len(np.unique(blocks[samples]))
-    return unknown_at_robot(
+    return unknown_at(
+        "robot",
         f"nothing can be said: the noise is not declared, and {counted(len(samples), 'sample')} of "
         f"{counted(poses, 'pose')} are too few to tell noise of {number(1e6 * noise.position, 3)} µm and "
         f"{number(1e6 * noise.rotation, 3)} µrad from something left out. Declare "
-        "position_noise and rotation_noise beside the recording, or record more"
+        "position_noise and rotation_noise beside the recording, or record more",
     )
 
 
@@ -211,10 +222,11 @@ def no_noise(problem: Problem, fit: Fit, blocks: np.ndarray) -> Finding | None:
         why = "it follows time or pose, and noise does not"
     else:
         return None
-    return unknown_at_robot(
+    return unknown_at(
+        "robot",
         f"what is left beside all that may be off, {quantity(problem.noise.position, 'm')} and "
         f"{quantity(problem.noise.rotation, 'rad')}, is no noise: {why}. Declare position_noise and rotation_noise "
-        "beside the recording, or see some poses again"
+        "beside the recording, or see some poses again",
     )
 
 
@@ -231,16 +243,9 @@ def _share_left(problem: Problem, fit: Fit) -> float:
     return float(np.sqrt(left / moved)) if moved else 0.0
 
 
-def unknown_at_robot(statement: str) -> Finding:
-    """Return the finding of something that no law takes away and that has no place."""
-    return Finding(
-        physics="unknown",
-        location="robot",
-        candidates=("robot",),
-        parameters={},
-        heldout_gain=0.0,
-        statement=statement,
-    )
+def unknown_at(where: str, statement: str, share: float = 0.0, advice: str = "") -> Finding:
+    """Return the finding of something unknown at a place, which would take away a share of the residual."""
+    return Finding("unknown", where, (where,), {}, share, statement, advice=advice)
 
 
 def chi2_without(problem: Problem, fit: Fit, index: int) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from .criteria import GAIN, IMITATED, ROUGH, clean_bound
 from .diagnosis import Finding
 from .evidence import cross_validated
-from .findings import chi2_without, finding_of, nothing_compared, parameters_of, rms_of_sum, without_place
+from .findings import chi2_without, finding_of, nothing_compared, parameters_of, rms_of_sum, unknown_at, without_place
 from .locate import LOAD, Located, locate
 from .prepare import Prepared, Tell
 from .problem import Fit, Problem
@@ -105,18 +105,9 @@ def _beside_unknown(
         sides = "to each load from both sides" if came == LOAD else f"to each posture from both sides of {came}"
         statement += ": that is hysteresis, as friction or play leaves, and friction of a drive has no law at rest"
         advice = f"come {sides}: the mean of the two is free of the hysteresis, half of their difference is its size"
-    unknown = Finding(
-        physics="unknown",
-        location=found.module,
-        candidates=found.candidates,
-        parameters={},
-        heldout_gain=float(share),
-        statement=statement,
-        curve=found.curve,
-        advice=advice,
-        approached="" if came == LOAD else came,
-    )
-    return kept, unknown, fit
+    unknown = unknown_at(found.module, statement, float(share), advice)
+    came = "" if came == LOAD else came
+    return kept, replace(unknown, candidates=found.candidates, curve=found.curve, approached=came), fit
 
 
 def _outweighing(

@@ -21,7 +21,7 @@ from .diagnosis import Diagnosis
 from .evidence import is_clean
 from .findings import (
     always_acting,
-    beyond_its_tolerance,
+    calibrated_beyond,
     finite_deflection,
     rms_of_sum,
     sensor_displaced,
@@ -71,7 +71,7 @@ def verdict_of(
         # what no law explains drives them: they are no findings of their own
         remarks.append(_driven_beyond([item.name for item in beyond]))
         beyond = []
-    findings += [beyond_its_tolerance(item, final.held_out) for item in beyond]
+    findings += [calibrated_beyond(item, final.held_out) for item in beyond]
     findings = [with_neutral_values(finding, robot) for finding in findings]
     kinds = [kind for kind in prepared.kinds if not (prepared.placed.found and kind in SENSORS["pose_sensor"])]
     findings += all_over(problem, fit, calibrated, kinds, blocks)

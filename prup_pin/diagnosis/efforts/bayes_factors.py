@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from ...dynamics.inertial import of_pseudo_inertia, pseudo_inertia
 from ...laws.efforts import Body, EffortLaw
@@ -28,10 +29,10 @@ from ..criteria import (
     HELD_MASS,
     HELD_RADIUS,
     HELD_SKEW,
-    ITERATIONS,
     LINK_ANYHOW,
     LINK_KNOWN,
     PARAMETER_COST,
+    ROUNDING,
     SURE,
     TRIED,
 )
@@ -182,10 +183,6 @@ def _among_bodies(
     return out
 
 
-#: The change that ends Newton's method.
-_SETTLED = 1e-4
-#: Difference for derivatives, in standard deviations.
-_STEP = 1e-4
 #: Share of a link's length below which a radius of gyration was left out of a drawing, and what it is then.
 _NO_RADIUS, _SOME_RADIUS = 1e-2, 0.3
 #: Share of the robot's mass that a link of no mass may have.
@@ -304,31 +301,18 @@ def _linear(columns: Array, information: Array, gradient: Array) -> float:
 
 
 def _laplace(parameters: Callable[[Array], Array], information: Array, gradient: Array, start: Array) -> float:
-    """Return the same where they follow any standard normal numbers (n,), about the likeliest of these."""
+    """Return the same where they follow any standard normal numbers (n,), about the likeliest of these.
 
-    def log_posterior(x: Array) -> float:
-        own = parameters(x)
-        return float(gradient @ own - 0.5 * own @ information @ own - 0.5 * x @ x)
+    Least squares of R p - R^-T g beside the numbers themselves, with information R^T R, where it is any.
+    """
+    values, vectors = np.linalg.eigh(information)
+    known = values > ROUNDING * values[-1]
+    root = np.sqrt(values[known])[:, None] * vectors[:, known].T
+    asked = (vectors[:, known].T @ gradient) / np.sqrt(values[known])
 
-    def slopes(x: Array) -> Array:
-        steps = _STEP * np.eye(len(x))
-        return np.column_stack([(parameters(x + step) - parameters(x - step)) / (2 * _STEP) for step in steps])
+    def left(x: Array) -> Array:
+        return np.append(root @ parameters(x) - asked, x)
 
-    x, best, damping = start, log_posterior(start), 1e-2
-    for _ in range(ITERATIONS):
-        slope = slopes(x)
-        inner = slope.T @ information @ slope + np.eye(len(x))
-        uphill = slope.T @ (gradient - information @ parameters(x)) - x
-        before = best
-        for _ in range(12):
-            tried = x + np.linalg.solve(inner + damping * np.diag(np.diag(inner)), uphill)
-            now = log_posterior(tried)
-            if now > best:
-                x, best, damping = tried, now, max(damping / 8, 1e-9)
-                break
-            damping *= 4
-        if best - before < _SETTLED:
-            break
-    slope = slopes(x)
-    inner = slope.T @ information @ slope + np.eye(len(x))
-    return best - 0.5 * float(np.linalg.slogdet(inner)[1])
+    found = least_squares(left, start, method="lm")
+    size = float(np.linalg.slogdet(found.jac.T @ found.jac)[1])
+    return float(asked @ asked) / 2 - float(found.cost) - size / 2

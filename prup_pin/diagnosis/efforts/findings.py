@@ -14,6 +14,7 @@ from ...spatial import Array
 from ..chances import student_ppf
 from ..criteria import ALIKE, FALSE_ALARM, MOST, MOST_COMBINATIONS, beyond_tolerance
 from ..diagnosis import Finding, FittedParameter, heldout_gain
+from ..findings import beyond_its_tolerance
 from .evidence import CrossValidation, held_out
 from .final_state import FinalState
 from .gains import law_of_gains
@@ -222,14 +223,6 @@ def beyond_found(final: FinalState) -> Iterator[Finding]:
             continue  # tolerances and what is not known of it may be off together
         value = item.nominal + amount * item.tolerance
         reach = student_ppf(0.975, degrees) * spread * item.tolerance
-        yield Finding(
-            physics=item.law.physics,
-            location=item.place,
-            candidates=(item.place,),
-            parameters={item.name: FittedParameter(value, item.unit, (value - reach, value + reach))},
-            heldout_gain=float(amount**2 / (amount**2 + final.held_out.sum())),
-            statement=(
-                f"{item.name} lies {number(abs(amount), 3)} tolerances beside the robot file: "
-                f"{number(value, 6)} {item.unit} instead of {number(item.nominal, 6)}"
-            ),
-        )
+        gain = float(amount**2 / (amount**2 + final.held_out.sum()))
+        fitted = FittedParameter(value, item.unit, (value - reach, value + reach), item.nominal)
+        yield beyond_its_tolerance(item.name, item.law.physics, item.place, fitted, amount, gain)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -21,6 +21,7 @@ from ...numbers import number
 from ...spatial import Array
 from ..criteria import BEYOND, FEWEST_OF_KIND, LITTLE, MOST, MUCH, OUTLIER, ROUNDING
 from ..diagnosis import Finding
+from ..findings import unknown_at
 from .problem import EffortProblem, column_scales
 
 __all__ = ["OutlierInterval", "is_outlying", "outlier_intervals"]
@@ -53,7 +54,7 @@ class OutlierInterval:
             "off there as all laws leave elsewhere: was the robot stopped by its brakes, or did it run into something? "
             "That stretch was left out of all else"
         )
-        return Finding("unknown", where, tuple(dict.fromkeys((where, *self.joints))), {}, 0.0, text)
+        return replace(unknown_at(where, text), candidates=tuple(dict.fromkeys((where, *self.joints))))
 
 
 def is_outlying(interval: OutlierInterval, rows: np.ndarray, residual: Array, good: np.ndarray) -> bool:

@@ -37,6 +37,7 @@ from ..criteria import (
     SURE,
 )
 from ..diagnosis import Finding, heldout_gain
+from ..findings import unknown_at
 from .conventions import CHECK_ROBOT
 from .evidence import held_out, relative_gain
 from .final_state import FinalState
@@ -63,7 +64,7 @@ def structure_left(final: FinalState) -> list[Finding]:
             f"of its own would take away {100 * share:.0f} % of the square of what is left"
             + ("" if term.is_of_time else ", and the corrected model follows it")
         )
-        found.append(_unknown_at(joint, text, share))
+        found.append(unknown_at(joint, text, share))
     for term in final.impossible:
         joint, link, saved = final.joint_of(term.place.name), term.place.name, final.held_out_saving(term)
         share = float(np.clip(saved / max(saved + float(final.held_out.sum()), np.finfo(float).tiny), 0.0, 1.0))
@@ -71,7 +72,7 @@ def structure_left(final: FinalState) -> list[Finding]:
             f"structure is left over at {joint} that no law of the library takes away; masses of {link} that no body "
             f"has would take away {100 * share:.0f} % of its square; the corrected model keeps to a body that can be"
         )
-        found.append(replace(_unknown_at(joint, text, share), candidates=(joint, link)))
+        found.append(replace(unknown_at(joint, text, share), candidates=(joint, link)))
     return found
 
 
@@ -79,7 +80,7 @@ def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[F
     """Return the findings of what no law explains: the structure that is left, or a residual that is no noise."""
     if final.problem.columns.count < FEWEST_BLOCKS:
         text = f"{len(final.efforts.kept)} samples of efforts are too few to judge anything by others"
-        return [_unknown_at("robot", text)]
+        return [unknown_at("robot", text)]
     found = list(structure)
     if not found and final.recording.noise.effort:
         found = list(_beyond_declared(residuals))
@@ -89,11 +90,6 @@ def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[F
         found = [_foreign(residuals.shares["all"])]
     named = {finding.location for finding in found}
     return found + [item for item in _worse(final, residuals) if item.location not in named]
-
-
-def _unknown_at(where: str, statement: str, share: float = 0.0, advice: str = "") -> Finding:
-    """Return the finding of something unknown at a place, which would take away a share of the residual."""
-    return Finding("unknown", where, (where,), {}, share, statement, advice=advice)
 
 
 def _is_foreign(share: Mapping[str, float]) -> bool:
@@ -106,7 +102,7 @@ def _is_foreign(share: Mapping[str, float]) -> bool:
 
 def _foreign(share: Mapping[str, float]) -> Finding:
     """Return the finding of a log that is hardly one of this robot."""
-    return _unknown_at(
+    return unknown_at(
         "robot",
         f"what the robot file leaves is {number(share['rigid'], 3)} times the efforts themselves, and with all that "
         f"was corrected {number(100 * share['heldout'], 3)} % of them are left: this is hardly a log of this robot. "
@@ -119,7 +115,7 @@ def _beyond_declared(residuals: EffortResiduals) -> Iterator[Finding]:
     if residuals.after["fit"] > LOUD:
         worst = max(residuals.by_joint, key=lambda name: residuals.by_joint[name]["after"])
         multiple = number(residuals.by_joint[worst]["after"], 3)
-        yield _unknown_at(
+        yield unknown_at(
             worst,
             f"what is left at {worst} is {multiple} times the declared noise; no law of the library takes it away, and "
             "it follows neither speed, position, load nor time",
@@ -142,7 +138,7 @@ def _no_noise(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding
             if np.isfinite(multiple)
             else "and nothing tells how much a sample of it scatters by itself"
         )
-        yield _unknown_at(
+        yield unknown_at(
             worst,
             f"{number(100 * here, 3)} % of the effort of {worst} are left, {times} ({number(100 * all_left, 3)} % of "
             "all efforts); no law of the library takes it away, and no noise was declared that it could be",
@@ -165,7 +161,7 @@ def _unmoved(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]
         size, left = rms_of(measured), float(np.std(measured - predicted))
         if left > max(NO_MATTER * size, float(np.hypot(np.std(rigid), scatter[column]))):
             multiple = number(residuals.by_joint[name]["after"], 3)
-            yield _unknown_at(
+            yield unknown_at(
                 name,
                 f"the position of {name} never changes, while its effort does by {multiple} times what a sample of "
                 f"it scatters by itself and {number(100 * (left / size), 3)} % of it: more than the load on it changes",
@@ -187,7 +183,7 @@ def _worse(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]:
         )
         _, sure = relative_gain(*(np.array([float(own[part].sum()) for part in blocks]) for own in squares))
         if sure > SURE:
-            yield _unknown_at(
+            yield unknown_at(
                 name,
                 f"with what was found {number(100 * left, 3)} % of the effort of {name} are left on blocks of time "
                 f"that were not fitted, as drawn {number(100 * drawn, 3)} %: what takes place there is none of the "
@@ -206,7 +202,7 @@ def _varying(final: FinalState) -> Iterator[Finding]:
     found = time_varying(efforts, left, measured, np.nan_to_num(noise))
     if found is not None:
         followed = f"its {found.variable}" if found.of == found.joint else f"the {found.variable} of {found.of}"
-        yield _unknown_at(
+        yield unknown_at(
             found.joint,
             f"what is left at {found.joint} follows {followed} by an amount that changes with time, which would take "
             f"away {number(100 * found.share, 2)} % of its square beyond chance and is {number(100 * found.size, 2)} % "
