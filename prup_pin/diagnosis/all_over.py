@@ -9,7 +9,7 @@ import numpy as np
 from ..numbers import number, quantity
 from ..recordings import KINDS_OF_TOLERANCE
 from .calibrate import CalibratedParameter
-from .chances import normal_isf
+from .chances import WITHIN_95, normal_isf
 from .criteria import FALSE_ALARM, MOST_LISTED
 from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated
@@ -53,10 +53,7 @@ def _finding(
         location=places[0] if len(places) == 1 else "robot",
         candidates=tuple(places if len(places) == 1 else ("robot", *places)),
         parameters={
-            item.name: FittedParameter(
-                item.value, item.deviation.unit, (item.value - 1.96 * item.sd, item.value + 1.96 * item.sd)
-            )
-            for item in told
+            item.name: FittedParameter.about(item.value, item.deviation.unit, WITHIN_95 * item.sd) for item in told
         },
         heldout_gain=heldout_gain(held, without),
         statement=f"{words}: {_sizes(items)}{text}",

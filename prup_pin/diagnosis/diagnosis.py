@@ -46,6 +46,11 @@ class FittedParameter:
     interval: tuple[float, float]
     drawn: float | None = None
 
+    @classmethod
+    def about(cls, value: float, unit: str, reach: float, drawn: float | None = None) -> FittedParameter:
+        """Return a value whose interval reaches so far on both sides."""
+        return cls(value, unit, (value - reach, value + reach), drawn)
+
 
 @dataclass(frozen=True)
 class Finding:

@@ -18,6 +18,7 @@ from .calibrate import (
     CalibratedParameter,
 )
 from .candidates import Candidate
+from .chances import WITHIN_95
 from .criteria import INDISTINCT, MUCH, POSE_UNTOLD, UNSEEN, WEIGHT_SHOWS, WIDEST_LOGARITHM
 from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated, implausible, scale_of
@@ -85,7 +86,7 @@ def sensor_displaced(
         deviation = np.sqrt(sizes**2 @ (whole**2).T).ravel()
     units = {quantity.name: quantity.unit for quantity in law.quantities}
     parameters = {
-        name: FittedParameter(value, units[name], (value - 1.96 * size, value + 1.96 * size))
+        name: FittedParameter.about(value, units[name], WITHIN_95 * size)
         for (name, value), size in zip(values.items(), deviation.tolist(), strict=True)
     }
     return Finding(
@@ -132,10 +133,10 @@ def beyond_its_tolerance(
 
 def calibrated_beyond(item: CalibratedParameter, held: float) -> Finding:
     """Return the finding of a calibrated parameter beyond its tolerance; held: chi squared of what was held out."""
-    reach, gain, of = 1.96 * item.sd, (item.x / item.share) ** 2, item.deviation
+    gain, of = (item.x / item.share) ** 2, item.deviation
     own = of.kind in (*SENSORS["pose_sensor"], *SENSORS["target"])  # set up by whoever measures
     more = f"; where it just is there, declare it (tolerance {of.kind})" if own else ""
-    value = FittedParameter(item.value, of.unit, (item.value - reach, item.value + reach), of.nominal)
+    value = FittedParameter.about(item.value, of.unit, WITHIN_95 * item.sd, of.nominal)
     return beyond_its_tolerance(
         item.name, of.physics, of.place, value, item.x, float(gain / (gain + max(held, 1e-300))), more
     )
@@ -343,7 +344,7 @@ def parameters_of(problem: Problem, fit: Fit, index: int) -> dict[str, FittedPar
     candidate: Candidate = term.candidate
     out = {}
     for place, each in enumerate(candidate.quantities):
-        deviation = 1.96 * float(np.sqrt(max(covariance[start + place, start + place], 0.0)))
+        deviation = WITHIN_95 * float(np.sqrt(max(covariance[start + place, start + place], 0.0)))
         if unseen[start + place]:
             deviation = np.inf  # these data do not depend on it
         ends = []

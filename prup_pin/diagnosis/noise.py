@@ -16,7 +16,7 @@ from ..channels import Linear, Noise, PoseChannel, Stack
 from ..laws import Inputs
 from ..recordings import Recording
 from ..spatial import Array, turn_between
-from .chances import chi2_sf, normal_cdf, normal_pdf, normal_sf
+from .chances import chi2_sf, normal_cdf, normal_pdf, normal_sf, robust_deviation
 from .criteria import (
     BLOCKS,
     FEWEST_IN_BLOCK,
@@ -96,7 +96,7 @@ def _scatter(values: Array) -> float | None:
     """Return the standard deviation of either of two numbers with these differences, outliers left out."""
     if len(values) < FEWEST_NUMBERS:
         return None
-    robust = 1.4826 * float(np.median(np.abs(values)))
+    robust = robust_deviation(values)
     for _ in range(5):  # a mean of squares without outliers says more than the median
         inside = np.abs(values) <= SURE * robust
         robust = float(np.sqrt((values[inside] ** 2).mean() / _CLIPPED)) if inside.any() else robust

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..spatial import Array
 from .candidates import Candidate
+from .chances import WITHIN_95
 from .criteria import (
     BEYOND,
     CURVATURE,
@@ -386,7 +387,7 @@ def _split(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator
         sure = _standard_scores(problem, fit, index)
         terms = [other for place, other in enumerate(fit.terms) if place != index]
         for place in np.argsort(-sure):
-            if sure[place] > 1.96:
+            if sure[place] > WITHIN_95:
                 candidate, name = single[law.physics, places[names[place]]], names[place]
                 terms.append(candidate.term(candidate.coordinates_of(np.array([term.effect.values[name]]))))
         if len(fit.terms) <= len(terms) <= MOST_TERMS:

@@ -14,7 +14,7 @@ from ...recordings import Recording
 from ...recordings.columns import AS_LOGGED
 from ...robot import Robot
 from ...spatial import Array
-from ..chances import hotelling_sf, student_ppf, student_sf
+from ..chances import hotelling_sf, student_95, student_sf
 from ..criteria import EFFORT_IMITATED, FALSE_ALARM, GAIN, LITTLE, MOST, SURE
 from .conventions import gains_apart
 from .evidence import held_out, relative_gain
@@ -205,7 +205,7 @@ class FinalState:
         sure = np.abs(change) / np.maximum(deviation, np.finfo(float).tiny)
         # one of so many that may differ by chance
         chance = 2 * max(len(change), 1) * np.array([student_sf(size, degrees) for size in sure])
-        return ChangedParameters(base, change, student_ppf(0.975, degrees) * deviation, chance)
+        return ChangedParameters(base, change, student_95(degrees) * deviation, chance)
 
     @property
     def needless(self) -> EffortCandidate | None:

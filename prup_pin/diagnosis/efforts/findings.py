@@ -11,7 +11,7 @@ from ...laws.efforts import Body
 from ...numbers import number
 from ...recordings import Convention
 from ...spatial import Array
-from ..chances import student_ppf
+from ..chances import WITHIN_95, student_95
 from ..criteria import ALIKE, FALSE_ALARM, MOST, MOST_COMBINATIONS, beyond_tolerance
 from ..diagnosis import Finding, FittedParameter, heldout_gain
 from ..findings import beyond_its_tolerance
@@ -92,7 +92,7 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
     """Yield that the drives report in units of their own."""
     if final.gains is None:
         return
-    factor = np.exp(1.96 * final.gains.deviation)
+    factor = np.exp(WITHIN_95 * final.gains.deviation)
     gains = dict(zip(final.at.driven, map(float, final.gains.gains), strict=True))
     parameters = {
         f"{name}.reported": FittedParameter(
@@ -134,10 +134,10 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
     differ = np.flatnonzero(chance < FALSE_ALARM)
     without = held_out(final.model.without(term))
     parameters = {
-        base.names[i]: FittedParameter(
+        base.names[i]: FittedParameter.about(
             float(drawn[i] + change[i]),
             _UNITS[law.linear[base.leads[i]].rpartition(".")[2]],
-            (float(drawn[i] + change[i] - reach[i]), float(drawn[i] + change[i] + reach[i])),
+            float(reach[i]),
             float(drawn[i]),
         )
         for i in differ[np.argsort(chance[differ], kind="stable")][:MOST_COMBINATIONS]
@@ -190,7 +190,7 @@ def _parameters(final: FinalState, term: EffortCandidate, values: Mapping[str, f
     own = final.model.slice_of(term)
     x = final.x[own]
     deviation = np.sqrt(np.maximum(np.diag(covariance)[own], 0.0))
-    reach = student_ppf(0.975, degrees)
+    reach = student_95(degrees)
     out = {}
     quantities = {q.name: q for q in term.law.quantities_at(term.place, final.mechanism)}
     # the coefficients' scatter, carried over to the parameters
@@ -222,7 +222,7 @@ def beyond_found(final: FinalState) -> Iterator[Finding]:
         if abs(amount) <= limit * np.hypot(1.0, spread):
             continue  # tolerances and what is not known of it may be off together
         value = item.nominal + amount * item.tolerance
-        reach = student_ppf(0.975, degrees) * spread * item.tolerance
+        reach = student_95(degrees) * spread * item.tolerance
         gain = float(amount**2 / (amount**2 + final.held_out.sum()))
-        fitted = FittedParameter(value, item.unit, (value - reach, value + reach), item.nominal)
+        fitted = FittedParameter.about(value, item.unit, reach, item.nominal)
         yield beyond_its_tolerance(item.name, item.law.physics, item.place, fitted, amount, gain)

@@ -24,6 +24,7 @@ from ...dynamics import InMotion, at_limit, is_standing
 from ...recordings import Recording
 from ...recordings.recording import STANDSTILL
 from ...spatial import Array
+from ..chances import robust_deviation
 from ..criteria import MOST
 
 __all__ = ["EffortNoise", "noise_of", "noise_of_efforts", "rounding_that_follows"]
@@ -43,8 +44,6 @@ _GAP = 8.0
 _REST, _SLOW = 0.25, 2e-3
 #: Harmonics of a sawtooth that hold all but a thousandth of it.
 _HARMONICS = 700
-#: The middle of normal numbers' sizes over their standard deviation.
-_MIDDLE = 0.6745
 
 
 @dataclass(frozen=True)
@@ -224,4 +223,4 @@ def _step(values: Array) -> float:
 def _scatter(left: Array, fitted: int) -> float:
     """Return the standard deviation of residuals after so many coefficients were fitted, by their median."""
     free = np.sqrt(len(left) / max(len(left) - fitted, 1))
-    return float(np.median(np.abs(left))) / _MIDDLE * free
+    return robust_deviation(left) * free

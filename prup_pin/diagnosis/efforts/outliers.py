@@ -19,6 +19,7 @@ from ...dynamics import InMotion
 from ...dynamics.smoothing import pieces
 from ...numbers import number
 from ...spatial import Array
+from ..chances import robust_deviation
 from ..criteria import BEYOND, FEWEST_OF_KIND, LITTLE, MOST, MUCH, OUTLIER, ROUNDING
 from ..diagnosis import Finding
 from ..findings import unknown_at
@@ -172,9 +173,7 @@ def _windows(piece: np.ndarray) -> Iterator[slice]:
 
 def _noise(left: Array, good: np.ndarray) -> Array:
     """Return the noise (k,) of each joint's residual by its median, whatever a few samples are."""
-    sizes = [
-        1.4826 * float(np.median(np.abs(own[at]))) if at.any() else 0.0 for own, at in zip(left.T, good.T, strict=True)
-    ]
+    sizes = [robust_deviation(own[at]) if at.any() else 0.0 for own, at in zip(left.T, good.T, strict=True)]
     return np.maximum(sizes, max(max(sizes), np.finfo(float).tiny) * 1e-6)
 
 
