@@ -33,7 +33,6 @@ from .criteria import (
     CALIBRATION_STEP,
     FEW_ROUNDS,
     FREELY,
-    LOUD,
     MUCH,
     PARAMETER_COST,
     ROUNDS,
@@ -391,7 +390,7 @@ def _improved(problem, now: Calibrated, least_share: float = CALIBRATION_STEP) -
         root = np.linalg.cholesky(normal).T
         step = least_within(root, root @ (now.x + step), np.broadcast_to(now.reach, step.shape)) - now.x
     # Where much is left, the last digits would be those of a model that lacks something.
-    more = max(now.objective - LOUD * now.residual.size, 0.0)
+    more = max(now.objective - AS_GOOD * now.residual.size, 0.0)
     if float(step @ normal @ step) < SETTLED + UNSEEN * more:
         return None
     share = 1.0

@@ -68,7 +68,8 @@ ALIKE: Final = 0.95
 IMITATED: Final = 100.0
 #: A law at the same joint imitates a curve where the curve saves more than this share of what the law does.
 EFFORT_IMITATED = 0.03
-#: What leaves so many times as much as the best does is as good.
+#: What leaves so many times as much as the best does is as good; what leaves more than so many times the noise lacks
+#: something: of efforts, and while parameters are calibrated, whose last digits are not looked for then.
 AS_GOOD: Final = 1.5
 #: So many times as much is another thing: noise declared that is larger than repeats show, residuals in an interval
 #: beside all others, positions beyond a joint's limits, a module that is softer than drawn, masses.
@@ -86,9 +87,6 @@ NOISE_LIKE: Final = 1.10
 #: Where a law takes away all but GAIN, a slightly rough law is still the right one up to this many times the noise,
 #: beside toleranced parameters that shift the load at which a gap closes or a joint slides.
 ROUGH: Final = 1.25
-#: Multiple of the noise beyond which much is left: of efforts, no noise; while parameters are calibrated, that is the
-#: mean square, and the last digits are not looked for.
-LOUD: Final = 1.5
 #: What varies or acts by less does not [N, N m, m, rad, K, s]; nor is less than this share of anything something.
 NOTHING: Final = 1e-6
 #: A parameter whose usual change moves the whole residual by less than this share of the noise is not seen, nor one in
@@ -175,7 +173,7 @@ AR_ORDER, AR_FLOOR = 6, 0.01
 #: A step that gains less chi squared than this changes nothing that is told; explanations that differ by less at all
 #: poses and loads weighed are one and the same.
 SETTLED: Final = 0.05
-#: ... nor, where the mean squared residual exceeds LOUD, one that gains less than UNSEEN of what exceeds it.
+#: ... nor, where the mean squared residual exceeds AS_GOOD, one that gains less than UNSEEN of what exceeds it.
 #: A step that does not help is shortened down to this share.
 CALIBRATION_STEP: Final = 0.01
 #: Logarithm by which a parameter may be off that may take what it likes: a stiffness may be a twentieth then, or so,
@@ -192,14 +190,14 @@ POSE_UNTOLD: Final = 0.02
 #: Wrenches of one block that differ by less than this share of the largest are one load, repeated.
 SAME_LOAD: Final = 0.02
 #: Fewer numbers tell no scatter: those of eight repeats of a position.
-FEWEST_NUMBERS: Final = 24
+FEWEST_NUMBERS: Final = 2 * FEWEST_IN_BLOCK
 #: What a good sensor has, where nothing is declared and nothing repeats [m, rad].
 USUAL_POSITION_NOISE: Final = 1e-6
 USUAL_ROTATION_NOISE: Final = 5e-6
 #: Below this change of temperature growth hides in the noise of a thermometer [K].
 LEAST_WARMING: Final = 0.2
-#: Noise that every bench is better than [m, rad]: weights of positions against rotations.
-COARSE: Final = (1e-5, 1e-5, 1e-5, 5e-5, 5e-5, 5e-5)
+#: Noise that every bench is better than, six columns [m, rad]: weights of positions against rotations.
+COARSE: Final = (*3 * (USUAL_POSITION_NOISE / LITTLE,), *3 * (USUAL_ROTATION_NOISE / LITTLE,))
 #: Runs without which it is not asked whether the pose sensor stands elsewhere in each, unless that is declared; drives
 #: of which some show what one thing does to all; outlier intervals, beyond which such a thing is the robot's own.
 FEWEST_OF_KIND: Final = 3
@@ -230,10 +228,10 @@ LEAST_REACH: Final = 0.1
 #: A frame's tolerance beyond which its sensor stands anywhere [m], a turn counted at this lever [m]; and a target's.
 OPEN_FRAME: Final = 0.05
 LEVER: Final = 1.0
-OPEN_TARGET: Final = 5e-3
+OPEN_TARGET: Final = LITTLE * OPEN_FRAME
 #: Points without which no rigid motion is told, that must leave less than most of the distance to be taken.
 FEWEST_REGISTERED: Final = 6
-#: Orientations farther apart than this are no deflections either [rad].
+#: Orientations farther apart than this are no deflections either [rad]; by so much a base is tilted to tell weight.
 TURNED: Final = 0.2
 #: Share of the efforts beyond which columns may be meant otherwise: one of seven joints whose sign is turned round
 #: leaves more; another reading must leave no more than most of that, and of all. Samples below which nothing is said.
@@ -300,8 +298,6 @@ WEIGHED_POSES, WEIGHED_LOADS = 3 * PLANNED_POSES, 2 * PLANNED_POSES
 #: and near the best ones, for a gap that just closes shows in few of them.
 DEEPER_SEARCHES: Final = 2
 DEEPER_CANDIDATES: Final = WEIGHED_POSES * WEIGHED_LOADS
-#: What else might tell such a pair apart is simulated: loads MUCH larger, the base tilted by so much [rad].
-TILTED_BASE: Final = 0.2
 #: Poses may lie outside the recorded ones by this share of their span, or by this much where they hardly vary [m, rad].
 WIDER: Final = 0.25
 LEAST_WIDER: Final = 0.02

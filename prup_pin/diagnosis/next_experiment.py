@@ -24,7 +24,7 @@ from .criteria import (
     PARAMETER_COST,
     PLANNED_POSES,
     SETTLED,
-    TILTED_BASE,
+    TURNED,
     WEIGHED_LOADS,
     WEIGHED_POSES,
 )
@@ -319,10 +319,10 @@ class _Outcome:
 
 
 def _tilted(gravity: Array) -> Array:
-    """Return gravity (3,) as a base has it that is tilted by TILTED_BASE about the axis most across it."""
+    """Return gravity (3,) as a base has it that is tilted by TURNED about the axis most across it."""
     axis = np.cross(gravity, np.eye(3)[int(np.argmin(np.abs(gravity)))])
     axis /= np.linalg.norm(axis)
-    return gravity * np.cos(TILTED_BASE) + np.cross(axis, gravity) * np.sin(TILTED_BASE)
+    return gravity * np.cos(TURNED) + np.cross(axis, gravity) * np.sin(TURNED)
 
 
 def _plan(search: _Design, chosen: Sequence[int], cycle: Sequence[float], warm: bool = False) -> dict[str, Any]:

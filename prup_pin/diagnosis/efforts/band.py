@@ -28,23 +28,18 @@ from ...laws.efforts.effort_law import usual_way
 from ...mechanism import Mechanism
 from ...recordings import Recording
 from ...spatial import Array
-from ..criteria import FEW_ROUNDS, MOST, ROUNDING, TREMOR
+from ..criteria import FEW_ROUNDS, MOST, MUCH, ROUNDING, TREMOR
 
 __all__ = ["Spectra", "band_of", "coherent_band", "in_motion", "spectra_of"]
 
 #: Up to how many times the motion's own frequency, below which all of its way but a tremor lies, efforts are compared.
 _OWN_TIMES = 4.0
-#: Times as far up as that, at most, where motors vibrate: bodies that swing on gears look heavier by 1 / (1 - r^2), at
-#: a tenth of a resonance by a hundredth, at half of it by a third, and vibration is all that is there between.
-_SHAKEN_TIMES = 3.0
 #: Coherence from which it is no noise that makes the prediction worse, but a motor that vibrates; and the share of that
 #: frequency up to which efforts are then compared: a gear that yields deviates from a rigid one by 1 / (1 - r^2) at the
 #: share r of its resonance, a third at half of it.
 _COHERENT, _FOOT = 0.25, 0.5
 #: ... as where what a coherent prediction leaves has risen so many times above what it left before.
 _RISEN = 10.0
-#: Share of what the drawn bodies miss that stays missed, squared.
-_MISSED = 0.01
 #: Periods of the motion's own frequency in a stretch whose spectrum is taken, and fewest stretches.
 _PERIODS, _STRETCHES = 4.0, 6
 
@@ -145,7 +140,9 @@ def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> tuple[Array, bo
     cut = np.where(rising.any(axis=1), spectra.frequency[np.argmax(rising, axis=1)], cut)
     shaken |= rising.any(axis=1)
     if shaken.any():
-        most = _SHAKEN_TIMES * lowest
+        # bodies that swing on gears look heavier by 1 / (1 - r^2), at a tenth of a resonance by a hundredth, at half of
+        # it by a third, and vibration is all that is there between
+        most = MUCH * lowest
         cut = np.minimum(cut, np.sqrt(most * np.clip(cut[shaken].min(), lowest, most)))
     return np.maximum(cut, lowest), bool(shaken.any())
 
@@ -204,7 +201,7 @@ def _fitted(at: InMotion, joint: int, columns: tuple[Array, Array, Array], cutof
     sizes = np.sqrt((low**2).sum(axis=0))
     # bodies by their spread, beside what no law takes away; of samples that the cut-off makes alike one counts
     alike = at.motion.rate / (2 * cutoff)
-    weights = np.where(np.arange(every.shape[1]) < bodies.shape[1], alike * _MISSED * np.mean(asked**2), 0.0)
+    weights = np.where(np.arange(every.shape[1]) < bodies.shape[1], alike * TREMOR * np.mean(asked**2), 0.0)
     matrix = low.T @ low + np.diag(weights + ROUNDING * np.maximum(sizes**2, np.finfo(float).tiny))
     scale = 1 / np.sqrt(np.diag(matrix))
     x = scale * np.linalg.solve(matrix * scale[:, None] * scale, scale * (low.T @ asked))

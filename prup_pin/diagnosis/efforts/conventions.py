@@ -37,6 +37,7 @@ from ..criteria import (
     EFFORT_UNIT,
     EFFORT_UNIT_SHARE,
     FEWEST_OF_KIND,
+    GAIN,
     MOST,
     MOST_LISTED,
     MUCH,
@@ -58,8 +59,6 @@ __all__ = [
 _SAMPLES, _SCANNED = 600, 80
 #: Conventions one after the other.
 _MOST = 6
-#: Share by which a reading must leave less for each of its words.
-_WORD = 0.02
 #: Words for axes that count together.
 _TOGETHER = ("plus", "minus")
 #: Ratios that come nearest, which are looked at more closely.
@@ -319,7 +318,7 @@ class _Search:
             if not tried:
                 break
             # what takes more words must leave less for each of them
-            cost = [left * (1 + _WORD * len(step)) for left, step, _ in tried]
+            cost = [left * (1 + GAIN * len(step)) for left, step, _ in tried]
             best = int(np.argmin(cost))
             left, step, read = tried[best]
             if left > EFFORT_STEP * least:

@@ -16,7 +16,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import gammaincc
 
 from ...spatial import Array
-from ..criteria import EFFORT_INDISTINCT, EFFORT_TOLD, FALSE_ALARM, FLIPS, SURE
+from ..criteria import EFFORT_INDISTINCT, EFFORT_TOLD, FALSE_ALARM, FLIPS, ROUNDING, SURE
 from .problem import EffortCandidate, EffortModel, NormalEquations, column_scales, fit, identifiable
 
 __all__ = [
@@ -29,9 +29,6 @@ __all__ = [
     "scores",
     "standard_error",
 ]
-
-#: Of unit columns, squared, for each of them: keeps combinations that nothing tells where they are.
-_ROUNDING = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +133,7 @@ class CrossValidation:
         # by what all blocks say: a column may live in this fold alone
         scale = column_scales(np.diag(self._total)[where] + self.problem.prior[where])
         scaled = own * scale[:, None] * scale
-        scaled[np.diag_indices_from(scaled)] += _ROUNDING * max(len(where), 1)
+        scaled[np.diag_indices_from(scaled)] += ROUNDING * max(len(where), 1)
         factor = cho_factor(scaled) if len(where) else (np.zeros((0, 0)), False)
         fold = _Fold(number, where, np.zeros(len(where)), factor, scale)
         return replace(fold, x=fold.solve(self._moments(number, where)[:, None])[:, 0])

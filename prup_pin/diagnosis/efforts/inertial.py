@@ -25,13 +25,11 @@ from ...dynamics.inertial import pseudo_inertia
 from ...mechanism import Mechanism
 from ...numbers import number
 from ...spatial import Array
-from ..criteria import EFFORT_TOLD, ITERATIONS, MOST_LISTED, NOTHING, ROUNDING, UNSEEN
+from ..criteria import EFFORT_TOLD, ITERATIONS, LITTLE, MOST_LISTED, NOTHING, ROUNDING, UNSEEN
 from .problem import EffortModel, fit
 
 __all__ = ["BaseParameters", "consistent_fit"]
 
-#: By which the divergence's weight falls from one run of it to the next.
-_SOFTER = 10.0
 #: Weight of the divergence where a law says nothing of what its body is likely to be.
 _WEIGHT = 0.5
 _UNITS = np.array([pseudo_inertia(unit) for unit in np.eye(10)])
@@ -121,7 +119,7 @@ def consistent_fit(model: EffortModel, toleranced: Sequence[tuple[int, Array] | 
             found = _newton(matrix, moment, bodies, free, found, weight)
             if weight <= _WEIGHT:
                 break
-            weight = max(weight / _SOFTER, _WEIGHT)
+            weight = max(LITTLE * weight, _WEIGHT)
         negative = model.one_sided & (found < 0)
         if not negative.any():
             return found, matrix

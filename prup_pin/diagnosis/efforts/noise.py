@@ -25,7 +25,7 @@ from ...recordings import Recording
 from ...recordings.recording import STANDSTILL
 from ...spatial import Array
 from ..chances import robust_deviation
-from ..criteria import MOST
+from ..criteria import LITTLE, MOST
 
 __all__ = ["EffortNoise", "noise_of", "noise_of_efforts", "rounding_that_follows"]
 
@@ -36,8 +36,6 @@ _MOST = 20_000
 #: What is so many times the usual innovation is a jump, as friction is that turns round: samples that it is among are
 #: left out, and the others foretold again, as long as they are most of all: what comes more often is the noise.
 _JUMP, _ROUNDS = 4.0, 4
-#: A column is sampled more slowly than rows come where nine in ten of its values stand for two rows and more.
-_HELD = 0.1
 #: Steps of the clock, in usual ones, over which nothing is foretold.
 _GAP = 8.0
 #: A joint stands where its speed over this time [s] is below this share of its usual one; and rests that last.
@@ -127,7 +125,8 @@ def _sampled(values: Array) -> np.ndarray:
     """Return the rows (m,) at which a column was measured: not those that hold what was measured before."""
     known = np.flatnonzero(np.isfinite(values))
     changes = known[np.concatenate(([True], np.diff(values[known]) != 0))] if len(known) else known
-    held = len(changes) > 2 and np.quantile(np.diff(changes), _HELD) >= 2
+    # it is sampled more slowly than rows come where all but a few of its values stand for two rows and more
+    held = len(changes) > 2 and np.quantile(np.diff(changes), LITTLE) >= 2
     return changes if held else known
 
 

@@ -27,10 +27,9 @@ from .problem import EffortProblem, column_scales
 
 __all__ = ["OutlierInterval", "is_outlying", "outlier_intervals"]
 
-#: Kept samples that are looked at together, and those at an end of a piece where filters have not settled.
+#: Kept samples that are looked at together; those at an end of a piece where filters have not settled, and between two
+#: intervals.
 _WINDOW, _END = 4, 8
-#: Samples between two intervals.
-_BETWEEN = 6
 
 
 @dataclass(frozen=True)
@@ -185,7 +184,7 @@ def _spans(out: np.ndarray, around: np.ndarray, piece: np.ndarray) -> Iterator[s
         if not len(at):
             continue
         last_end = 0
-        for part in np.split(at, np.flatnonzero(np.diff(at) > _BETWEEN) + 1):
+        for part in np.split(at, np.flatnonzero(np.diff(at) > _END) + 1):
             first, last = int(part[0]), int(part[-1])
             if first < last_end:
                 continue

@@ -24,6 +24,7 @@ from ...laws.efforts.variables import variable_of
 from ...numbers import number
 from ...spatial import Array
 from ..criteria import (
+    AS_GOOD,
     EFFORT_CURVE_OWN,
     EFFORT_FOREIGN,
     EFFORT_NO_NOISE,
@@ -31,7 +32,6 @@ from ..criteria import (
     FEWEST_BLOCKS,
     FLIPS,
     LITTLE,
-    LOUD,
     NO_MATTER,
     ROUNDING,
     SURE,
@@ -112,7 +112,7 @@ def _foreign(share: Mapping[str, float]) -> Finding:
 
 def _beyond_declared(residuals: EffortResiduals) -> Iterator[Finding]:
     """Yield the joint of the largest residual, if that is more than the declared noise."""
-    if residuals.after["fit"] > LOUD:
+    if residuals.after["fit"] > AS_GOOD:
         worst = max(residuals.by_joint, key=lambda name: residuals.by_joint[name]["after"])
         multiple = number(residuals.by_joint[worst]["after"], 3)
         yield unknown_at(
