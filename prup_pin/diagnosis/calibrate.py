@@ -11,7 +11,7 @@ and the posterior covariance is (J^T J + 1)^-1. What the data say nothing about 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
@@ -53,6 +53,7 @@ __all__ = [
     "changes_per_tolerance",
     "least_within",
     "settled",
+    "shortened",
     "toleranced_of",
     "within_tolerances",
 ]
@@ -393,13 +394,19 @@ def _improved(problem, now: Calibrated, least_share: float = CALIBRATION_STEP) -
     more = max(now.objective - AS_GOOD * now.residual.size, 0.0)
     if float(step @ normal @ step) < SETTLED + UNSEEN * more:
         return None
-    share = 1.0
-    while share >= least_share:
+    for share in shortened(least_share):
         trial = _at(problem, now.toleranced, now.x + share * step, now.effects, now.run, now.reach)
         if trial.objective < now.objective:
             return trial
-        share /= 3
     return None
+
+
+def shortened(least: float = CALIBRATION_STEP) -> Iterator[float]:
+    """Yield shares of a step, each a third of the one before, down to the least."""
+    share = 1.0
+    while share >= least:
+        yield share
+        share /= 3
 
 
 def least_within(matrix: Array, right: Array, reach: Array) -> Array:

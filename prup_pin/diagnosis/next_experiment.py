@@ -258,16 +258,16 @@ class _Outcome:
 
     def _from(self, told: Sequence[tuple[Pair, float | None]], again: bool = True) -> str:
         """Return 'backlash at A from backlash at B (1.4 times the noise), C (2.4)': each said once, `again` 'it'."""
-        ours = {id(pair.term): pair.term for pair in self.search.pairs}
-        groups: dict[int, dict[str, list[str]]] = {}
+        alone = len({_words(pair.term) for pair in self.search.pairs}) == 1
+        groups: dict[str, dict[str, list[str]]] = {}
         unit = " times the noise"
         for pair, times in told[:MOST_LISTED]:
             physics, at, place = _words(pair.rival).partition(" at ")
             size = "" if times is None else f" ({number(times, 2)}{unit})"
             unit = unit if times is None else ""
-            groups.setdefault(id(pair.term), {}).setdefault(physics + at, []).append(place + size)
+            groups.setdefault(_words(pair.term), {}).setdefault(physics + at, []).append(place + size)
         sentences = [
-            f"{'it' if again and len(ours) == 1 else _words(ours[term])} from "
+            f"{'it' if again and alone else term} from "
             + ", or from ".join(physics + _listed(places) for physics, places in rivals.items())
             for term, rivals in groups.items()
         ]

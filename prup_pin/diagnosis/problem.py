@@ -20,9 +20,9 @@ from ..channels import Noise, Stack
 from ..laws import Effect, Setup
 from ..simulation import Run, Simulator
 from ..spatial import Array
-from .calibrate import Calibrated, Toleranced, changes_per_tolerance, settled
+from .calibrate import Calibrated, Toleranced, changes_per_tolerance, settled, shortened
 from .candidates import Candidate, Term
-from .criteria import LITTLE, NOTHING, STALE, UNSEEN, WIDEST_STEP
+from .criteria import LITTLE, NOTHING, SETTLED, STALE, UNSEEN, WIDEST_STEP
 from .influence import Influence
 from .nuisance import Nuisance, least_step, without
 
@@ -332,28 +332,25 @@ class Problem:
             if np.abs(fit.x - taken_at).max(initial=0.0) > STALE:
                 fit, taken_at = self.relinearised(fit), fit.x
             step = self._step(fit, reach)
-            share, better = 1.0, None
-            sizes = [term.candidate.size for term in fit.terms]
-            while share > LITTLE:
-                trial, place = [], 0
-                for term, size in zip(fit.terms, sizes, strict=True):
-                    low, high = term.candidate.bounds
-                    widest = np.where(term.candidate.logarithmic, WIDEST_STEP, np.inf)
-                    moved = np.clip(share * step[place : place + size], -widest, widest)
-                    trial.append(Term(term.candidate, np.clip(term.coordinates + moved, low, high)))
-                    place += size
-                attempt = self.fit_at(trial, fit.run, fit, fit.x + share * step[place:])
-                if attempt.chi2 + _prior_cost(attempt) < fit.chi2 + _prior_cost(fit):
-                    better = attempt
-                    break
-                share /= 3
+            tries = (self._moved(fit, share * step) for share in shortened(LITTLE))
+            better = next((each for each in tries if _objective(each) < _objective(fit)), None)
             if better is None:
                 return fit
-            gained = fit.chi2 + _prior_cost(fit) - better.chi2 - _prior_cost(better)
-            fit = better
-            if gained < max(0.02, 1e-5 * fit.chi2):
+            gained, fit = _objective(fit) - _objective(better), better
+            if gained < max(SETTLED, 1e-5 * fit.chi2):
                 return fit
         return fit
+
+    def _moved(self, fit: Fit, step: Array) -> Fit:
+        """Return a fit whose terms and toleranced parameters have moved by a step, (p,), within their bounds."""
+        moved, place = [], 0
+        for term in fit.terms:
+            candidate = term.candidate
+            widest = np.where(candidate.logarithmic, WIDEST_STEP, np.inf)
+            own = np.clip(step[place : place + candidate.size], -widest, widest)
+            moved.append(Term(candidate, np.clip(term.coordinates + own, *candidate.bounds)))
+            place += candidate.size
+        return self.fit_at(moved, fit.run, fit, fit.x + step[place:])
 
     def _step(self, fit: Fit, reach: float) -> Array:
         """Return the Gauss-Newton step of a fit's coordinates and of its toleranced parameters.
@@ -413,9 +410,9 @@ class Problem:
         return np.array(columns).T if columns else np.zeros((fit.residual.size, 0))
 
 
-def _prior_cost(fit: Fit) -> float:
-    """Return what the terms of a fit cost by values far from what is usual, of those that are no logarithms."""
-    return sum(float((term.candidate.prior_residuals(term.coordinates) ** 2).sum()) for term in fit.terms)
+def _objective(fit: Fit) -> float:
+    """Return chi squared and what terms cost by values far from what is usual, of those that are no logarithms."""
+    return fit.chi2 + sum(float((term.candidate.prior_residuals(term.coordinates) ** 2).sum()) for term in fit.terms)
 
 
 def _stepped(

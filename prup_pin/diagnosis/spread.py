@@ -41,12 +41,11 @@ from ..numbers import counted, number, quantity
 from ..recordings import ARM, KINDS_OF_TOLERANCE, SENSORS, Group, Recording, Together
 from ..simulation import Run, Simulator
 from ..spatial import Array
-from .calibrate import Toleranced, changes_per_tolerance
+from .calibrate import Toleranced, changes_per_tolerance, shortened
 from .candidates import Candidate
 from .chances import chi2_isf, chi2_median
 from .criteria import (
     APART,
-    CALIBRATION_STEP,
     FALSE_ALARM,
     ITERATIONS,
     LITTLE,
@@ -722,10 +721,8 @@ class _Seen:
         # a kind without variance may have something from before, or where its bounds are: no matter of the step
         variances = np.maximum(fit.variances, np.maximum(here.x**2, (here.x + step) ** 2))
         now = self.left(here, known, fit.noise, variances)
-        share = 1.0
-        while share >= CALIBRATION_STEP:
+        for share in shortened():
             there = self.at(here.x + share * step, exists, here.influence.run)
-            share /= 3
             if there is None or len(there.samples) < len(here.samples):
                 continue
             if self.left(there, known, fit.noise, variances) < now:
