@@ -48,6 +48,7 @@ __all__ = [
     "rescaled_tolerances",
     "rescaling_remark",
     "scale_of",
+    "sign_flipped",
     "threshold",
     "with_rescaled",
 ]
@@ -202,6 +203,15 @@ def _pieces(blocks: np.ndarray) -> np.ndarray:
     return block * parts + inside * parts // np.bincount(block)[block]
 
 
+def sign_flipped(by_block: Array) -> Array:
+    """Return products with a residual by block (B, p) summed with the signs of whole blocks flipped, (FLIPS, p).
+
+    What is only correlated noise looks as it did then, and what a law explains is gone.
+    """
+    signs = np.random.default_rng(len(by_block)).choice([-1.0, 1.0], (FLIPS, len(by_block)))
+    return signs @ by_block
+
+
 def threshold(tried: int, residual: Array, blocks: np.ndarray, rivals: Sequence[Rival]) -> Callable[[int], float]:
     """Return the least gain by number of parameters: a function of it."""
     directions = [rival.change.ravel() for rival in rivals]
@@ -215,8 +225,7 @@ def threshold(tried: int, residual: Array, blocks: np.ndarray, rivals: Sequence[
                 for vector in directions
             ]
         )
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(kinds), FLIPS))
-        flipped = float(np.quantile(((per_block @ signs) ** 2).max(axis=0), 1 - FALSE_ALARM))
+        flipped = float(np.quantile((sign_flipped(per_block.T) ** 2).max(axis=1), 1 - FALSE_ALARM))
     one = chi2_isf(FALSE_ALARM / tried, 1)
 
     def least(parameters: int) -> float:

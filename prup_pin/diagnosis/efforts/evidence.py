@@ -16,7 +16,8 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import gammaincc
 
 from ...spatial import Array
-from ..criteria import EFFORT_INDISTINCT, EFFORT_TOLD, FALSE_ALARM, FLIPS, ROUNDING, SURE
+from ..criteria import EFFORT_INDISTINCT, EFFORT_TOLD, FALSE_ALARM, ROUNDING, SURE
+from ..evidence import sign_flipped
 from .problem import EffortCandidate, EffortModel, NormalEquations, column_scales, fit, identifiable
 
 __all__ = [
@@ -200,9 +201,7 @@ def scores(model: EffortModel) -> tuple[list[Score], float]:
     """
     problem = model.problem
     gradient, rest, true = gradients(model)
-    blocks = problem.columns.count
-    signs = np.random.default_rng(blocks).choice([-1.0, 1.0], (FLIPS, blocks))
-    flipped, total = signs @ gradient, problem.columns.total
+    flipped, total = sign_flipped(gradient), problem.columns.total
     longest = float(np.diag(total).max(initial=0.0))
     taken = {term.where.start for term in model.terms}
     found: list[tuple[EffortCandidate, float, bool]] = []
