@@ -24,13 +24,12 @@ from .criteria import (
     FEWEST_BLOCKS,
     FLIPS,
     FOLDS,
-    ITERATIONS,
     LEAD,
     PARAMETER_COST,
-    UNSEEN,
     beyond_tolerance,
     clean_bound,
 )
+from .normal_equations import likeliest_widths
 from .nuisance import with_priors
 from .problem import Fit, Problem, Term
 
@@ -319,19 +318,13 @@ def _without_laws(problem: Problem, fit: Fit) -> tuple[Array, Array]:
 
 def _maximum_likelihood(normal: Array, right: Array, labels: np.ndarray, free: Sequence[str]) -> tuple[Array, float]:
     """Return the likeliest variances (p,) where only some kinds are not as declared, and -2 log L."""
-    variances = np.ones(len(labels))
-    members = [labels == kind for kind in free]
-    for _ in range(ITERATIONS):
-        mean, known, _ = _posterior(normal, right, variances)
-        new = variances.copy()
-        for here in members:
-            size = float((mean[here] ** 2).sum()) / max(float(known[here].sum()), 1e-12)
-            new[here] = np.clip(size, 1.0, BEYOND**2)
-        moved = np.abs(np.log(new / variances)).max(initial=0.0)
-        variances = new
-        if moved < UNSEEN:
-            break
-    return variances, _posterior(normal, right, variances)[2]
+    own = {kind: np.flatnonzero(labels == kind) for kind in free}
+    kinds = {kind: (here, np.eye(len(here))) for kind, here in own.items()}
+    widths = likeliest_widths(normal, right, np.eye(len(labels)), kinds, (1.0, BEYOND))
+    root = np.array([widths.get(kind, 1.0) for kind in labels])
+    matrix = np.eye(len(root)) + root[:, None] * normal * root
+    mean = root * np.linalg.solve(matrix, root * right)
+    return root**2, float(np.linalg.slogdet(matrix)[1] - right @ mean)
 
 
 def _outlier_gains(normal: Array, right: Array, variances: Array) -> Array:
@@ -340,13 +333,3 @@ def _outlier_gains(normal: Array, right: Array, variances: Array) -> Array:
     size = np.maximum(np.diagonal(normal - inside @ normal), 1e-300)
     far = np.maximum((right - inside @ right) ** 2 / size, 1.0)
     return np.asarray(far - 1 - np.log(far))
-
-
-def _posterior(normal: Array, right: Array, variances: Array) -> tuple[Array, Array, float]:
-    """Return means (p,), how much of each the data tell (p,), and -2 log L but for a constant."""
-    root = np.sqrt(variances)
-    matrix = np.eye(len(root)) + root[:, None] * normal * root
-    inverse = np.linalg.inv(matrix)
-    mean = root * (inverse @ (root * right))
-    cost = float(np.linalg.slogdet(matrix)[1] - right @ mean)
-    return mean, 1 - np.diagonal(inverse), cost

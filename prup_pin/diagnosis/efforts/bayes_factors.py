@@ -36,8 +36,9 @@ from ..criteria import (
     SURE,
     TRIED,
 )
+from ..normal_equations import NormalEquations, identifiable
 from .evidence import gradients, held_out, standard_error
-from .problem import EffortCandidate, EffortModel, EffortProblem, NormalEquations, fit, identifiable
+from .problem import EffortCandidate, EffortModel, EffortProblem, fit
 from .search import is_plausible
 
 __all__ = ["held_body", "log_bayes_factors", "other_link", "with_likelier_bodies"]

@@ -18,7 +18,8 @@ from scipy.special import gammaincc
 from ...spatial import Array
 from ..criteria import EFFORT_INDISTINCT, EFFORT_TOLD, FALSE_ALARM, ROUNDING, SURE
 from ..evidence import sign_flipped
-from .problem import EffortCandidate, EffortModel, NormalEquations, column_scales, fit, identifiable
+from ..normal_equations import NormalEquations, column_scales, identifiable
+from .problem import EffortCandidate, EffortModel, fit
 
 __all__ = [
     "CrossValidation",

@@ -16,6 +16,7 @@ from ...robot import Robot
 from ...spatial import Array
 from ..chances import hotelling_sf, student_95, student_sf
 from ..criteria import EFFORT_IMITATED, FALSE_ALARM, GAIN, LITTLE, MOST, SURE
+from ..normal_equations import NormalEquations
 from .conventions import gains_apart
 from .evidence import held_out, relative_gain
 from .gains import Gains
@@ -23,7 +24,7 @@ from .inertial import BaseParameters, consistent_fit
 from .noise import EffortNoise
 from .outliers import OutlierInterval
 from .prepare import PreparedEfforts
-from .problem import EffortCandidate, EffortModel, NormalEquations, fit
+from .problem import EffortCandidate, EffortModel, fit
 from .search import squared_strain, sure_of_all
 
 __all__ = ["FinalState"]

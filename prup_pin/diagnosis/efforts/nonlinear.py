@@ -13,9 +13,10 @@ import numpy as np
 from ...dynamics import InMotion
 from ...spatial import Array
 from ..criteria import EFFORT_INDISTINCT, SURE, WIDEST_STEP
+from ..normal_equations import NormalEquations
 from .evidence import CrossValidation, relative_gain
 from .prepare import PreparedEfforts
-from .problem import EffortCandidate, EffortModel, NormalEquations, fit
+from .problem import EffortCandidate, EffortModel, fit
 
 __all__ = ["optimised", "profile_intervals", "refined"]
 

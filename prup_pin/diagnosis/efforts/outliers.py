@@ -23,7 +23,8 @@ from ..chances import robust_deviation
 from ..criteria import BEYOND, FEWEST_OF_KIND, LITTLE, MOST, MUCH, OUTLIER, ROUNDING
 from ..diagnosis import Finding
 from ..findings import unknown_at
-from .problem import EffortProblem, column_scales
+from ..normal_equations import column_scales
+from .problem import EffortProblem
 
 __all__ = ["OutlierInterval", "is_outlying", "outlier_intervals"]
 
