@@ -146,10 +146,9 @@ def cross_validated(
     own = [np.where(each.known > 0, each.known, each.logarithmic) for each in candidates]
     narrow, off = np.concatenate([np.zeros(0), *own]), np.concatenate([np.zeros(0), *(term.off for term in fit.terms)])
     if less is not None:
-        sizes = np.cumsum([0, *(term.candidate.size for term in fit.terms)])
         stays = np.ones(len(narrow), bool)
-        stays[sizes[less] : sizes[less + 1]] = False
-        others = [term.effect for place, term in enumerate(fit.terms) if place != less]
+        stays[fit.coordinates_of(less)] = False
+        others = [term.effect for term in fit.others(less)[1]]
         residual, jacobian = residual - problem.change(fit, others), jacobian[..., stays]
         narrow, off = narrow[stays], off[stays]
     if parameters is not None:

@@ -19,7 +19,7 @@ from .calibrate import (
 )
 from .candidates import Candidate
 from .chances import WITHIN_95
-from .criteria import INDISTINCT, MUCH, POSE_UNTOLD, UNSEEN, WEIGHT_SHOWS, WIDEST_LOGARITHM
+from .criteria import INDISTINCT, MUCH, POSE_UNTOLD, WEIGHT_SHOWS, WIDEST_LOGARITHM
 from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated, implausible, scale_of
 from .noise import could_show_structure, is_white
@@ -251,7 +251,7 @@ def unknown_at(where: str, statement: str, share: float = 0.0, advice: str = "")
 
 def chi2_without(problem: Problem, fit: Fit, index: int) -> float:
     """Return how much chi squared would grow without a term."""
-    kept = [term.effect for place, term in enumerate(fit.terms) if place != index]
+    kept = [term.effect for term in fit.others(index)[1]]
     left = problem.without_tolerances(fit, (problem.target(fit) - problem.change(fit, kept)).ravel())
     return float((left**2).sum()) - fit.chi2
 
@@ -330,23 +330,12 @@ def _statement(effect: Effect, parameters: Mapping[str, FittedParameter], robot:
 
 def parameters_of(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParameter]:
     """Return values with 95 % intervals from the whole fit's covariance, widened where more than noise is left."""
-    firm = np.diag(np.concatenate([each.candidate.known for each in fit.terms]))
-    jacobian = np.vstack((problem.without_tolerances(fit, problem.jacobian(fit)), firm))
-    scale = np.linalg.norm(jacobian, axis=0)
-    unseen = scale < UNSEEN
-    scale = np.where(unseen, 1.0, scale)
-    scaled = jacobian / scale
-    covariance = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True) / scale / scale[:, None]
-    count = max(problem.count(fit), 1)
-    covariance = covariance * max(1.0, fit.chi2 / count)
-    start = sum(term.candidate.size for term in fit.terms[:index])
     term = fit.terms[index]
     candidate: Candidate = term.candidate
+    reach = WITHIN_95 * problem.deviations(fit)[fit.coordinates_of(index)]
     out = {}
     for place, each in enumerate(candidate.quantities):
-        deviation = WITHIN_95 * float(np.sqrt(max(covariance[start + place, start + place], 0.0)))
-        if unseen[start + place]:
-            deviation = np.inf  # these data do not depend on it
+        deviation = float(reach[place])
         ends = []
         for sign in (-1.0, 1.0):
             moved = term.coordinates.copy()

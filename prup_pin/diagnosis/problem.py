@@ -53,6 +53,16 @@ class Fit:
     def samples(self) -> np.ndarray:
         return self.run.samples
 
+    def others(self, *index: int) -> tuple[list[int], list[Term]]:
+        """Return the places of all terms but some, and these terms."""
+        places = [place for place in range(len(self.terms)) if place not in index]
+        return places, [self.terms[place] for place in places]
+
+    def coordinates_of(self, index: int) -> slice:
+        """Return where the coordinates of a term are among those of all terms."""
+        begin = sum(term.candidate.size for term in self.terms[:index])
+        return slice(begin, begin + self.terms[index].candidate.size)
+
     def once(self, what: Any, make: Callable[[], Any]) -> Any:
         """Return what its problem makes of this fit, made once: its Jacobian, what may be fitted beside a law."""
         if what not in self._made:
@@ -220,6 +230,22 @@ class Problem:
     def without_tolerances(self, fit: Fit, values: Array) -> Array:
         """Return whitened values (K n, ...) less what the toleranced parameters of a fit may take of them."""
         return without(values, self.nuisance(fit, ()))
+
+    def deviations(self, fit: Fit) -> Array:
+        """Return the standard deviations (p,) of the coordinates of all terms, widened where more than noise is left.
+
+        Infinite where the data do not depend on one.
+        """
+        firm = np.diag(np.concatenate([np.zeros(0), *(term.candidate.known for term in fit.terms)]))
+        jacobian = np.vstack((self.without_tolerances(fit, self.jacobian(fit)), firm))
+        scale = np.linalg.norm(jacobian, axis=0)
+        unseen = scale < UNSEEN
+        scaled = jacobian / np.where(unseen, 1.0, scale)
+        variances = (
+            np.diag(np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True)) / np.where(unseen, 1.0, scale) ** 2
+        )
+        left = max(1.0, fit.chi2 / max(self.count(fit), 1))
+        return np.where(unseen, np.inf, np.sqrt(np.maximum(variances * left, 0.0)))
 
     # -- fits ----------------------------------------------------------------------------------------------------------
 
