@@ -13,7 +13,7 @@ from ..laws.deeds import Along, Deed, ExtraStrain, YieldingJoint
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
-from .criteria import FREEDOM, LEAST_WARMING, USUAL_MULTIPLE
+from .criteria import LEAST_WARMING, TAIL, USUAL_MULTIPLE
 from .influence import Influence
 
 __all__ = ["Candidate", "Term", "candidates", "under_load"]
@@ -160,13 +160,13 @@ class Candidate:
         squares grow like logarithms then, which is Student's distribution instead of Gauss's.
         """
         beside = self._deviations(coordinates)
-        return np.copysign(np.sqrt(FREEDOM * np.log1p(beside**2 / FREEDOM)), beside)
+        return np.copysign(np.sqrt(TAIL * np.log1p(beside**2 / TAIL)), beside)
 
     def prior_slopes(self, coordinates: Array) -> Array:
         """Return d(unusual)/d(coordinates), (p,)."""
         beside, residual = self._deviations(coordinates), self.prior_residuals(coordinates)
         far = np.abs(beside) > 1e-6
-        slope = np.where(far, beside / (1 + beside**2 / FREEDOM) / np.where(far, residual, 1.0), 1.0)
+        slope = np.where(far, beside / (1 + beside**2 / TAIL) / np.where(far, residual, 1.0), 1.0)
         return slope * np.where(self.logarithmic, 0.0, 1 / self._prior[1])
 
     def _deviations(self, coordinates: Array) -> Array:

@@ -95,7 +95,9 @@ NOTHING: Final = 1e-6
 UNSEEN: Final = 1e-3
 #: Offsets and the like are rarely this many times larger than where a fit starts.
 USUAL_MULTIPLE: Final = 30.0
-#: ... but where they are, they may be so by far: freedom of Student's t, with which numbers far off weigh little.
+#: ... but where they are, they may be so by far: of a square that is larger than this the logarithm counts.
+TAIL: Final = 4.0
+#: Freedom of Student's t, with which numbers far off weigh little while nothing is known: few, since some may be gross.
 FREEDOM: Final = 3.0
 
 
