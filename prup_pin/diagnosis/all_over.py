@@ -9,16 +9,13 @@ import numpy as np
 from ..numbers import number, quantity
 from ..recordings import KINDS_OF_TOLERANCE
 from .calibrate import CalibratedParameter
-from .chances import normal_isf
-from .criteria import FALSE_ALARM
+from .chances import WITHIN_95, normal_isf
+from .criteria import FALSE_ALARM, MOST_LISTED
 from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated
 from .problem import Fit, Problem
 
 __all__ = ["all_over"]
-
-#: Places that a statement lists.
-_MOST_LISTED = 4
 
 
 def all_over(
@@ -48,18 +45,15 @@ def _finding(
     every = list(dict.fromkeys(item.deviation.place for item in sorted(items, key=_surety, reverse=True)))
     told = sure or sorted(items, key=_surety, reverse=True)[:1]
     places = list(dict.fromkeys(item.deviation.place for item in sure)) or every
-    more = f" and {len(places) - _MOST_LISTED} more" if len(places) > _MOST_LISTED else ""
-    listed = ", ".join(places[:_MOST_LISTED]) + more
+    more = f" and {len(places) - MOST_LISTED} more" if len(places) > MOST_LISTED else ""
+    listed = ", ".join(places[:MOST_LISTED]) + more
     text = f"; sure of {listed}" if sure else "; these data tell them together, and none alone"
     return Finding(
         physics=told[0].deviation.physics,
         location=places[0] if len(places) == 1 else "robot",
         candidates=tuple(places if len(places) == 1 else ("robot", *places)),
         parameters={
-            item.name: FittedParameter(
-                item.value, item.deviation.unit, (item.value - 1.96 * item.sd, item.value + 1.96 * item.sd)
-            )
-            for item in told
+            item.name: FittedParameter.about(item.value, item.deviation.unit, WITHIN_95 * item.sd) for item in told
         },
         heldout_gain=heldout_gain(held, without),
         statement=f"{words}: {_sizes(items)}{text}",

@@ -11,7 +11,7 @@ and the posterior covariance is (J^T J + 1)^-1. What the data say nothing about 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
@@ -28,18 +28,17 @@ from ..simulation import Run, Simulator
 from ..spatial import Array
 from .candidates import Candidate
 from .criteria import (
-    CALIBRATION_CHORDS,
-    CALIBRATION_ROUNDS,
+    ALIKE,
+    AS_GOOD,
     CALIBRATION_STEP,
-    FAR_BEHIND,
-    FEW_CALIBRATION_ROUNDS,
+    FEW_ROUNDS,
     FREELY,
-    MUCH_LEFT,
-    NOT_BEHIND,
+    MUCH,
+    PARAMETER_COST,
+    ROUNDS,
     SETTLED,
-    SETTLED_SHARE,
-    TWINS,
-    WEIGHT_ACTS,
+    STEP,
+    UNSEEN,
     WEIGHT_SHOWS,
     beyond_tolerance,
 )
@@ -54,13 +53,12 @@ __all__ = [
     "changes_per_tolerance",
     "least_within",
     "settled",
+    "shortened",
     "toleranced_of",
     "within_tolerances",
 ]
 
-#: Share of a tolerance by which the simulation's first order is differentiated: some kinds act by a logarithm.
-_STEP = 1e-3
-#: ... and the largest turn [rad]: of one that is not known at all a share is bent.
+#: The largest turn by which the simulation is differentiated [rad]: of one that is not known at all a share is bent.
 _SMALL_TURN = 1e-5
 
 
@@ -87,7 +85,7 @@ class Toleranced:
         """Return those that leave the robot an equilibrium: redundant rigid loops do not close askew."""
         if not nominal.found.rigid.border.size:
             return self
-        setups = (nominal.simulator.setup([self.effect(_STEP * unit)]) for unit in np.eye(len(self)))
+        setups = (nominal.simulator.setup([self.effect(STEP * unit)]) for unit in np.eye(len(self)))
         able = [bool(np.isfinite(nominal.change(setup)).all()) for setup in setups]
         if all(able):
             return self
@@ -112,7 +110,7 @@ class Toleranced:
     def steps(self) -> Array:
         """Shares of the tolerances (p,) by which what they change is differentiated: a large turn is bent."""
         turns = np.array([item.unit == "rad" for item in self.law.deviations], bool)
-        return np.where(turns, np.minimum(_STEP, _SMALL_TURN / self.tolerances), _STEP)
+        return np.where(turns, np.minimum(STEP, _SMALL_TURN / self.tolerances), STEP)
 
     @property
     def adds_up(self) -> np.ndarray:
@@ -176,7 +174,7 @@ class Calibrated:
         columns = self.jacobian[:, seen_at_all] / sizes[seen_at_all]
         correlation = np.eye(len(sizes))
         correlation[np.ix_(seen_at_all, seen_at_all)] = np.abs(columns.T @ columns)
-        count, group = connected_components(correlation > TWINS, directed=False)
+        count, group = connected_components(correlation**2 > ALIKE, directed=False)
         members = [np.flatnonzero(group == label) for label in range(count)]
         names = [item.name for item in self.toleranced.law.deviations]
         return tuple(tuple(names[index] for index in several) for several in members if len(several) > 1)
@@ -246,15 +244,15 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
     weights = [[item.effect(item.coordinates_of(np.ones(item.size)))] for item in heavy[: 1 if rigid else None]]
     if not weights:
         return problem.within(_begun(problem, toleranced, [], reach))
-    shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else -WEIGHT_ACTS
+    shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else -PARAMETER_COST
     if rigid:
         begun = [_begun(problem, toleranced, effects, reach) for effects in ([], *weights)]
         light, weighed = (_left_by_joints(problem, each, joints) for each in begun)
         return problem.within(begun[1] if weighed < light - shows else begun[0])
     within = judged = _ways(problem, _first_steps(problem, toleranced, [*weights, []], reach))
-    if min(each.objective for each in within) > FAR_BEHIND * within[0].residual.size:
+    if min(each.objective for each in within) > MUCH * within[0].residual.size:
         # What is left out decides, at the ends of what tolerances may take; less so where they may take what they like.
-        judged = _ways(problem, [replace(each, reach=each.toleranced.reach) for each in within], FEW_CALIBRATION_ROUNDS)
+        judged = _ways(problem, [replace(each, reach=each.toleranced.reach) for each in within], FEW_ROUNDS)
     best = min(judged, key=lambda each: each.objective + (shows if each.effects else 0.0))
     return problem.within(next(each for each in within if each.effects == best.effects))
 
@@ -272,7 +270,7 @@ def _first_steps(problem, toleranced: Toleranced, ways: Sequence[Sequence[Effect
     return begun
 
 
-def _ways(problem, begun: Sequence[Calibrated], rounds: int = CALIBRATION_ROUNDS) -> list[Calibrated]:
+def _ways(problem, begun: Sequence[Calibrated], rounds: int = ROUNDS) -> list[Calibrated]:
     """Return calibrations that have begun, each with another way of weight, at their ends.
 
     Derivatives are taken anew for the best, and for those that come near it. Where weight acts in two ways they are
@@ -281,7 +279,7 @@ def _ways(problem, begun: Sequence[Calibrated], rounds: int = CALIBRATION_ROUNDS
     best, *others = sorted(begun, key=attrgetter("objective"))
     found = [settled(problem, best, rounds)]
     for other in others:
-        if other.objective > FAR_BEHIND * best.objective:
+        if other.objective > MUCH * best.objective:
             continue
         # what is off by far is so in whatever way weight acts
         beside = _at(problem, other.toleranced, found[0].x, other.effects, found[0].run, other.reach)
@@ -290,12 +288,8 @@ def _ways(problem, begun: Sequence[Calibrated], rounds: int = CALIBRATION_ROUNDS
             found.append(_followed(problem, _near(begins, found[0])))
             continue
         begins = _followed(problem, begins)
-        found.append(settled(problem, begins, rounds) if begins.objective < NOT_BEHIND * found[0].objective else begins)
+        found.append(settled(problem, begins, rounds) if begins.objective < AS_GOOD * found[0].objective else begins)
     return found
-
-
-#: Share of a start by which what a joint does is differentiated, where it starts at nothing.
-_LITTLE = 1e-3
 
 
 def _left_by_joints(problem, begun: Calibrated, joints: Sequence[Candidate]) -> float:
@@ -311,7 +305,7 @@ def _left_by_joints(problem, begun: Calibrated, joints: Sequence[Candidate]) -> 
             if (start != starts[0])[item.logarithmic].any():
                 continue  # as the first, but for its size
             near = np.where(item.logarithmic, [neutral[q.name] for q in item.quantities], item.values_of(start))
-            step = item.effect(item.coordinates_of(near + _LITTLE * (item.values_of(start) - near)))
+            step = item.effect(item.coordinates_of(near + STEP * (item.values_of(start) - near)))
             change = begun.influence.change(problem.simulator.setup([*beside, step]))
             columns.append(problem.whitened_changes(begun.influence, change[..., None]))
     matrix = np.concatenate(columns, axis=1)
@@ -349,7 +343,7 @@ def calibrate(problem, toleranced: Toleranced, effects: Sequence[Effect] = ()) -
     return settled(problem, _drawn(problem, toleranced, effects, np.inf))
 
 
-def settled(problem, now: Calibrated, rounds: int = CALIBRATION_ROUNDS) -> Calibrated:
+def settled(problem, now: Calibrated, rounds: int = ROUNDS) -> Calibrated:
     """Return a calibration that has begun at its end, or where so many rounds lead."""
     for count in range(rounds):
         now = _differentiated(problem, now, count)
@@ -365,7 +359,7 @@ def _followed(problem, near: Calibrated) -> Calibrated:
 
     Where a step does not help any more the derivatives are to be taken anew.
     """
-    for _ in range(CALIBRATION_CHORDS):
+    for _ in range(FEW_ROUNDS):
         better = _improved(problem, near, least_share=1.0)
         if better is None:
             break
@@ -397,16 +391,22 @@ def _improved(problem, now: Calibrated, least_share: float = CALIBRATION_STEP) -
         root = np.linalg.cholesky(normal).T
         step = least_within(root, root @ (now.x + step), np.broadcast_to(now.reach, step.shape)) - now.x
     # Where much is left, the last digits would be those of a model that lacks something.
-    more = max(now.objective - MUCH_LEFT * now.residual.size, 0.0)
-    if float(step @ normal @ step) < SETTLED + SETTLED_SHARE * more:
+    more = max(now.objective - AS_GOOD * now.residual.size, 0.0)
+    if float(step @ normal @ step) < SETTLED + UNSEEN * more:
         return None
-    share = 1.0
-    while share >= least_share:
+    for share in shortened(least_share):
         trial = _at(problem, now.toleranced, now.x + share * step, now.effects, now.run, now.reach)
         if trial.objective < now.objective:
             return trial
-        share /= 3
     return None
+
+
+def shortened(least: float = CALIBRATION_STEP) -> Iterator[float]:
+    """Yield shares of a step, each a third of the one before, down to the least."""
+    share = 1.0
+    while share >= least:
+        yield share
+        share /= 3
 
 
 def least_within(matrix: Array, right: Array, reach: Array) -> Array:

@@ -11,6 +11,7 @@ from scipy import special
 from ..spatial import Array
 
 __all__ = [
+    "WITHIN_95",
     "chi2_isf",
     "chi2_median",
     "chi2_sf",
@@ -19,12 +20,11 @@ __all__ = [
     "normal_isf",
     "normal_pdf",
     "normal_sf",
+    "robust_deviation",
+    "student_95",
     "student_ppf",
     "student_sf",
 ]
-
-#: Of a correlation matrix, below which combinations of its numbers are none.
-_ROUNDING = 1e-10
 
 
 def chi2_isf(chance: float, degrees: float) -> float:
@@ -49,7 +49,7 @@ def hotelling_sf(x: Array, covariance: Array, degrees: int) -> float:
     """
     size = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    told = values > _ROUNDING * values[-1]
+    told = values > np.sqrt(np.finfo(float).eps) * values[-1]
     count = min(int(told.sum()), degrees)
     square = float(np.sort((vectors[:, told].T @ (x / size)) ** 2 / values[told])[-count:].sum())
     rest = degrees - count + 1
@@ -76,6 +76,15 @@ def normal_pdf(value: float) -> float:
     return float(np.exp(-(value**2) / 2.0) / np.sqrt(2 * np.pi))
 
 
+#: Standard deviations within which 95 % of normal numbers lie, and one below which half of their sizes do.
+WITHIN_95, WITHIN_HALF = normal_isf(0.025), normal_isf(0.25)
+
+
+def robust_deviation(values: Array) -> float:
+    """Return the standard deviation of normal numbers about zero by the middle of their sizes, whatever a few are."""
+    return float(np.median(np.abs(values))) / WITHIN_HALF
+
+
 def student_sf(value: float, degrees: float) -> float:
     """Return the chance by which Student's t of so many degrees exceeds a value."""
     return float(special.stdtr(degrees, -value))
@@ -84,3 +93,8 @@ def student_sf(value: float, degrees: float) -> float:
 def student_ppf(chance: float, degrees: float) -> float:
     """Return what Student's t of so many degrees stays below by this chance."""
     return float(special.stdtrit(degrees, chance))
+
+
+def student_95(degrees: float) -> float:
+    """Return the size that Student's t of so many degrees stays within by 95 %."""
+    return student_ppf(0.975, degrees)

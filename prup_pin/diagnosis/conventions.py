@@ -17,7 +17,7 @@ from ..recordings import Convention, Recording, joints_of, read_as
 from ..recordings.conventions import Evidence, as_json, merged
 from ..robot import Robot
 from ..simulation import as_recorded, drawn_for, in_format
-from .criteria import LEVER, OPEN_FRAME
+from .criteria import LEVER, MOST_LISTED, OPEN_FRAME
 from .diagnosis import Diagnosis, Finding
 from .efforts.conventions import conventions_of_efforts
 from .efforts.with_poses import has_efforts, has_poses
@@ -25,9 +25,6 @@ from .load_conventions import conventions_of_loads
 from .pose_conventions import conventions_of_poses
 
 __all__ = ["Logs", "as_diagnosed", "read_logs"]
-
-#: Readings that are as good, of which a sentence tells so many.
-_SHOWN = 3
 
 
 @dataclass(frozen=True)
@@ -177,7 +174,7 @@ def _size(value: float, unit: str) -> str:
 def _finding(found: Evidence, name: str, mechanism: Mechanism) -> Finding:
     words = "; ".join(f"{item.columns} {_meaning(item)}" for item in found.conventions)
     beside = ", ".join(f'"{key}": {_quoted(value)}' for key, value in as_json(found.conventions).items())
-    others = [", ".join(map(str, other)) for other in found.others[:_SHOWN]]
+    others = [", ".join(map(str, other)) for other in found.others[:MOST_LISTED]]
     equal = f". As good on this log: {' or '.join(others)}" if others else ""
     places = tuple(dict.fromkeys(_place(item) for item in found.conventions))
     return Finding(

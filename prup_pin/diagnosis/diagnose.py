@@ -17,7 +17,7 @@ from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import as_recorded
 from .conventions import read_logs
-from .criteria import EXPLAINED, FEW_FITS, MOST_FITS, beyond_tolerance
+from .criteria import FEW_FITS, LITTLE, MOST_FITS, beyond_tolerance
 from .diagnosis import Diagnosis, Finding, by_recording
 from .efforts import diagnose_efforts
 from .efforts.with_poses import (
@@ -171,7 +171,7 @@ def _explains_more(again: _Searched, few: _Searched) -> bool:
     """
     noise = again.problem.noise
     (left, _), (before, may_be_noise) = again.by_noise(noise), few.by_noise(noise)
-    return left < (1.0 if again.is_clean and not may_be_noise else EXPLAINED) * before
+    return left < (1.0 if again.is_clean and not may_be_noise else LITTLE) * before
 
 
 def _cleaner(prepared: Prepared, found: _Searched, other: Prepared, tell: Tell) -> tuple[Prepared, _Searched]:

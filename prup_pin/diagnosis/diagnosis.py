@@ -16,6 +16,7 @@ from ..recordings import Convention, Together
 from ..simulation import Run
 from ..spatial import Array
 from .calibrate import CalibratedParameter
+from .criteria import NOISE_LIKE
 from .locate import Agreement, LocalCurve, Recovered, Residuals
 
 if TYPE_CHECKING:
@@ -33,9 +34,6 @@ _REMEDIES = {
     "unknown": "look at {place} itself, record more there, and trust the corrected model only near what was recorded",
 }
 
-#: A finding without which so many times as much would be left, or less, is told after what is unknown.
-_LITTLE_MORE = 1.1
-
 VERDICTS = ("nothing_missing", "explained", "unexplained")
 
 
@@ -47,6 +45,11 @@ class FittedParameter:
     unit: str
     interval: tuple[float, float]
     drawn: float | None = None
+
+    @classmethod
+    def about(cls, value: float, unit: str, reach: float, drawn: float | None = None) -> FittedParameter:
+        """Return a value whose interval reaches so far on both sides."""
+        return cls(value, unit, (value - reach, value + reach), drawn)
 
 
 @dataclass(frozen=True)
@@ -175,7 +178,7 @@ class Diagnosis:
     @property
     def told(self) -> tuple[Finding, ...]:
         """The findings as people are told them: what is unknown comes before what would leave little more."""
-        return tuple(sorted(self.findings, key=lambda item: item.physics != "unknown" and item.cost < _LITTLE_MORE))
+        return tuple(sorted(self.findings, key=lambda item: item.physics != "unknown" and item.cost < NOISE_LIKE))
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `prup-pin diagnose` writes as diagnosis.json; docs/diagnosis.md explains its keys."""

@@ -19,17 +19,17 @@ from .candidates import Candidate
 from .chances import chi2_isf
 from .criteria import (
     BEYOND,
+    BLOCKS,
     FALSE_ALARM,
-    FEWEST_FOR_FOLDS,
-    FEWEST_PIECES,
+    FEWEST_BLOCKS,
     FLIPS,
     FOLDS,
     LEAD,
     PARAMETER_COST,
-    RESCALING_COST,
     beyond_tolerance,
     clean_bound,
 )
+from .normal_equations import likeliest_widths
 from .nuisance import with_priors
 from .problem import Fit, Problem, Term
 
@@ -47,6 +47,7 @@ __all__ = [
     "rescaled_tolerances",
     "rescaling_remark",
     "scale_of",
+    "sign_flipped",
     "threshold",
     "with_rescaled",
 ]
@@ -118,7 +119,7 @@ def scale_of(problem: Problem, fit: Fit) -> float:
 
 def fold_labels(blocks: np.ndarray) -> np.ndarray:
     """Return labels (N,) of samples that are held out together: blocks, each cut in time where there are too few."""
-    if len(np.unique(blocks)) >= FEWEST_FOR_FOLDS:
+    if len(np.unique(blocks)) >= FEWEST_BLOCKS:
         return blocks
     place = np.arange(len(blocks)) - np.searchsorted(blocks, blocks)
     return blocks * FOLDS + place * FOLDS // np.bincount(blocks)[blocks]
@@ -145,10 +146,9 @@ def cross_validated(
     own = [np.where(each.known > 0, each.known, each.logarithmic) for each in candidates]
     narrow, off = np.concatenate([np.zeros(0), *own]), np.concatenate([np.zeros(0), *(term.off for term in fit.terms)])
     if less is not None:
-        sizes = np.cumsum([0, *(term.candidate.size for term in fit.terms)])
         stays = np.ones(len(narrow), bool)
-        stays[sizes[less] : sizes[less + 1]] = False
-        others = [term.effect for place, term in enumerate(fit.terms) if place != less]
+        stays[fit.coordinates_of(less)] = False
+        others = [term.effect for term in fit.others(less)[1]]
         residual, jacobian = residual - problem.change(fit, others), jacobian[..., stays]
         narrow, off = narrow[stays], off[stays]
     if parameters is not None:
@@ -196,9 +196,18 @@ def _pieces(blocks: np.ndarray) -> np.ndarray:
     starts = np.concatenate(([True], blocks[1:] != blocks[:-1]))
     block = np.cumsum(starts) - 1
     count = int(block[-1]) + 1 if len(block) else 1
-    parts = int(np.ceil(FEWEST_PIECES / count))
+    parts = int(np.ceil(BLOCKS / count))
     inside = np.arange(len(blocks)) - np.flatnonzero(starts)[block]
     return block * parts + inside * parts // np.bincount(block)[block]
+
+
+def sign_flipped(by_block: Array) -> Array:
+    """Return products with a residual by block (B, p) summed with the signs of whole blocks flipped, (FLIPS, p).
+
+    What is only correlated noise looks as it did then, and what a law explains is gone.
+    """
+    signs = np.random.default_rng(len(by_block)).choice([-1.0, 1.0], (FLIPS, len(by_block)))
+    return signs @ by_block
 
 
 def threshold(tried: int, residual: Array, blocks: np.ndarray, rivals: Sequence[Rival]) -> Callable[[int], float]:
@@ -214,8 +223,7 @@ def threshold(tried: int, residual: Array, blocks: np.ndarray, rivals: Sequence[
                 for vector in directions
             ]
         )
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(kinds), FLIPS))
-        flipped = float(np.quantile(((per_block @ signs) ** 2).max(axis=0), 1 - FALSE_ALARM))
+        flipped = float(np.quantile((sign_flipped(per_block.T) ** 2).max(axis=1), 1 - FALSE_ALARM))
     one = chi2_isf(FALSE_ALARM / tried, 1)
 
     def least(parameters: int) -> float:
@@ -226,9 +234,6 @@ def threshold(tried: int, residual: Array, blocks: np.ndarray, rivals: Sequence[
 
 
 # -- tolerances that were declared too narrow --------------------------------------------------------------------------
-
-
-_ITERATIONS, _AGREED = 200, 1e-4
 
 
 def rescaled_tolerances(problem: Problem, fit: Fit) -> dict[str, float]:
@@ -260,7 +265,7 @@ def factors_of_kinds(normal: Array, right: Array, kinds: Sequence[str], free: Se
             # one part that is far off, wherever it is, needs no other tolerance for its whole kind
             own = labels == kind
             alone = left - _outlier_gains(normal, right, found)[own].max(initial=0.0) + 2 * np.log(max(own.sum(), 1))
-            others.append((min(left - RESCALING_COST, alone), found, left, fewer))
+            others.append((min(left - PARAMETER_COST, alone), found, left, fewer))
         least = min(others, key=lambda each: each[0])
         if least[0] > cost:
             break
@@ -283,7 +288,7 @@ def minus_2_log_posterior(fit: Fit, library: int, factors: Mapping[str, float] |
     laws = sum(penalty(term) for term in fit.terms)
     named = len(fit.terms) + count_beyond_tolerance(fit)
     elsewhere = 2 * float(np.log(max(library, 1))) * max(named - 1, 0)
-    return float(fit.chi2) + size + laws + elsewhere + RESCALING_COST * len(factors or ())
+    return float(fit.chi2) + size + laws + elsewhere + PARAMETER_COST * len(factors or ())
 
 
 def count_beyond_tolerance(fit: Fit) -> int:
@@ -312,19 +317,13 @@ def _without_laws(problem: Problem, fit: Fit) -> tuple[Array, Array]:
 
 def _maximum_likelihood(normal: Array, right: Array, labels: np.ndarray, free: Sequence[str]) -> tuple[Array, float]:
     """Return the likeliest variances (p,) where only some kinds are not as declared, and -2 log L."""
-    variances = np.ones(len(labels))
-    members = [labels == kind for kind in free]
-    for _ in range(_ITERATIONS):
-        mean, known, _ = _posterior(normal, right, variances)
-        new = variances.copy()
-        for here in members:
-            size = float((mean[here] ** 2).sum()) / max(float(known[here].sum()), 1e-12)
-            new[here] = np.clip(size, 1.0, BEYOND**2)
-        moved = np.abs(np.log(new / variances)).max(initial=0.0)
-        variances = new
-        if moved < _AGREED:
-            break
-    return variances, _posterior(normal, right, variances)[2]
+    own = {kind: np.flatnonzero(labels == kind) for kind in free}
+    kinds = {kind: (here, np.eye(len(here))) for kind, here in own.items()}
+    widths = likeliest_widths(normal, right, np.eye(len(labels)), kinds, (1.0, BEYOND))
+    root = np.array([widths.get(kind, 1.0) for kind in labels])
+    matrix = np.eye(len(root)) + root[:, None] * normal * root
+    mean = root * np.linalg.solve(matrix, root * right)
+    return root**2, float(np.linalg.slogdet(matrix)[1] - right @ mean)
 
 
 def _outlier_gains(normal: Array, right: Array, variances: Array) -> Array:
@@ -333,13 +332,3 @@ def _outlier_gains(normal: Array, right: Array, variances: Array) -> Array:
     size = np.maximum(np.diagonal(normal - inside @ normal), 1e-300)
     far = np.maximum((right - inside @ right) ** 2 / size, 1.0)
     return np.asarray(far - 1 - np.log(far))
-
-
-def _posterior(normal: Array, right: Array, variances: Array) -> tuple[Array, Array, float]:
-    """Return means (p,), how much of each the data tell (p,), and -2 log L but for a constant."""
-    root = np.sqrt(variances)
-    matrix = np.eye(len(root)) + root[:, None] * normal * root
-    inverse = np.linalg.inv(matrix)
-    mean = root * (inverse @ (root * right))
-    cost = float(np.linalg.slogdet(matrix)[1] - right @ mean)
-    return mean, 1 - np.diagonal(inverse), cost

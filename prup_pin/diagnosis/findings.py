@@ -18,14 +18,8 @@ from .calibrate import (
     CalibratedParameter,
 )
 from .candidates import Candidate
-from .criteria import (
-    INDISTINCT,
-    POSE_UNTOLD,
-    UNSEEN,
-    WEIGHT_SHOWS,
-    WIDEST_LOGARITHM,
-    WORTH_SEPARATING,
-)
+from .chances import WITHIN_95
+from .criteria import INDISTINCT, MUCH, POSE_UNTOLD, WEIGHT_SHOWS, WIDEST_LOGARITHM
 from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated, implausible, scale_of
 from .noise import could_show_structure, is_white
@@ -35,6 +29,7 @@ from .search import Selection
 __all__ = [
     "always_acting",
     "beyond_its_tolerance",
+    "calibrated_beyond",
     "chi2_without",
     "finding_of",
     "finite_deflection",
@@ -44,7 +39,7 @@ __all__ = [
     "rms_of_sum",
     "sensor_displaced",
     "too_few",
-    "unknown_at_robot",
+    "unknown_at",
     "unrecorded_load",
     "with_neutral_values",
     "without_place",
@@ -91,7 +86,7 @@ def sensor_displaced(
         deviation = np.sqrt(sizes**2 @ (whole**2).T).ravel()
     units = {quantity.name: quantity.unit for quantity in law.quantities}
     parameters = {
-        name: FittedParameter(value, units[name], (value - 1.96 * size, value + 1.96 * size))
+        name: FittedParameter.about(value, units[name], WITHIN_95 * size)
         for (name, value), size in zip(values.items(), deviation.tolist(), strict=True)
     }
     return Finding(
@@ -119,24 +114,31 @@ def always_acting(effect: Effect, robot: Robot) -> Finding:
     )
 
 
-def beyond_its_tolerance(item: CalibratedParameter, held: float) -> Finding:
-    """Return the finding that a parameter lies beyond its tolerance."""
-    reach = 1.96 * item.sd
-    gain = (item.x / item.share) ** 2
-    own = item.deviation.kind in (*SENSORS["pose_sensor"], *SENSORS["target"])  # set up by whoever measures
+def beyond_its_tolerance(
+    name: str, physics: str, place: str, value: FittedParameter, off: float, gain: float, more: str = ""
+) -> Finding:
+    """Return the finding that a parameter lies `off` tolerances beside the robot file, and by which share it counts."""
     return Finding(
-        physics=item.deviation.physics,
-        location=item.deviation.place,
-        candidates=(item.deviation.place,),
-        parameters={
-            item.name: FittedParameter(item.value, item.deviation.unit, (item.value - reach, item.value + reach))
-        },
-        heldout_gain=float(gain / (gain + max(held, 1e-300))),
+        physics=physics,
+        location=place,
+        candidates=(place,),
+        parameters={name: replace(value, drawn=None)},
+        heldout_gain=gain,
         statement=(
-            f"{item.name} lies {number(abs(item.x), 3)} tolerances away from the robot file: "
-            f"{number(item.value, 6)} {item.deviation.unit} instead of {number(item.deviation.nominal, 6)}"
-            + (f"; where it just is there, declare it (tolerance {item.deviation.kind})" if own else "")
+            f"{name} lies {number(abs(off), 3)} tolerances away from the robot file: "
+            f"{number(value.value, 6)} {value.unit} instead of {number(value.drawn or 0.0, 6)}{more}"
         ),
+    )
+
+
+def calibrated_beyond(item: CalibratedParameter, held: float) -> Finding:
+    """Return the finding of a calibrated parameter beyond its tolerance; held: chi squared of what was held out."""
+    gain, of = (item.x / item.share) ** 2, item.deviation
+    own = of.kind in (*SENSORS["pose_sensor"], *SENSORS["target"])  # set up by whoever measures
+    more = f"; where it just is there, declare it (tolerance {of.kind})" if own else ""
+    value = FittedParameter.about(item.value, of.unit, WITHIN_95 * item.sd, of.nominal)
+    return beyond_its_tolerance(
+        item.name, of.physics, of.place, value, item.x, float(gain / (gain + max(held, 1e-300))), more
     )
 
 
@@ -159,9 +161,10 @@ def without_place(problem: Problem, fit: Fit, selection: Selection, count: int) 
     parts = [(name, squares[where].sum()) for name, _, where in problem.stack.groups()]
     most, size = max(parts, key=lambda part: part[1])
     share = size / max(float(squares.sum()), 1e-300)
-    return unknown_at_robot(
+    return unknown_at(
+        "robot",
         f"the residual is {number(rms_of_sum(fit.chi2, count), 3)} times the noise, and nothing explains it: "
-        f"{tried}. It is largest in the {most} ({100 * share:.0f} % of its square)"
+        f"{tried}. It is largest in the {most} ({100 * share:.0f} % of its square)",
     )
 
 
@@ -176,17 +179,18 @@ def nothing_compared(problem: Problem, unused: Sequence[str]) -> Finding:
     if not measured and not any(name.startswith("tau.") for name in unused):
         why += ", and no effort (columns tau.<joint>)"
     rest = f"; not used were {', '.join(unused)}" if unused else ""
-    found = unknown_at_robot(f"nothing could be compared, so nothing can be ruled out: {why}{rest}")
-    return found if measured else replace(found, advice=_NOTHING_MEASURED)
+    statement = f"nothing could be compared, so nothing can be ruled out: {why}{rest}"
+    return unknown_at("robot", statement, advice="" if measured else _NOTHING_MEASURED)
 
 
 def unrecorded_load(left: Noise, force: float) -> Finding:
     """Return the finding that forces [N] nobody recorded leave what is left, which has the size of that noise."""
-    found = unknown_at_robot(
+    return unknown_at(
+        "robot",
         f"the residual, {quantity(left.position, 'm')} and {quantity(left.rotation, 'rad')}, looks like the deflection "
-        f"under forces of some {number(force, 2)} N at the tool, and no load was recorded"
+        f"under forces of some {number(force, 2)} N at the tool, and no load was recorded",
+        advice="give the load of each sample in columns w.fx … w.mz, with 0 where there was none",
     )
-    return replace(found, advice="give the load of each sample in columns w.fx … w.mz, with 0 where there was none")
 
 
 def too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Finding | None:
@@ -195,11 +199,12 @@ def too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Findi
     if selection.last.terms or could_show_structure(blocks[samples]):
         return None
     noise, poses = problem.noise, len(np.unique(blocks[samples]))
-    return unknown_at_robot(
+    return unknown_at(
+        "robot",
         f"nothing can be said: the noise is not declared, and {counted(len(samples), 'sample')} of "
         f"{counted(poses, 'pose')} are too few to tell noise of {number(1e6 * noise.position, 3)} µm and "
         f"{number(1e6 * noise.rotation, 3)} µrad from something left out. Declare "
-        "position_noise and rotation_noise in the recording's JSON file, or record more"
+        "position_noise and rotation_noise in the recording's JSON file, or record more",
     )
 
 
@@ -218,10 +223,11 @@ def no_noise(problem: Problem, fit: Fit, blocks: np.ndarray) -> Finding | None:
         why = "it follows time or pose, and noise does not"
     else:
         return None
-    return unknown_at_robot(
+    return unknown_at(
+        "robot",
         f"the residual with everything free to vary, {quantity(problem.noise.position, 'm')} and "
         f"{quantity(problem.noise.rotation, 'rad')}, is not noise: {why}. Declare position_noise and rotation_noise "
-        "in the recording's JSON file, or measure some poses again"
+        "in the recording's JSON file, or measure some poses again",
     )
 
 
@@ -238,21 +244,14 @@ def _share_left(problem: Problem, fit: Fit) -> float:
     return float(np.sqrt(left / moved)) if moved else 0.0
 
 
-def unknown_at_robot(statement: str) -> Finding:
-    """Return the finding of something that no law takes away and that has no place."""
-    return Finding(
-        physics="unknown",
-        location="robot",
-        candidates=("robot",),
-        parameters={},
-        heldout_gain=0.0,
-        statement=statement,
-    )
+def unknown_at(where: str, statement: str, share: float = 0.0, advice: str = "") -> Finding:
+    """Return the finding of something unknown at a place, which would take away a share of the residual."""
+    return Finding("unknown", where, (where,), {}, share, statement, advice=advice)
 
 
 def chi2_without(problem: Problem, fit: Fit, index: int) -> float:
     """Return how much chi squared would grow without a term."""
-    kept = [term.effect for place, term in enumerate(fit.terms) if place != index]
+    kept = [term.effect for term in fit.others(index)[1]]
     left = problem.without_tolerances(fit, (problem.target(fit) - problem.change(fit, kept)).ravel())
     return float((left**2).sum()) - fit.chi2
 
@@ -278,7 +277,7 @@ def finding_of(
     places += term.candidate.law.same_places(term.candidate.place, robot.mechanism)
     for rival in selection.rivals[index]:
         # indistinct: as good a fit, with values that are not absurd; more parameters only rank it lower
-        absurd = rival.chi2 + scale * implausible(rival.term) > own + WORTH_SEPARATING * scale * INDISTINCT
+        absurd = rival.chi2 + scale * implausible(rival.term) > own + MUCH * scale * INDISTINCT
         if rival.chi2 - fit.chi2 > scale * INDISTINCT or absurd:
             continue
         if rival.term.candidate.law.physics == term.candidate.law.physics:
@@ -331,23 +330,12 @@ def _statement(effect: Effect, parameters: Mapping[str, FittedParameter], robot:
 
 def parameters_of(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParameter]:
     """Return values with 95 % intervals from the whole fit's covariance, widened where more than noise is left."""
-    firm = np.diag(np.concatenate([each.candidate.known for each in fit.terms]))
-    jacobian = np.vstack((problem.without_tolerances(fit, problem.jacobian(fit)), firm))
-    scale = np.linalg.norm(jacobian, axis=0)
-    unseen = scale < UNSEEN
-    scale = np.where(unseen, 1.0, scale)
-    scaled = jacobian / scale
-    covariance = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True) / scale / scale[:, None]
-    count = max(problem.count(fit), 1)
-    covariance = covariance * max(1.0, fit.chi2 / count)
-    start = sum(term.candidate.size for term in fit.terms[:index])
     term = fit.terms[index]
     candidate: Candidate = term.candidate
+    reach = WITHIN_95 * problem.deviations(fit)[fit.coordinates_of(index)]
     out = {}
     for place, each in enumerate(candidate.quantities):
-        deviation = 1.96 * float(np.sqrt(max(covariance[start + place, start + place], 0.0)))
-        if unseen[start + place]:
-            deviation = np.inf  # these data do not depend on it
+        deviation = float(reach[place])
         ends = []
         for sign in (-1.0, 1.0):
             moved = term.coordinates.copy()

@@ -27,7 +27,18 @@ from ..simulation import Run, Simulator
 from ..spatial import Array
 from .candidates import Candidate
 from .chances import chi2_isf
-from .criteria import FALSE_ALARM, LEAST_FORCE, LEAST_MOMENT, LEAST_WARMING, LEAST_WIDER, MOST_PARAMETERS_TOLD, WIDER
+from .criteria import (
+    FALSE_ALARM,
+    FEW_ROUNDS,
+    GAIN,
+    ITERATIONS,
+    LEAST_FORCE,
+    LEAST_MOMENT,
+    LEAST_WARMING,
+    LEAST_WIDER,
+    MOST_PARAMETERS_TOLD,
+    WIDER,
+)
 from .diagnosis import Detectable
 from .problem import Fit, Problem, Term
 from .search import Selection
@@ -36,10 +47,6 @@ __all__ = ["Bench", "Pair", "SimulatedTest", "information", "not_detectable", "s
 
 
 # -- what could not be seen --------------------------------------------------------------------------------------------
-
-
-#: Steps to the size that would have been seen, the first of them as the law tells, and how well its chi squared is met.
-_ROUNDS, _EXTRAPOLATIONS, _MET = 24, 4, 0.02
 
 
 def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator[Detectable]:
@@ -127,14 +134,14 @@ def _smallest_seen(candidate: Candidate, at: Array, seen: float, share: Callable
     far = low if law.magnified(value_at(near), 2.0) < value_at(near) else high
     if share_at(far) < 1:
         return None
-    for index in range(_ROUNDS):
+    for index in range(ITERATIONS):
         # As the law tells; what saturates takes halving besides.
         more = law.magnified(value_at(near), float(np.sqrt(1 / seen)))
         guess = float(candidate.coordinates_of(np.array([more, *candidate.values_of(at)[1:]]))[0])
-        if index >= _EXTRAPOLATIONS or not min(near, far) < guess < max(near, far):
+        if index >= FEW_ROUNDS or not min(near, far) < guess < max(near, far):
             guess = (near + far) / 2
         found = share_at(guess)
-        if abs(found - 1) < _MET:
+        if abs(found - 1) < GAIN:
             return value_at(guess)
         if found < 1:
             near, seen = guess, found
@@ -301,7 +308,6 @@ class SimulatedTest:
         noise = replace(problem.noise, each=(), which=None)
         own = Problem.of(Simulator(bench.robot, inputs), Stack(tuple(channels)), noise)
         self.problem = own if problem.tolerances is None else replace(own, tolerances=problem.tolerances)
-        self._runs: dict[tuple[int, ...], Run] = {}  # by what the pairs keep alive
 
     @cached_property
     def fit(self) -> Fit:
@@ -325,17 +331,18 @@ class SimulatedTest:
 
     def simulated(self, pair: Pair) -> Array:
         """Return the same by the whole simulation; zero where either has no answer."""
-        one, other = self._run(self.last.terms, self.last.x), self._run(*pair.other(self.last))
-        measured = Stack(tuple(PoseChannel.of_run(one, frame) for frame in self.bench.frames))
-        difference = measured.residual(other)[self.fit.samples]
+        difference = self._measured.residual(self._run(*pair.other(self.last)))[self.fit.samples]
         return self.problem.whitened(self.fit.influence, np.where(self.bench.measured, difference, 0.0))
 
+    @cached_property
+    def _measured(self) -> Stack:
+        """What would be measured where the last fit is the truth."""
+        run = self._run(self.last.terms, self.last.x)
+        return Stack(tuple(PoseChannel.of_run(run, frame) for frame in self.bench.frames))
+
     def _run(self, terms: Sequence[Term], x: Array) -> Run:
-        key = id(x), *(id(term) for term in terms)
-        if key not in self._runs:
-            beside = [] if self.problem.tolerances is None else self.problem.tolerances.at(x)
-            self._runs[key] = self.problem.simulator.run([*beside, *(term.effect for term in terms)], self.fit.run)
-        return self._runs[key]
+        beside = [] if self.problem.tolerances is None else self.problem.tolerances.at(x)
+        return self.problem.simulator.run([*beside, *(term.effect for term in terms)], self.fit.run)
 
     def free(self, pair: Pair) -> Array:
         """Return the whitened changes (n, K, p) per parameter of the rival and of all others, as in `information`."""

@@ -19,19 +19,20 @@ from ..robot import Robot
 from ..simulation import Simulator
 from ..spatial import Array, cross, rotation_exp, turn_between
 from .criteria import (
+    ANYHOW,
+    AS_GOOD,
     CHANCE_DEVIATIONS,
     COARSE,
-    CONVENTION_AS_GOOD,
     CONVENTION_LEAVES,
     CONVENTION_SHOWN,
-    CONVENTION_SOFTER,
-    CONVENTION_SOFTEST,
+    FEWEST_IN_BLOCK,
+    MUCH,
 )
 
 __all__ = ["conventions_of_loads"]
 
-#: Blocks and samples by which loads are judged, and the fewest samples that tell anything.
-_BLOCKS, _SAMPLES, _FEWEST = 24, 400, 12
+#: Blocks and samples by which loads are judged.
+_BLOCKS, _SAMPLES = 24, 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,15 +108,13 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
         others = [
             (*taken, item[1])
             for item in tried
-            if item[0] <= max(CONVENTION_AS_GOOD**2 * left, alike)
-            and item[1] is not convention
-            and not item[1].argument
+            if item[0] <= max(AS_GOOD**2 * left, alike) and item[1] is not convention and not item[1].argument
         ]
         taken, now, least = [*taken, convention], other, left
     if not taken:
         return None
     half = np.unique(loaded.blocks, return_inverse=True)[1] % 2 == 0
-    if half.all() or (~half).sum() < _FEWEST or half.sum() < _FEWEST:
+    if half.all() or (~half).sum() < FEWEST_IN_BLOCK or half.sum() < FEWEST_IN_BLOCK:
         half = np.arange(len(half)) % 2 == 0
     held = [_softened(loaded, item, half) for item in (loaded.wrench, now.wrench)]
     if not held[1] < CONVENTION_LEAVES**2 * held[0]:
@@ -139,7 +138,7 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     blocks = recording.blocks()
     sizes = np.bincount(blocks)
     good &= sizes[blocks] > 2  # what stands still is told from what loads move
-    if good.sum() < _FEWEST:
+    if good.sum() < FEWEST_IN_BLOCK:
         return None
     several = np.unique(blocks[good])
     chosen = several[np.unique(np.linspace(0, len(several) - 1, _BLOCKS).astype(int))]
@@ -149,7 +148,7 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     simulator = Simulator(robot, inputs)
     geometry, run = simulator.geometry({}), simulator.run(())
     there = np.flatnonzero(geometry.reachable)
-    if len(there) < _FEWEST:
+    if len(there) < FEWEST_IN_BLOCK:
         return None
     rows, at = rows[there], geometry.rows[there]
     used, which = np.unique(at, return_inverse=True)
@@ -217,9 +216,9 @@ def _softened(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) 
     for _ in range(3):
         rest = target - columns @ scale
         noise2 = max(float(rest @ rest) / len(target), 1e-6)
-        matrix = columns.T @ columns / noise2 + np.eye(size) / CONVENTION_SOFTER**2
+        matrix = columns.T @ columns / noise2 + np.eye(size) / ANYHOW**2
         scale = 1 + np.linalg.solve(matrix, columns.T @ (target - columns.sum(axis=1)) / noise2)
-        scale = np.clip(scale, 1 / CONVENTION_SOFTEST, CONVENTION_SOFTEST)
+        scale = np.clip(scale, 1 / MUCH, MUCH)
     rest = judged.free(judged.moved).ravel() - judged.by_module(other) @ scale
     return max(float(rest @ rest) - judged.noise, 0.0)
 

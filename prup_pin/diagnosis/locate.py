@@ -19,18 +19,7 @@ from ..channels import Columns, Noise
 from ..laws import Effect
 from ..laws.drawn import Drawn, against_component
 from ..spatial import Array
-from .criteria import (
-    ALIKE,
-    CHANCE_DEVIATIONS,
-    KNOTS,
-    MOST_BINS,
-    NO_LOAD,
-    NOT_REACHING,
-    NOTHING,
-    SAMPLES_A_BIN,
-    SMOOTH,
-    TREMOR,
-)
+from .criteria import ALIKE, CHANCE_DEVIATIONS, KNOTS, NOTHING, TREMOR, UNSEEN
 from .nuisance import Nuisance
 from .problem import Fit, Problem
 
@@ -113,7 +102,7 @@ def curve_against(
     if not scale.max() > 0:
         return None
     # a weak preference for smooth curves keeps knots that the data do not reach from swinging
-    second = np.diff(np.eye(len(knots)), 2, axis=0) * SMOOTH * scale.max()
+    second = np.diff(np.eye(len(knots)), 2, axis=0) * UNSEEN * scale.max()
     normal = columns.T @ columns + second.T @ second + 1e-12 * scale.max() ** 2 * np.eye(len(knots))
     inverse = np.linalg.inv(normal)
     target = fit.residual.ravel()
@@ -198,7 +187,7 @@ def yieldings(problem: Problem, fit: Fit) -> list[Yielding]:
         )
         for components in motions:
             basis, sizes, _ = np.linalg.svd(directions[:, :, list(components)], full_matrices=False)
-            seen = sizes > NOT_REACHING * max(float(sizes.max(initial=0.0)), 1e-300)
+            seen = sizes > NOTHING * max(float(sizes.max(initial=0.0)), 1e-300)
             part = (basis.mT @ fit.residual[..., None])[..., 0] * seen
             found.append(Yielding(name, components, float((part**2).sum()) - int(seen.sum())))
     return sorted(found, key=lambda item: -item.gain)
@@ -209,7 +198,7 @@ def least_left(problem: Problem, fit: Fit, module: str, residual: Array, nuisanc
 
     `nuisance`: what others may do with it. No law of that module alone leaves less, to first order.
     """
-    basis = problem.reach(fit.influence, module)
+    basis = problem.reach(fit, module)
 
     def left(values: Array) -> Array:
         return values - basis @ (basis.mT @ values)
@@ -401,7 +390,7 @@ def _estimate(
     """Return what each sample asks for along a direction, and means; None where they say nothing."""
     direction = (white @ direction[..., None])[..., 0]
     weight = (direction**2).sum(axis=1)
-    good = (weight > NOT_REACHING * weight.max(initial=0.0)) & (weight > 0)
+    good = (weight > NOTHING * weight.max(initial=0.0)) & (weight > 0)
     if good.sum() < 3:
         return None
     x, along, weight = drawn.x[good], direction[good], weight[good]
@@ -427,13 +416,13 @@ def _bins(x: Array) -> np.ndarray:
     reach = float(np.ptp(x))
     if not reach > 1e-9 * float(np.abs(x).max()):
         return np.zeros(len(x), int)
-    sides = np.where(np.abs(x) < NO_LOAD * reach, 0, np.sign(x)).astype(int)
+    sides = np.where(np.abs(x) < UNSEEN * reach, 0, np.sign(x)).astype(int)
     bins, first = np.zeros(len(x), int), 0
     for side in (-1, 0, 1):
         rows = np.flatnonzero(sides == side)
         if not len(rows):
             continue
-        count = 1 if side == 0 else int(np.clip(len(rows) // SAMPLES_A_BIN, 1, MOST_BINS))
+        count = 1 if side == 0 else int(np.clip(len(rows) // KNOTS, 1, KNOTS))
         edges = np.quantile(x[rows], np.linspace(0, 1, count + 1)[1:-1])
         bins[rows] = first + np.searchsorted(np.unique(edges), x[rows], side="right")
         first = int(bins[rows].max()) + 1

@@ -10,22 +10,23 @@ import numpy as np
 from ..numbers import counted, number
 from ..spatial import WRENCH_NAMES, Array
 from .criteria import (
-    APPROACHED_FROM,
     CERTAIN,
     DEEPER_CANDIDATES,
     DEEPER_SEARCHES,
     INDISTINCT,
-    LARGER_LOADS,
+    LITTLE,
+    MOST_LISTED,
     MOST_PAIRS,
     MOST_PLANNED_POSES,
     MOST_REPEATED,
-    NOWHERE_APART,
+    MUCH,
+    NOTHING,
+    PARAMETER_COST,
     PLANNED_POSES,
-    TILTED_BASE,
+    SETTLED,
+    TURNED,
     WEIGHED_LOADS,
     WEIGHED_POSES,
-    WORTH_DOING,
-    WORTH_SEPARATING,
 )
 from .diagnosis import Finding
 from .identify import Bench, Pair, SimulatedTest, information, separation
@@ -38,10 +39,6 @@ __all__ = ["next_experiment"]
 CYCLE = (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
 #: ... by which loads are weighed where something remembers what was before.
 _SHORT_CYCLE = (0.0, 1.0, 0.0, -1.0)
-#: What decides between poses where every pair has enough.
-_LITTLE = 1e-6
-#: Pairs that a sentence of the reason lists.
-MOST_LISTED = 6
 #: Of what these laws need the plan can see to.
 _SEEN_TO = {"gravity", "temperature", "wrench"}
 
@@ -86,12 +83,12 @@ def _proposed(problem: Problem, selection: Selection, joint: str) -> dict[str, A
         return {"why": why, "plan": _plan(search, search.largest(), CYCLE)}
     chosen, repeated = search.planned()
     told = _Outcome(search, chosen, repeated)
-    if told.most < WORTH_DOING and told.undecided:
+    if told.most < PARAMETER_COST and told.undecided:
         # what is worth a plan for all is little; what is worth it for one pair, gone through often, tells that pair
         told = _Outcome(search, search.best_places(told.undecided[0]), MOST_REPEATED)
         repeated, chosen = told.repeated, told.chosen
     answer = {"why": told.why, "plan": {}, **told.lists, "weighed": len(search.positions)}
-    if told.most >= WORTH_DOING:
+    if told.most >= PARAMETER_COST:
         cycle = CYCLE[:-1] * (repeated - 1) + CYCLE
         answer["plan"] = _plan(search, chosen, cycle, any("temperature" in pair.needs for pair in pairs))
     return answer
@@ -130,7 +127,7 @@ class _Design:
         on the way; nothing where it cannot be moved so."""
         column = self.bench.robot.mechanism.actuated.index(joint)
         step = np.zeros(self.positions.shape[1])
-        step[column] = APPROACHED_FROM * float((self.bench.high - self.bench.low)[column])
+        step[column] = LITTLE * float((self.bench.high - self.bench.low)[column])
         chosen: list[int] = []
         for place in self.largest():
             sides = [self.positions[place] - step, self.positions[place] + step]
@@ -146,7 +143,7 @@ class _Design:
         every = range(len(self.pairs))
         self.worth = self._weighed(every, slice(None))
         for _ in range(DEEPER_SEARCHES):
-            near = [k for k in every if NOWHERE_APART < self._best(k) < CERTAIN]
+            near = [k for k in every if SETTLED < self._best(k) < CERTAIN]
             if not near:
                 break
             begun = len(self.positions)
@@ -204,7 +201,7 @@ class _Design:
         best = np.array([self._best(k) for k in range(len(self.worth))])
         asks = MOST_REPEATED * best >= INDISTINCT
         enough = np.where(asks, np.minimum(best, CERTAIN), np.inf)[:, None]
-        share = np.where(asks[:, None], 1 / enough, _LITTLE / max(float(best.max(initial=0.0)), 1e-300))
+        share = np.where(asks[:, None], 1 / enough, NOTHING / max(float(best.max(initial=0.0)), 1e-300))
         have = np.zeros((len(self.worth), 1))
         picked: list[int] = []
         free = np.ones(len(self.positions), bool)
@@ -212,7 +209,7 @@ class _Design:
             if len(picked) >= PLANNED_POSES and not (asks & (have[:, 0] < CERTAIN)).any():
                 break
             gain = (share * (np.minimum(have + self.worth, enough) - np.minimum(have, enough))).sum(axis=0)
-            place = int(np.argmax(np.where(free, gain + _LITTLE**2 * self.worth.sum(axis=0), -np.inf)))
+            place = int(np.argmax(np.where(free, gain + NOTHING**2 * self.worth.sum(axis=0), -np.inf)))
             picked.append(place)
             free &= (self.positions != self.positions[place]).any(axis=1)
             have += self.worth[:, place, None]
@@ -261,16 +258,16 @@ class _Outcome:
 
     def _from(self, told: Sequence[tuple[Pair, float | None]], again: bool = True) -> str:
         """Return 'backlash at A from backlash at B (1.4 times the noise), C (2.4)': each said once, `again` 'it'."""
-        ours = {id(pair.term): pair.term for pair in self.search.pairs}
-        groups: dict[int, dict[str, list[str]]] = {}
+        alone = len({_words(pair.term) for pair in self.search.pairs}) == 1
+        groups: dict[str, dict[str, list[str]]] = {}
         unit = " times the noise"
         for pair, times in told[:MOST_LISTED]:
             physics, at, place = _words(pair.rival).partition(" at ")
             size = "" if times is None else f" ({number(times, 2)}{unit})"
             unit = unit if times is None else ""
-            groups.setdefault(id(pair.term), {}).setdefault(physics + at, []).append(place + size)
+            groups.setdefault(_words(pair.term), {}).setdefault(physics + at, []).append(place + size)
         sentences = [
-            f"{'it' if again and len(ours) == 1 else _words(ours[term])} from "
+            f"{'it' if again and alone else term} from "
             + ", or from ".join(physics + _listed(places) for physics, places in rivals.items())
             for term, rivals in groups.items()
         ]
@@ -305,7 +302,7 @@ class _Outcome:
         pairs, bench = self.search.pairs, self.search.bench
         ways: list[tuple[str, str, float, Array | None]] = []
         if alike:
-            ways.append((f"Loads {LARGER_LOADS:g} times as large", "larger_loads", LARGER_LOADS, None))
+            ways.append((f"Loads {MUCH:g} times as large", "larger_loads", MUCH, None))
         if any("gravity" in pairs[k].needs for k, _ in alike):
             gravity = bench.robot.mechanism.gravity if bench.gravity is None else bench.gravity
             ways.append(("The base tilted against gravity", "tilted_base", 1.0, _tilted(gravity)))
@@ -322,10 +319,10 @@ class _Outcome:
 
 
 def _tilted(gravity: Array) -> Array:
-    """Return gravity (3,) as a base has it that is tilted by TILTED_BASE about the axis most across it."""
+    """Return gravity (3,) as a base has it that is tilted by TURNED about the axis most across it."""
     axis = np.cross(gravity, np.eye(3)[int(np.argmin(np.abs(gravity)))])
     axis /= np.linalg.norm(axis)
-    return gravity * np.cos(TILTED_BASE) + np.cross(axis, gravity) * np.sin(TILTED_BASE)
+    return gravity * np.cos(TURNED) + np.cross(axis, gravity) * np.sin(TURNED)
 
 
 def _plan(search: _Design, chosen: Sequence[int], cycle: Sequence[float], warm: bool = False) -> dict[str, Any]:
@@ -374,7 +371,7 @@ def _indistinct_pairs(selection: Selection) -> list[Pair]:
     for term, rivals in zip(selection.last.terms, selection.rivals, strict=True):
         for rival in rivals:
             other = rival.term
-            if _holds(other, term) or other is term or rival.chi2 - selection.last.chi2 > WORTH_SEPARATING * INDISTINCT:
+            if _holds(other, term) or other is term or rival.chi2 - selection.last.chi2 > MUCH * INDISTINCT:
                 continue
             pairs.append(Pair(term, other, rival.whole))
     return pairs

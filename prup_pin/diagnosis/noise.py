@@ -16,14 +16,14 @@ from ..channels import Linear, Noise, PoseChannel, Stack
 from ..laws import Inputs
 from ..recordings import Recording
 from ..spatial import Array, turn_between
-from .chances import chi2_sf, normal_cdf, normal_pdf, normal_sf
+from .chances import chi2_sf, normal_cdf, normal_pdf, normal_sf, robust_deviation
 from .criteria import (
-    CLIP,
-    FEWEST_FOLLOWERS,
+    BLOCKS,
+    FEWEST_IN_BLOCK,
     FEWEST_NUMBERS,
-    FEWEST_PIECES,
     SAME_LOAD,
     STRUCTURE_CHANCE,
+    SURE,
     USUAL_POSITION_NOISE,
     USUAL_ROTATION_NOISE,
     chance_bound,
@@ -38,7 +38,7 @@ __all__ = ["could_show_structure", "estimate_noise", "is_white", "noise_of_the_r
 
 
 #: What is left of the variance of normal numbers without the outliers.
-_CLIPPED = 1 - 2 * CLIP * normal_pdf(CLIP) / (2 * normal_cdf(CLIP) - 1)
+_CLIPPED = 1 - 2 * SURE * normal_pdf(SURE) / (2 * normal_cdf(SURE) - 1)
 
 
 def estimate_noise(recording: Recording, stack: Stack, linear: Linear, inputs: Inputs, here: np.ndarray) -> Noise:
@@ -96,9 +96,9 @@ def _scatter(values: Array) -> float | None:
     """Return the standard deviation of either of two numbers with these differences, outliers left out."""
     if len(values) < FEWEST_NUMBERS:
         return None
-    robust = 1.4826 * float(np.median(np.abs(values)))
+    robust = robust_deviation(values)
     for _ in range(5):  # a mean of squares without outliers says more than the median
-        inside = np.abs(values) <= CLIP * robust
+        inside = np.abs(values) <= SURE * robust
         robust = float(np.sqrt((values[inside] ** 2).mean() / _CLIPPED)) if inside.any() else robust
     return robust / np.sqrt(2) if robust > 0 else None
 
@@ -172,7 +172,7 @@ def _slopes_of_each(problem: Problem, fit: Fit, actuators: Array) -> Iterator[Ar
 def could_show_structure(blocks: np.ndarray) -> bool:
     """Return True where samples are enough, in one pose or in many, for `is_white` to mean something."""
     followers = int((blocks[1:] == blocks[:-1]).sum())
-    return followers >= FEWEST_FOLLOWERS or len(np.unique(blocks)) >= FEWEST_PIECES
+    return followers >= FEWEST_IN_BLOCK or len(np.unique(blocks)) >= BLOCKS
 
 
 def _follows_time(column: Array, blocks: np.ndarray) -> Iterator[float]:
@@ -216,7 +216,7 @@ def _chance_of_products(products: Array) -> float:
 def _neighbours(actuators: Array, blocks: np.ndarray) -> np.ndarray:
     """Return pairs (m, 2) of blocks, by their places among the labels, that are nearest neighbours; none twice."""
     _, first = np.unique(blocks, return_index=True)
-    if len(first) < FEWEST_PIECES:
+    if len(first) < BLOCKS:
         return np.zeros((0, 2), int)
     places = actuators[first] / np.maximum(np.ptp(actuators, axis=0), 1e-12)
     pairs = cKDTree(places).query(places, k=2)[1]

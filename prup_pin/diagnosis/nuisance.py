@@ -14,6 +14,7 @@ import numpy as np
 
 from ..spatial import Array
 from .calibrate import least_within
+from .criteria import NOTHING
 
 __all__ = ["Nuisance", "least_step", "with_priors", "without"]
 
@@ -42,7 +43,7 @@ class Nuisance:
     @classmethod
     def within(cls, jacobian: Array, held: Array, offset: Array | None = None) -> Nuisance:
         """Return the same beside parameters that are held by their tolerances, by their changes per tolerance."""
-        left, size = _spanned(np.concatenate((_FREE * _scaled(jacobian), held), axis=1))
+        left, size = _spanned(np.concatenate((_scaled(jacobian) / NOTHING, held), axis=1))
         kept = size > 1e-6
         return cls(left[:, kept], 1 - 1 / np.sqrt(1 + size[kept] ** 2), offset)
 
@@ -58,10 +59,6 @@ class Nuisance:
         """Rows that these parameters change at all, and what they do there: what was not measured takes no time."""
         rows = np.flatnonzero(self.basis.any(axis=1))
         return rows, np.ascontiguousarray(self.basis[rows])
-
-
-#: Multiple of the noise by which a parameter may change the columns that nothing holds.
-_FREE = 1e6
 
 
 def _spanned(matrix: Array) -> tuple[Array, Array]:

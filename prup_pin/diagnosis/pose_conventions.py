@@ -21,20 +21,12 @@ from ..recordings.conventions import AXES, GEARS, POSITION_UNITS, Evidence, exch
 from ..robot import Robot
 from ..simulation import drawn_for
 from ..spatial import Array, rigid_motion, rotation_exp, turn_between
-from .criteria import (
-    CONVENTION_AS_GOOD,
-    CONVENTION_FINE,
-    CONVENTION_LEAVES,
-    CONVENTION_NEAR,
-    LEAST_REACH,
-)
+from .criteria import AS_GOOD, CONVENTION_FINE, CONVENTION_LEAVES, CONVENTION_NEAR, LEAST_REACH, ROUNDS
 
 __all__ = ["conventions_of_poses"]
 
 #: Postures that are looked at, of robots with loops, which take longer to close, and of others.
 _POSTURES, _OF_TREES = 12, 40
-#: Rounds in which frames that depend on one another are fitted in turn.
-_ROUNDS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +185,7 @@ def _positions(
     good = [fitted & np.isfinite(at[:, 0, 3]) & np.isfinite(seen).all(axis=1) for at, seen in points]
     stays = sum(int(rows.sum()) for rows in good) < 4
     if not stays:
-        for _ in range(_ROUNDS):
+        for _ in range(ROUNDS):
             own = [at[:, :3, 3] + at[:, :3, :3] @ aside for (at, _), aside in zip(points, shifts, strict=True)]
             drawn = np.concatenate([a[rows] for a, rows in zip(own, good, strict=True)])
             aim = np.concatenate([seen[rows] for (_, seen), rows in zip(points, good, strict=True)])
@@ -221,7 +213,7 @@ def _orientations(drawn: Array, seen: Array, fitted: np.ndarray, near: bool, tur
     good = fitted & there
     left, right = np.stack((np.eye(3), turn)), np.broadcast_to(np.eye(3), (2, 3, 3))  # from two starts at once
     at, aim = drawn[good], seen[good]
-    for _ in range(_ROUNDS if good.any() else 1):
+    for _ in range(ROUNDS if good.any() else 1):
         right = _nearest((at.mT @ left.mT[:, None] @ aim).sum(axis=1))
         left = _nearest((aim @ (at @ right[:, None]).mT).sum(axis=1))
     if near:
@@ -315,7 +307,7 @@ def _forward(
         if not tried:
             break
         cost, _, convention, read, now = min(tried, key=lambda item: (round(item[0], 2), item[1]))
-        margin = np.log(CONVENTION_AS_GOOD)
+        margin = np.log(AS_GOOD)
         others = [(*taken, item[2]) for item in tried if item[0] < cost + margin and item[2] is not convention]
         taken.append(convention)
         if (now.sizes <= 10 * postures.floor).all():

@@ -26,16 +26,17 @@ from .calibrate import (
 )
 from .candidates import Candidate, candidates, under_load
 from .criteria import (
-    ALLOWED_TOLERANCES,
-    FAR,
-    FEWEST_STATIONS,
+    ALIKE,
+    BEYOND,
+    FEWEST_OF_KIND,
     FOLDS,
     LEAST_REACH,
+    LITTLE,
+    MOST_LISTED,
     MOST_SAMPLES,
-    MUCH_LARGER,
+    MUCH,
     NOTHING,
     TURNED,
-    UPSIDE_DOWN,
 )
 from .noise import estimate_noise, scatter_of_repeats
 from .problem import Problem
@@ -46,8 +47,6 @@ __all__ = ["Prepared", "Tell", "allowed_of_markers", "check_belongs", "prepare",
 
 
 Tell = Callable[[str, float], None]
-#: Rows of a table that a remark lists.
-_ROWS_TOLD = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +237,7 @@ def _off_everywhere(problem: Problem, together: Together, library: Sequence[Cand
         ways.append([])
     # A station for each run is a kind as any other, which the data ask for or not; two do not tell how they scatter.
     own = bool(together.stations) or "pose_sensor" not in together.groups
-    several = own and len(np.unique(together.recording.run)) >= (2 if together.stations else FEWEST_STATIONS)
+    several = own and len(np.unique(together.recording.run)) >= (2 if together.stations else FEWEST_OF_KIND)
     found = spread_of(replace(problem, stack=replace(problem.stack, stations=None)), together, ways, several)
     if not several or found is None or found.stations is not None:
         return found
@@ -294,7 +293,7 @@ def _noise_declared_too_large(
     seen = scatter_of_repeats(stack, linear, inputs, here)
     for name, unit, found in (("position", "µm", seen[0]), ("rotation", "µrad", seen[1])):
         declared = getattr(recording.noise, name)
-        if declared is not None and found is not None and declared > MUCH_LARGER * found:
+        if declared is not None and found is not None and declared > MUCH * found:
             remarks.append(
                 f"{name}_noise is declared as {number(1e6 * declared, 3)} {unit}, but repeats of a load scatter by "
                 f"{number(1e6 * found, 3)} {unit} only: if it is declared too large, effects are overlooked"
@@ -304,7 +303,7 @@ def _noise_declared_too_large(
 
 def _not_simulated(rows: np.ndarray, count: int) -> str:
     """Return that samples of a table, by their places from 0, could not be simulated; line 1 holds its names."""
-    listed = ", ".join(str(row + 2) for row in rows[:_ROWS_TOLD]) + (", …" if len(rows) > _ROWS_TOLD else "")
+    listed = ", ".join(str(row + 2) for row in rows[:MOST_LISTED]) + (", …" if len(rows) > MOST_LISTED else "")
     which = f"line{'s' if len(rows) > 1 else ''} {listed}"
     return f"{len(rows)} of {count} samples could not be simulated ({which}), and say nothing here"
 
@@ -348,7 +347,7 @@ def _points_up(measured: Array, drawn: Array) -> bool:
     """Return True where gravity is, in the median, the opposite of the robot file's."""
     sizes = np.linalg.norm(measured, axis=1) * np.linalg.norm(drawn)
     known = sizes > 0
-    return bool(known.any() and np.median((measured @ drawn)[known] / sizes[known]) < UPSIDE_DOWN)
+    return bool(known.any() and np.median((measured @ drawn)[known] / sizes[known]) < -ALIKE)
 
 
 #: Kinds of columns that are not compared, and what they are.
@@ -404,7 +403,7 @@ def allowed_of_markers(declared: Tolerances, mechanism: Mechanism) -> tuple[floa
     joints = float(np.sqrt(len(mechanism.actuated)))
     length = (declared.target_position or 0.0) + joints * (declared.position or 0.0)
     turn = joints * ((declared.encoder_offset or 0.0) + (declared.direction or 0.0))
-    return ALLOWED_TOLERANCES * length, FAR + ALLOWED_TOLERANCES * turn
+    return BEYOND * length, LITTLE + BEYOND * turn
 
 
 def check_belongs(
@@ -413,7 +412,7 @@ def check_belongs(
     inputs: Inputs,
     here: np.ndarray,
     rows: np.ndarray,
-    allowed: tuple[float, float] = (0.0, FAR),
+    allowed: tuple[float, float] = (0.0, LITTLE),
 ) -> None:
     """Raise InputError where recording and robot are worlds apart, with the likely reason.
 

@@ -9,19 +9,20 @@ steps.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from ..channels import Noise, Stack
-from ..laws import Effect
+from ..laws import Effect, Setup
 from ..simulation import Run, Simulator
 from ..spatial import Array
-from .calibrate import Calibrated, Toleranced, changes_per_tolerance, settled
+from .calibrate import Calibrated, Toleranced, changes_per_tolerance, settled, shortened
 from .candidates import Candidate, Term
-from .criteria import STALE
+from .criteria import LITTLE, NOTHING, SETTLED, STALE, UNSEEN, WIDEST_STEP
 from .influence import Influence
 from .nuisance import Nuisance, least_step, without
 
@@ -35,7 +36,7 @@ class Fit:
     x (p,): toleranced parameters in multiples of their tolerances; p = 0 where the robot file is taken at its word.
     chi2: squares of the residual, of x, and of coordinates with a prior about zero (`Candidate.known`).
     per_tolerance (K n, p): whitened change per tolerance, taken at this fit or at one near by, which bends the next
-    step of a parameter a little and no residual.
+    step of a parameter a little and no residual. begin: the setup that the laws come after.
     """
 
     terms: tuple[Term, ...]
@@ -45,10 +46,28 @@ class Fit:
     chi2: float
     x: Array
     per_tolerance: Array
+    begin: Setup
+    _made: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def samples(self) -> np.ndarray:
         return self.run.samples
+
+    def others(self, *index: int) -> tuple[list[int], list[Term]]:
+        """Return the places of all terms but some, and these terms."""
+        places = [place for place in range(len(self.terms)) if place not in index]
+        return places, [self.terms[place] for place in places]
+
+    def coordinates_of(self, index: int) -> slice:
+        """Return where the coordinates of a term are among those of all terms."""
+        begin = sum(term.candidate.size for term in self.terms[:index])
+        return slice(begin, begin + self.terms[index].candidate.size)
+
+    def once(self, what: Any, make: Callable[[], Any]) -> Any:
+        """Return what its problem makes of this fit, made once: its Jacobian, what may be fitted beside a law."""
+        if what not in self._made:
+            self._made[what] = make()
+        return self._made[what]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,10 +119,10 @@ class Problem:
     def first(self) -> Fit:
         """The fit of the robot as its file has it, within its tolerances."""
         if self.tolerances is None:
-            return self._fit((), self.nominal, np.zeros(0), np.zeros((self._size, 0)))
+            return self._fit((), self.nominal, np.zeros(0), np.zeros((self._size, 0)), self.nominal.run.setup)
         start = self.tolerances.start
         held = self.whitened_changes(start.influence, start.changes)
-        return self._fit((), start.influence, start.x, held)
+        return self._fit((), start.influence, start.x, held, start.run.setup)
 
     @property
     def _size(self) -> int:
@@ -152,14 +171,13 @@ class Problem:
         basis = _basis(white @ freed_at.signature(self.freed_module))
         return white - basis @ (basis.mT @ white)
 
-    def reach(self, influence: Influence, module: str) -> Array:
+    def reach(self, fit: Fit, module: str) -> Array:
         """Return the whitened changes that a module's deformations can make, (n, K, k).
 
         Orthonormal columns at every sample, zero where a deformation does not reach what is measured.
         """
-        return influence.first.once(
-            ("reach", self, module), lambda: _basis(self.whiteners(influence) @ influence.signature(module))
-        )
+        influence = fit.influence
+        return fit.once(("reach", module), lambda: _basis(self.whiteners(influence) @ influence.signature(module)))
 
     def fit_at(self, terms: Sequence[Term], start: Run | None = None, like: Fit | None = None, x=None) -> Fit:
         """Return the simulation with these terms, without fitting, toleranced parameters as in the fit `like`.
@@ -170,9 +188,7 @@ class Problem:
         x = like.x if x is None else x
         begin = self.simulator.setup(self._effects(x, ()))
         run = self.simulator.run_setup(self.simulator.setup([term.effect for term in terms], begin), start)
-        influence = Influence(self.simulator, run, self.stack)
-        influence.first.once(_begin_key(x), lambda: begin)
-        return self._fit(terms, influence, x, like.per_tolerance)
+        return self._fit(terms, Influence(self.simulator, run, self.stack), x, like.per_tolerance, begin)
 
     def relinearised(self, fit: Fit) -> Fit:
         """Return a fit with the change per tolerance taken at it."""
@@ -185,13 +201,13 @@ class Problem:
     def _effects(self, x: Array, effects: Sequence[Effect]) -> list[Effect]:
         return [*effects] if self.tolerances is None else [*self.tolerances.at(x), *effects]
 
-    def _fit(self, terms: Sequence[Term], influence: Influence, x: Array, held: Array) -> Fit:
+    def _fit(self, terms: Sequence[Term], influence: Influence, x: Array, held: Array, begin: Setup) -> Fit:
         run = influence.run
         residual = self.whitened(influence, self.stack.residual(run)[run.samples])
         chi2 = float((residual**2).sum() + x @ x + sum(term.off @ term.off for term in terms))
         if (self.nominal.run.solved & ~run.solved).any():
             chi2 = np.inf  # samples that these values leave without an answer must not count as a good fit
-        return Fit(tuple(terms), run, influence, residual, chi2, x, held)
+        return Fit(tuple(terms), run, influence, residual, chi2, x, held, begin)
 
     def count(self, fit: Fit) -> int:
         """Return how many numbers of a fit's residual were both measured and simulated."""
@@ -209,16 +225,27 @@ class Problem:
 
     def change(self, fit: Fit, effects: Sequence[Effect]) -> Array:
         """Return the whitened change of the columns (n, K) from a fit to other effects, to first order."""
-        first = fit.influence.first
-        begin = first.once(
-            _begin_key(fit.x),
-            lambda: self.simulator.setup(self._effects(fit.x, ())) if fit.terms else fit.run.setup,
-        )
-        return self.whitened(fit.influence, fit.influence.change(self.simulator.setup(effects, begin)))
+        return self.whitened(fit.influence, fit.influence.change(self.simulator.setup(effects, fit.begin)))
 
     def without_tolerances(self, fit: Fit, values: Array) -> Array:
         """Return whitened values (K n, ...) less what the toleranced parameters of a fit may take of them."""
         return without(values, self.nuisance(fit, ()))
+
+    def deviations(self, fit: Fit) -> Array:
+        """Return the standard deviations (p,) of the coordinates of all terms, widened where more than noise is left.
+
+        Infinite where the data do not depend on one.
+        """
+        firm = np.diag(np.concatenate([np.zeros(0), *(term.candidate.known for term in fit.terms)]))
+        jacobian = np.vstack((self.without_tolerances(fit, self.jacobian(fit)), firm))
+        scale = np.linalg.norm(jacobian, axis=0)
+        unseen = scale < UNSEEN
+        scaled = jacobian / np.where(unseen, 1.0, scale)
+        variances = (
+            np.diag(np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True)) / np.where(unseen, 1.0, scale) ** 2
+        )
+        left = max(1.0, fit.chi2 / max(self.count(fit), 1))
+        return np.where(unseen, np.inf, np.sqrt(np.maximum(variances * left, 0.0)))
 
     # -- fits ----------------------------------------------------------------------------------------------------------
 
@@ -290,6 +317,9 @@ class Problem:
 
     def nuisance(self, fit: Fit, kept: Sequence[int]) -> Nuisance | None:
         """Return what some of a fit's terms, given by their places, and the toleranced parameters may do together."""
+        return fit.once(("nuisance", *kept), lambda: self._nuisance(fit, kept))
+
+    def _nuisance(self, fit: Fit, kept: Sequence[int]) -> Nuisance | None:
         sizes = np.cumsum([0, *(term.candidate.size for term in fit.terms)])
         columns = [column for place in kept for column in range(sizes[place], sizes[place + 1])]
         free = self.jacobian(fit)[:, columns] if columns else np.zeros((fit.residual.size, 0))
@@ -299,10 +329,7 @@ class Problem:
         if firm.any():
             offset = held @ np.concatenate([fit.terms[place].off for place in kept])[firm]
         if self.tolerances is not None:
-            # What is kept holds the array by whose identity it is found: no other one can come to have it.
-            key = ("nuisance", self, id(fit.per_tolerance), tuple(kept))
-            every = np.concatenate((held, fit.per_tolerance), axis=1)
-            return fit.influence.first.once(key, lambda: (fit.per_tolerance, Nuisance.within(free, every, offset)))[1]
+            return Nuisance.within(free, np.concatenate((held, fit.per_tolerance), axis=1), offset)
         if firm.any():
             return Nuisance.within(free, held, offset)
         return Nuisance.free(free) if columns else None
@@ -314,7 +341,7 @@ class Problem:
 
     def is_held_back(self, fit: Fit) -> bool:
         """Return True where a parameter would go farther than laws are looked for."""
-        return bool(np.abs(fit.x).max(initial=0.0) > _AT_REACH * self.farthest)
+        return bool(np.abs(fit.x).max(initial=0.0) > (1 - UNSEEN) * self.farthest)
 
     def refine(self, terms: Sequence[Term], start: Fit, reach: float | None = None) -> Fit:
         """Return the fit of all terms and toleranced parameters together through the whole simulation.
@@ -331,28 +358,25 @@ class Problem:
             if np.abs(fit.x - taken_at).max(initial=0.0) > STALE:
                 fit, taken_at = self.relinearised(fit), fit.x
             step = self._step(fit, reach)
-            share, better = 1.0, None
-            sizes = [term.candidate.size for term in fit.terms]
-            while share > 0.1:
-                trial, place = [], 0
-                for term, size in zip(fit.terms, sizes, strict=True):
-                    low, high = term.candidate.bounds
-                    widest = np.where(term.candidate.logarithmic, _WIDEST_STEP, np.inf)
-                    moved = np.clip(share * step[place : place + size], -widest, widest)
-                    trial.append(Term(term.candidate, np.clip(term.coordinates + moved, low, high)))
-                    place += size
-                attempt = self.fit_at(trial, fit.run, fit, fit.x + share * step[place:])
-                if attempt.chi2 + _prior_cost(attempt) < fit.chi2 + _prior_cost(fit):
-                    better = attempt
-                    break
-                share /= 3
+            tries = (self._moved(fit, share * step) for share in shortened(LITTLE))
+            better = next((each for each in tries if _objective(each) < _objective(fit)), None)
             if better is None:
                 return fit
-            gained = fit.chi2 + _prior_cost(fit) - better.chi2 - _prior_cost(better)
-            fit = better
-            if gained < max(0.02, 1e-5 * fit.chi2):
+            gained, fit = _objective(fit) - _objective(better), better
+            if gained < max(SETTLED, 1e-5 * fit.chi2):
                 return fit
         return fit
+
+    def _moved(self, fit: Fit, step: Array) -> Fit:
+        """Return a fit whose terms and toleranced parameters have moved by a step, (p,), within their bounds."""
+        moved, place = [], 0
+        for term in fit.terms:
+            candidate = term.candidate
+            widest = np.where(candidate.logarithmic, WIDEST_STEP, np.inf)
+            own = np.clip(step[place : place + candidate.size], -widest, widest)
+            moved.append(Term(candidate, np.clip(term.coordinates + own, *candidate.bounds)))
+            place += candidate.size
+        return self.fit_at(moved, fit.run, fit, fit.x + step[place:])
 
     def _step(self, fit: Fit, reach: float) -> Array:
         """Return the Gauss-Newton step of a fit's coordinates and of its toleranced parameters.
@@ -371,7 +395,7 @@ class Problem:
             found = least_step(jacobian[:, open_], left, held, fit.x, reach)
             step[open_] = found[: open_.sum()]
             within = np.clip(here + step, low, high) - here
-            beyond = open_ & ~logarithmic & (np.abs(step - within) > _ROUNDING * np.abs(within))
+            beyond = open_ & ~logarithmic & (np.abs(step - within) > NOTHING * np.abs(within))
             if not beyond.any():
                 return np.concatenate((step, found[open_.sum() :]))
             step[beyond] = within[beyond]
@@ -390,6 +414,9 @@ class Problem:
 
     def jacobian(self, fit: Fit) -> Array:
         """Return d(whitened columns)/d(coordinates of all terms), (K n, p), by differences of first-order changes."""
+        return fit.once("jacobian", lambda: self._jacobian(fit))
+
+    def _jacobian(self, fit: Fit) -> Array:
         effects = [term.effect for term in fit.terms]
         columns = []
         for index, term in enumerate(fit.terms):
@@ -409,9 +436,9 @@ class Problem:
         return np.array(columns).T if columns else np.zeros((fit.residual.size, 0))
 
 
-def _prior_cost(fit: Fit) -> float:
-    """Return what the terms of a fit cost by values far from what is usual, of those that are no logarithms."""
-    return sum(float((term.candidate.prior_residuals(term.coordinates) ** 2).sum()) for term in fit.terms)
+def _objective(fit: Fit) -> float:
+    """Return chi squared and what terms cost by values far from what is usual, of those that are no logarithms."""
+    return fit.chi2 + sum(float((term.candidate.prior_residuals(term.coordinates) ** 2).sum()) for term in fit.terms)
 
 
 def _stepped(
@@ -420,32 +447,16 @@ def _stepped(
     """Return where one Gauss-Newton step leads from a start, or the start: most laws are in proportion, or nearly."""
     low, high = candidate.bounds
     step = np.linalg.lstsq(slope(start), -left(start), rcond=1e-10)[0]
-    widest = np.where(candidate.logarithmic, _WIDEST_STEP, np.inf)
+    widest = np.where(candidate.logarithmic, WIDEST_STEP, np.inf)
     moved = np.clip(start + np.clip(step, -widest, widest), low, high)
     return moved if (left(moved) ** 2).sum() < (left(start) ** 2).sum() else start
 
 
 #: Steps through the whole simulation, and evaluations to first order, in which nearly all fits have ended.
 _MOST_STEPS, _MOST_EVALUATIONS = 6, 25
-#: Step of a logarithm that a slope is trusted for.
-_WIDEST_STEP = 2.0
-
-
-def _begin_key(x: Array) -> tuple[str, bytes]:
-    """Return under which name a run keeps the setup that its laws come after, with toleranced parameters at x (p,).
-
-    What the run shares with a changed setup is the same object in both, and needs no comparison.
-    """
-    return "begin", x.tobytes()
 
 
 def _basis(directions: Array) -> Array:
     """Return orthonormal columns (n, K, k) that span directions (n, K, k), zero where these are none."""
     basis, sizes, _ = np.linalg.svd(directions, full_matrices=False)
     return basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
-
-
-#: Share of a step that adding and taking away may change.
-_ROUNDING = 1e-6
-#: Share of the reach at which a parameter stands at its end.
-_AT_REACH = 0.999

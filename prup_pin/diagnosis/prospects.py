@@ -12,6 +12,7 @@ from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import as_recorded
 from .conventions import read_logs
+from .criteria import ALIKE
 from .diagnosis import Detectable
 from .efforts.band import band_of, in_motion
 from .efforts.conventions import check_efforts
@@ -23,9 +24,6 @@ from .prepare import prepare, unused_columns
 from .search import Selection
 
 __all__ = ["Excitation", "Prospects", "prospects"]
-
-#: Cosine of two laws' efforts from which they are one for this motion.
-_ALIKE = 0.98
 
 
 @dataclass(frozen=True)
@@ -122,6 +120,6 @@ def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, .
     for index, first in enumerate(single):
         for second in single[index + 1 :]:
             a, b = first.where.start, second.where.start
-            if first.name != second.name and abs(rest[a, b]) > _ALIKE * size[a] * size[b]:
+            if first.name != second.name and rest[a, b] ** 2 > ALIKE * (size[a] * size[b]) ** 2:
                 alike.append((" at ".join(first.name), " at ".join(second.name)))
     return tuple(joints), list(dict.fromkeys(alike)), remarks

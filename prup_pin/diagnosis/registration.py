@@ -21,11 +21,13 @@ from ..spatial import Array, rigid_motion, skew, turn_between
 from .chances import chi2_median
 from .criteria import (
     FEWEST_REGISTERED,
+    ITERATIONS,
     LEAST_REACH,
     LEVER,
+    MOST,
     OPEN_FRAME,
     OPEN_TARGET,
-    REGISTERED,
+    ROUNDING,
     TURNED,
     trusted,
 )
@@ -35,9 +37,6 @@ __all__ = ["Registered", "own_frames", "registered"]
 #: What to declare where a pose sensor was set up anew.
 OWN_FRAMES = 'where that is so, declare "own_sensors": ["pose_sensor"]'
 OWN_STATIONS = 'where that is so, declare "own_sensors": {"by_run": ["pose_sensor"]}'
-_ROUNDS, _STILL = 200, 1e-9
-#: Points nearer than this are where they should be [m].
-_NEAREST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +108,7 @@ def registered(
         motion = None
         for beside in dict.fromkeys(((declared or 0.0) > OPEN_TARGET, True)):
             other = _motion(out.stack.poses, linear, here, beside)
-            if other is None or (not is_open and not other.after < REGISTERED * other.before):
+            if other is None or (not is_open and not other.after < MOST * other.before):
                 continue
             moved = _seen_from_base(out.stack, other, here)
             reach = allowed[0] + other.beside, allowed[1]
@@ -213,14 +212,14 @@ def _motion(channels: Sequence[PoseChannel], linear: Linear, here: np.ndarray, b
     measured = np.concatenate([part[2] for part in parts])
     drawn = np.concatenate([part[0] for part in parts])
     turn, shift, weights = np.eye(3), np.zeros(3), np.ones(points)
-    for _ in range(_ROUNDS):
+    for _ in range(ITERATIONS):
         own = np.concatenate([at + turned @ aside for (at, turned, _), aside in zip(parts, shifts, strict=True)])
         fit = rigid_motion(own, measured, weights)
         if fit is None:
             return None
         moved = max(np.abs(fit[0] - turn).max(), np.abs(fit[1] - shift).max())
         turn, shift = fit
-        if moved < _STILL:
+        if moved < ROUNDING:
             break
         weights = _trust(np.linalg.norm(measured - own @ turn.T - shift, axis=1))
         ends = np.cumsum([len(part[0]) for part in parts])[:-1]
@@ -239,7 +238,7 @@ def _motion(channels: Sequence[PoseChannel], linear: Linear, here: np.ndarray, b
 
 def _trust(distances: Array) -> Array:
     """Return weights (n,) of points so far from where they should be: gross ones weigh little (Student's t)."""
-    size = max(float(np.median(distances**2)) / chi2_median(3), _NEAREST**2)
+    size = max(float(np.median(distances**2)) / chi2_median(3), ROUNDING**2)
     return trusted(distances**2 / size)
 
 

@@ -1,7 +1,7 @@
 """Which set of laws does a recording ask for? Forward selection, with every earlier choice tried again.
 
 A law enters where the chi squared that it removes passes a threshold for the whole library (chance, and the same
-residual with the signs of its blocks flipped), where it removes more than 1 % on blocks that were not used to fit it,
+residual with the signs of its blocks flipped), where it removes more than 2 % on blocks that were not used to fit it,
 and where the whole simulation confirms it. After each step every law that is in is challenged by every other one, and
 one law is tried for two, several for one, and one less.
 
@@ -18,17 +18,18 @@ import numpy as np
 
 from ..spatial import Array
 from .candidates import Candidate
+from .chances import WITHIN_95
 from .criteria import (
     BEYOND,
     CURVATURE,
+    GAIN,
     INDISTINCT,
     LEAD,
-    LEAST_GAIN,
     MOST_FITS,
     MOST_SIMULATED,
     MOST_TERMS,
-    PARALLEL,
-    WORTH_SEPARATING,
+    MUCH,
+    NOTHING,
     beyond_tolerance,
 )
 from .evidence import Rival, cost_of, cross_validated, is_clean, penalty, scale_of, threshold
@@ -133,9 +134,9 @@ def dropped_by_folds(problem: Problem, selection: Selection, blocks: np.ndarray)
         held = cross_validated(problem, fit, labels)
         gains = [cross_validated(problem, fit, labels, less=index) - held for index in range(len(fit.terms))]
         least = int(np.argmin(gains))
-        if gains[least] > LEAST_GAIN * held:
+        if gains[least] > GAIN * held:
             break
-        smaller = search.refine([term for index, term in enumerate(fit.terms) if index != least], fit)
+        smaller = search.refine(fit.others(least)[1], fit)
         if is_clean(problem, fit) and not is_clean(problem, smaller):
             break  # what would take its place lies farther off than parts are
         fit = smaller
@@ -179,7 +180,7 @@ def _added(
                 continue
             tell("the whole simulation", _share(step, 0.6))
             trial = search.released(search.refine([*fit.terms, rival.term], fit))
-            helps = before - cross_validated(problem, trial, labels) > LEAST_GAIN * before
+            helps = before - cross_validated(problem, trial, labels) > GAIN * before
             if rest.chi2 - trial.chi2 >= gain and (helps or _relieves_strain(rest, trial, gain)):
                 taken = search.refine(trial.terms, trial)  # a second law would make up for what has not come to its end
                 break
@@ -268,8 +269,7 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
     To first order about the fit; about the simulation without the term where else nothing yields.
     """
     own, scale = fit.terms[index], scale_of(problem, fit)
-    others = [place for place in range(len(fit.terms)) if place != index]
-    kept = [fit.terms[place] for place in others]
+    others, kept = fit.others(index)
     about, places = fit, others
     if _yields_alone(problem, own):
         about, places = problem.fit_at(kept, like=fit), list(range(len(kept)))
@@ -280,7 +280,7 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
         return without(change.ravel(), nuisance).reshape(change.shape)
 
     bound = Bound(problem, about, problem.target(about) - removed, nuisance)
-    worst = fit.chi2 + max(WORTH_SEPARATING * scale * INDISTINCT, _first_order_error(problem, fit, index))
+    worst = fit.chi2 + max(MUCH * scale * INDISTINCT, _first_order_error(problem, fit, index))
     rivals = [Rival(own, fit.chi2, beyond(problem.change(about, [*effects, own.effect]) - removed), scale)]
     present = {term.candidate.name for term in fit.terms}
     for candidate in library:
@@ -302,7 +302,7 @@ def _first_order_error(problem: Problem, fit: Fit, index: int) -> float:
 
     It grows with all that the term moves, be it that parameters within tolerance could move most of it as well.
     """
-    kept = [term.effect for place, term in enumerate(fit.terms) if place != index]
+    kept = [term.effect for term in fit.others(index)[1]]
     return CURVATURE * float((problem.change(fit, kept) ** 2).sum())
 
 
@@ -367,8 +367,8 @@ def _merged(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterato
         parts = fit.terms[pair[0]].candidate.parts
         if fit.terms[pair[1]].candidate.parts != parts:
             continue
-        places = [index for index in range(len(fit.terms)) if index not in pair]
-        kept, nuisance = [fit.terms[index] for index in places], problem.nuisance(fit, places)
+        places, kept = fit.others(*pair)
+        nuisance = problem.nuisance(fit, places)
         own = [candidate for candidate in library if candidate.parts == parts]
         rivals = [problem.first_order_fit(fit, kept, candidate, nuisance=nuisance) for candidate in own]
         rivals.sort(key=lambda rival: rival[0] + penalty(rival[1]))
@@ -383,10 +383,10 @@ def _split(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator
         places = law.apart(term.candidate.place, term.candidate.mechanism)
         if not all(name in places and (law.physics, places[name]) in single for name in names):
             continue
-        sure = _standard_scores(problem, fit, index)
-        terms = [other for place, other in enumerate(fit.terms) if place != index]
+        sure = term.coordinates / problem.deviations(fit)[fit.coordinates_of(index)]
+        terms = fit.others(index)[1]
         for place in np.argsort(-sure):
-            if sure[place] > 1.96:
+            if sure[place] > WITHIN_95:
                 candidate, name = single[law.physics, places[names[place]]], names[place]
                 terms.append(candidate.term(candidate.coordinates_of(np.array([term.effect.values[name]]))))
         if len(fit.terms) <= len(terms) <= MOST_TERMS:
@@ -410,20 +410,10 @@ def _weight_added(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> I
             yield [*fit.terms, own]
 
 
-def _standard_scores(problem: Problem, fit: Fit, index: int) -> Array:
-    """Return by how many standard deviations the coordinates of a term differ from zero, (p,)."""
-    jacobian = problem.without_tolerances(fit, problem.jacobian(fit))
-    size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-    covariance = np.linalg.pinv((jacobian / size).T @ (jacobian / size), rcond=1e-12, hermitian=True)
-    begin = sum(term.candidate.size for term in fit.terms[:index])
-    own = slice(begin, begin + fit.terms[index].candidate.size)
-    return fit.terms[index].coordinates * size[own] / np.sqrt(np.maximum(np.diag(covariance)[own], 1e-300))
-
-
 def _parallel(one: Rival, other: Rival) -> bool:
     """Return True where two rivals change the pose in the same way, so that one need not be tried after the other."""
     a, b = one.change.ravel(), other.change.ravel()
-    return float(a @ b) > (1 - PARALLEL) * float(np.sqrt((a @ a) * (b @ b))) and abs(one.chi2 - other.chi2) < LEAD
+    return float(a @ b) > (1 - NOTHING) * float(np.sqrt((a @ a) * (b @ b))) and abs(one.chi2 - other.chi2) < LEAD
 
 
 def dropped(search: Search, fit: Fit, least: Callable[[int], float]) -> Fit:
@@ -431,8 +421,7 @@ def dropped(search: Search, fit: Fit, least: Callable[[int], float]) -> Fit:
     problem = search.problem
     while len(fit.terms) > 1:
         for index, term in enumerate(fit.terms):
-            others = [place for place in range(len(fit.terms)) if place != index]
-            kept = [fit.terms[place] for place in others]
+            others, kept = fit.others(index)
             changed = problem.change(fit, [other.effect for other in kept]).ravel()
             if float((without(changed, problem.nuisance(fit, others)) ** 2).sum()) > least(term.candidate.size):
                 continue

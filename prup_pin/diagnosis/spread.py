@@ -41,21 +41,23 @@ from ..numbers import counted, number, quantity
 from ..recordings import ARM, KINDS_OF_TOLERANCE, SENSORS, Group, Recording, Together
 from ..simulation import Run, Simulator
 from ..spatial import Array
-from .calibrate import Toleranced, changes_per_tolerance
+from .calibrate import Toleranced, changes_per_tolerance, shortened
 from .candidates import Candidate
 from .chances import chi2_isf, chi2_median
 from .criteria import (
     APART,
-    CALIBRATION_STEP,
-    EXPLAINED,
     FALSE_ALARM,
     FOLDS,
+    ITERATIONS,
+    LITTLE,
     MOST_APART,
-    MOST_OUTLIERS,
+    MOST_LISTED,
     MOST_TERMS,
+    NOTHING,
     OUTLIER,
-    SPREAD_ROUNDS,
-    SPREAD_SETTLED,
+    ROUNDING,
+    ROUNDS,
+    STEP,
     trusted,
 )
 from .influence import Influence
@@ -64,11 +66,7 @@ from .unrecorded_load import reaches, unrecorded_force
 
 __all__ = ["Outlier", "Spread", "spread_of"]
 
-#: Tolerances that say the noise is all, (p,), in place of none.
-_NONE = 1e-6
-#: Part of its own, of a number in a fit, below which all that it says is what the fit makes of it.
-_LEAST_PART = 1e-6
-_ITERATIONS, _AGREED = 60, 1e-2
+_AGREED = 1e-2
 #: Units that scatter each by a noise of its own; that squared from which its likeliest value is sought, and the least.
 _UNITS, _LOUD, _SILENT = ("m", "rad"), 1e6, 1e-100
 #: Logarithm of the factor by which kinds scatter about what is usual.
@@ -179,9 +177,9 @@ class Spread:
                     together.sources[together.which[item.sample]],
                     f"line {together.rows[item.sample] + 2} ({item.channel}, {item.size} off)",
                 )
-                for item in worst[:_MOST_LISTED]
+                for item in worst[:MOST_LISTED]
             ]
-            more = ", …" if len(worst) > _MOST_LISTED else ""
+            more = ", …" if len(worst) > MOST_LISTED else ""
             there = f"{', '.join(listed)}{more}"
             if self.force:
                 yield (
@@ -200,9 +198,9 @@ class Spread:
             lines = [
                 together.told(together.sources[together.which[at]], f"line {together.rows[at] + 2}") for at in here
             ]
-            more = ", …" if len(lines) > _MOST_LISTED else ""
+            more = ", …" if len(lines) > MOST_LISTED else ""
             yield (
-                f"{one} and {other} are exchanged in {', '.join(lines[:_MOST_LISTED])}{more}: each has the other's "
+                f"{one} and {other} are exchanged in {', '.join(lines[:MOST_LISTED])}{more}: each has the other's "
                 "numbers there. Put them right, or leave them out"
             )
         if noise.source == "assumed":
@@ -221,8 +219,6 @@ class Spread:
 
 #: Before the way of `mechanism.WAYS` in which a joint yields, in the name of that kind.
 _YIELDS = "yields "
-#: Outliers that a sentence lists.
-_MOST_LISTED = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,7 +276,7 @@ class _Parameters:
         while True:
             x = self.clipped(mean)
             x[self.own :] = mean[self.own :]
-            beyond = free & (np.abs(x - mean) > _SMALL_CLIP)
+            beyond = free & (np.abs(x - mean) > ROUNDING)
             if not beyond.any():
                 return self.clipped(x)
             free &= ~beyond
@@ -296,8 +292,8 @@ class _Parameters:
         here = [*self.effects(x), *beside]
         for item, unit in zip(self.joints, self.units, strict=True):
             setup = simulator.setup(here)
-            setup.take([item.deed(_STEP * unit)])
-            found.append(influence.change(setup)[..., None] / _STEP)
+            setup.take([item.deed(STEP * unit)])
+            found.append(influence.change(setup)[..., None] / STEP)
         if self.stations is not None:
             found.append(_by_stations(influence, self.stations))
         return np.concatenate(found, axis=2)
@@ -330,8 +326,6 @@ def _by_stations(influence: Influence, stations: np.ndarray) -> Array:
 #: Kinds of where stations stand, and what is usual of them.
 _STAND = ("frame_rotation", "frame_position")
 _STATIONS = ("station turned", "station shifted")
-#: Share of a unit by which the simulation's first order is differentiated; what is clipped by less is not.
-_STEP, _SMALL_CLIP = 1e-3, 1e-9
 #: Kinds that are left out first where little was measured.
 _FINEST = ("encoder_slope", f"{_YIELDS}{UNEVEN}", f"{_YIELDS}{ACROSS}", "direction", "position", f"{_YIELDS}{OWN}")
 
@@ -433,14 +427,14 @@ def _fitted(
     variances, noise = np.maximum(start, floors), np.maximum(noise, max(least, _SILENT))
     names = [name for name in np.unique(labels) if name]
     found = _posterior(data, variances, noise)
-    for _ in range(_ITERATIONS):
+    for _ in range(ITERATIONS):
         told = 1 - np.diagonal(found.covariance) / variances
         new = floors.copy()
         for name in names:
             here = labels == name
             known = float(told[here].sum()) + unusual(variances[here][0])[1]
             size = float((found.mean[here] ** 2).sum()) / max(known, 1e-9)
-            new[here] = np.maximum(np.clip(size, _NONE**2, 1e8), floors[here])
+            new[here] = np.maximum(np.clip(size, NOTHING**2, 1e8), floors[here])
         free = np.flatnonzero(told)  # the others hold none of the numbers, however sensitive these are to them
         column = free[:, None]
         held = np.einsum("ij,uij->u", found.covariance[column, free], data.normal[:, column, free]) / noise
@@ -460,7 +454,7 @@ def _left(data: _Linear, fit: _Fit, noise: Array) -> float:
 
 
 def _posterior(data: _Linear, variances: Array, noise: Array) -> _Fit:
-    open_ = variances > _NONE**2  # the others cannot move
+    open_ = variances > NOTHING**2  # the others cannot move
     root = np.sqrt(variances[open_])
     inner = np.ix_(open_, open_)
     normal, right = data.weighted(noise)
@@ -562,7 +556,7 @@ def spread_of(
     silent = frozenset(item.physics for item in own) - {item.physics for item in own if item.kind in names}
     found = None
     if set(_STATIONS) & set(names):
-        sizes = [np.sqrt(fit.variances[labels == name].max(initial=_NONE**2)) for name in _STATIONS]
+        sizes = [np.sqrt(fit.variances[labels == name].max(initial=NOTHING**2)) for name in _STATIONS]
         found = float(sizes[0]) * USUAL[_STAND[0]], float(sizes[1]) * USUAL[_STAND[1]]
     position, rotation = np.where(data.count > 0, np.sqrt(fit.noise), 1.0).tolist()
     spread = Spread(kinds, yielding, silent, (position, rotation), tuple(outliers), exists, found, force=force)
@@ -597,7 +591,7 @@ def _promising(ways: Sequence[_Seen], exists: np.ndarray) -> _Seen | None:
         known, asked = (_linear(target[at], columns[at], here.white[at], None, stack) for at in (~out, out))
         left += float((asked.left(_posterior(known, fit.variances, fit.noise).mean) / fit.noise).sum())
         drawn += float((asked.left(_posterior(known, seen.floors, fit.noise).mean) / fit.noise).sum())
-    return seen if left < EXPLAINED * drawn else None
+    return seen if left < LITTLE * drawn else None
 
 
 def _unrecorded_force(problem: Problem, outliers: Sequence[Outlier], rest: Array) -> float:
@@ -625,9 +619,9 @@ def _explains(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
     They need not where nothing is declared, nothing but weight loads the robot, and all of the rest may be noise.
     """
     drawn = _fitted(data, seen.floors, fit.noise, np.full(len(seen.floors), "", object), seen.floors, seen.least)
-    told_nothing = bool((seen.floors[seen.stands == ""] <= _NONE**2).all())
+    told_nothing = bool((seen.floors[seen.stands == ""] <= NOTHING**2).all())
     may_be_noise = told_nothing and seen.least == 0 and seen.problem.simulator.inputs.weight_alone
-    return _left(data, fit, fit.noise) < EXPLAINED * _left(data, drawn, fit.noise) or may_be_noise
+    return _left(data, fit, fit.noise) < LITTLE * _left(data, drawn, fit.noise) or may_be_noise
 
 
 def _gives_way(fit: _Fit, labels: np.ndarray, kind: str) -> bool:
@@ -670,7 +664,7 @@ class _Seen:
 
     @property
     def floors(self) -> Array:
-        return np.maximum(self.parameters.floors, _NONE) ** 2
+        return np.maximum(self.parameters.floors, NOTHING) ** 2
 
     @property
     def stands(self) -> np.ndarray:
@@ -697,7 +691,7 @@ class _Seen:
         if here is None:
             return None
         known: Array | None = None
-        for _ in range(SPREAD_ROUNDS):
+        for _ in range(ROUNDS):
             samples, stack = here.samples, self.problem.stack
             columns, target = self.about(here)
             weights = None if known is None else known[samples]
@@ -712,7 +706,7 @@ class _Seen:
                 known = np.ones((len(exists), weights.shape[1]))
                 known[samples] = weights
             now, step = here, self.parameters.nearest(data, fit) - here.x
-            if (np.abs(step) < SPREAD_SETTLED * np.sqrt(np.diagonal(fit.covariance)) + 1e-4).all():
+            if (np.abs(step) < LITTLE * np.sqrt(np.diagonal(fit.covariance)) + 1e-4).all():
                 break
             further = self.stepped(here, step, exists, known, fit)
             if further is None:
@@ -738,10 +732,8 @@ class _Seen:
         # a kind without variance may have something from before, or where its bounds are: no matter of the step
         variances = np.maximum(fit.variances, np.maximum(here.x**2, (here.x + step) ** 2))
         now = self.left(here, known, fit.noise, variances)
-        share = 1.0
-        while share >= CALIBRATION_STEP:
+        for share in shortened():
             there = self.at(here.x + share * step, exists, here.influence.run)
-            share /= 3
             if there is None or len(there.samples) < len(here.samples):
                 continue
             if self.left(there, known, fit.noise, variances) < now:
@@ -754,9 +746,9 @@ class _Seen:
         beside = here.columns_of_stations(self.parameters)
         data = _linear(here.residual, beside, here.white, weights, self.problem.stack)
         own = self.parameters.own
-        placed = _posterior(data, np.maximum(variances[own:], 2 * _NONE**2), noise).mean
+        placed = _posterior(data, np.maximum(variances[own:], 2 * NOTHING**2), noise).mean
         moved = np.concatenate((here.x[:own], placed))
-        return float((data.left(placed) / noise).sum()) + float((moved**2 / np.maximum(variances, _NONE**2)).sum())
+        return float((data.left(placed) / noise).sum()) + float((moved**2 / np.maximum(variances, NOTHING**2)).sum())
 
     def at(self, x: Array, exists: np.ndarray, start: Run | None = None) -> _At | None:
         """Return the simulation at parameters x (p,) beside what was measured, exists (N, K); None if there is none."""
@@ -809,8 +801,8 @@ def far_off(squares: Array) -> tuple[np.ndarray, float]:
     known = np.isfinite(squares)
     size = float(np.median(squares[known])) / chi2_median(3)
     far = known & (squares > OUTLIER**2 * size)
-    if far.sum() > MOST_OUTLIERS * known.sum() and not _stand_apart(squares[known], far[known]):
-        size = float(np.quantile(squares[known], 1 - MOST_OUTLIERS)) / chi2_isf(MOST_OUTLIERS, 3)
+    if far.sum() > LITTLE * known.sum() and not _stand_apart(squares[known], far[known]):
+        size = float(np.quantile(squares[known], 1 - LITTLE)) / chi2_isf(LITTLE, 3)
         far = known & (squares > OUTLIER**2 * size)
     return far, size
 
@@ -903,7 +895,7 @@ def _distances(target: Array, columns: Array, white: Array, weights: Array | Non
         rest, axes = np.linalg.eigh(np.eye(reach.shape[1]) - weight[:, None, None] * reach)
         # where a sample alone tells of a parameter, rounding must not make it less than nothing
         along = (axes.mT @ left[:, where, None])[..., 0]
-        size = (along**2 / np.maximum(rest, _LEAST_PART)).sum(axis=1) / noise[index]
+        size = (along**2 / np.maximum(rest, NOTHING)).sum(axis=1) / noise[index]
         found.append(np.where(told, size, np.nan))
     return np.stack(found, axis=1)
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .criteria import IMITATED, ROUGH, ROUGH_SHARE, clean_bound
+from .criteria import GAIN, IMITATED, ROUGH, clean_bound
 from .diagnosis import Finding
 from .evidence import cross_validated
-from .findings import chi2_without, finding_of, nothing_compared, parameters_of, rms_of_sum, without_place
+from .findings import chi2_without, finding_of, nothing_compared, parameters_of, rms_of_sum, unknown_at, without_place
 from .locate import LOAD, Located, locate
 from .prepare import Prepared, Tell
 from .problem import Fit, Problem
@@ -69,7 +69,7 @@ def _without_laws(problem: Problem, first: Fit, last: Fit) -> float:
 def _unexplained(start: float, last: Fit, count: int, named: bool) -> bool:
     """Return True where structure is left over that no law takes away; `start` is the chi squared without any."""
     rms, began = rms_of_sum(last.chi2, count), rms_of_sum(start, count)
-    rough = named and rms <= ROUGH and (rms**2 - 1) <= ROUGH_SHARE * (began**2 - 1)
+    rough = named and rms <= ROUGH and (rms**2 - 1) <= GAIN * (began**2 - 1)
     return rms > clean_bound(count) and not rough
 
 
@@ -105,18 +105,9 @@ def _beside_unknown(
         sides = "to each load from both sides" if came == LOAD else f"to each posture from both sides of {came}"
         statement += ": that is hysteresis, as friction or play leaves, and friction of a drive has no law at rest"
         advice = f"come {sides}: the mean of the two is free of the hysteresis, half of their difference is its size"
-    unknown = Finding(
-        physics="unknown",
-        location=found.module,
-        candidates=found.candidates,
-        parameters={},
-        heldout_gain=float(share),
-        statement=statement,
-        curve=found.curve,
-        advice=advice,
-        approached="" if came == LOAD else came,
-    )
-    return kept, unknown, fit
+    unknown = unknown_at(found.module, statement, float(share), advice)
+    came = "" if came == LOAD else came
+    return kept, replace(unknown, candidates=found.candidates, curve=found.curve, approached=came), fit
 
 
 def _outweighing(
@@ -145,7 +136,7 @@ def _outweighing(
 
 def _leaves_noise(problem: Problem, fit: Fit, module: str) -> bool:
     """Return True where a fit leaves noise while a module deforms as it likes, which takes numbers away."""
-    free = np.linalg.norm(problem.reach(fit.influence, module), axis=1) > 0.5
+    free = np.linalg.norm(problem.reach(fit, module), axis=1) > 0.5
     count = max(problem.count(fit) - int(free[fit.run.solved[fit.samples]].sum()), 1)
     return fit.chi2 <= clean_bound(count) ** 2 * count
 

@@ -16,13 +16,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..spatial import Array
-from .criteria import LOAD_LIKELIER
+from .criteria import INDISTINCT, WIDEST_LOGARITHM
 from .influence import Influence
 
 __all__ = ["reaches", "unrecorded_force"]
-
-#: Largest logarithm of a force [N] or of what is left in multiples of the noise.
-_LARGEST = 30.0
 
 
 def unrecorded_force(
@@ -38,7 +35,7 @@ def unrecorded_force(
     if not force > 0:
         return 0.0
     others = [_of_sensor(rest, seen, off), *(_likeliest(rest, other, seen)[1] for other in by_strains)]
-    return float(np.sqrt(3) * force) if min(others) - cost > 2 * LOAD_LIKELIER else 0.0
+    return float(np.sqrt(3) * force) if min(others) - cost > INDISTINCT else 0.0
 
 
 def reaches(influence: Influence) -> list[Array]:
@@ -64,8 +61,8 @@ def _likeliest(rest: Array, reach: Array, seen: np.ndarray) -> tuple[float, floa
         expected = size * variances + noise
         return float((np.log(expected) + squares / expected).sum() - (~seen).sum() * np.log(noise))
 
-    start = np.clip([0.5 * np.log(squares.sum() / variances.sum()), 0.0], -_LARGEST, _LARGEST)
-    found = minimize(cost, start, method="Nelder-Mead", bounds=[(-_LARGEST, _LARGEST)] * 2)
+    start = np.clip([0.5 * np.log(squares.sum() / variances.sum()), 0.0], -WIDEST_LOGARITHM, WIDEST_LOGARITHM)
+    found = minimize(cost, start, method="Nelder-Mead", bounds=[(-WIDEST_LOGARITHM, WIDEST_LOGARITHM)] * 2)
     return float(np.exp(found.x[0])), float(found.fun)
 
 

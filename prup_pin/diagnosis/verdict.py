@@ -16,15 +16,12 @@ from .all_over import all_over
 from .calibrate import (
     calibrated_parameters,
 )
-from .criteria import (
-    WEIGHT_SHOWS,
-    clean_bound,
-)
+from .criteria import MOST_LISTED, WEIGHT_SHOWS, clean_bound
 from .diagnosis import Diagnosis
 from .evidence import is_clean
 from .findings import (
     always_acting,
-    beyond_its_tolerance,
+    calibrated_beyond,
     finite_deflection,
     rms_of_sum,
     sensor_displaced,
@@ -39,10 +36,6 @@ from .search import Selection
 from .unexplained import Final
 
 __all__ = ["verdict_of"]
-
-
-#: Parameters that a remark lists by name.
-MOST_LISTED = 5
 
 
 def verdict_of(
@@ -78,7 +71,7 @@ def verdict_of(
         # what no law explains drives them: they are no findings of their own
         remarks.append(_driven_beyond([item.name for item in beyond]))
         beyond = []
-    findings += [beyond_its_tolerance(item, final.held_out) for item in beyond]
+    findings += [calibrated_beyond(item, final.held_out) for item in beyond]
     findings = [with_neutral_values(finding, robot) for finding in findings]
     kinds = [kind for kind in prepared.kinds if not (prepared.placed.found and kind in SENSORS["pose_sensor"])]
     findings += all_over(problem, fit, calibrated, kinds, blocks)

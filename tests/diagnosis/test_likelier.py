@@ -7,8 +7,9 @@ from prup_pin import load
 from prup_pin.diagnosis.efforts.bayes_factors import held_body, other_link
 from prup_pin.diagnosis.efforts.evidence import scores
 from prup_pin.diagnosis.efforts.prepare import PreparedEfforts
-from prup_pin.diagnosis.efforts.problem import block_squares, fit, identifiable
+from prup_pin.diagnosis.efforts.problem import block_squares, fit
 from prup_pin.diagnosis.efforts.search import strain
+from prup_pin.diagnosis.normal_equations import identifiable
 from prup_pin.dynamics import InMotion, in_frame, motion_of
 from prup_pin.dynamics.inertial import of_pseudo_inertia, pseudo_inertia
 

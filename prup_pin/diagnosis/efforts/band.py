@@ -28,27 +28,18 @@ from ...laws.efforts.effort_law import usual_way
 from ...mechanism import Mechanism
 from ...recordings import Recording
 from ...spatial import Array
+from ..criteria import FEW_ROUNDS, MOST, MUCH, NO_MATTER, ROUNDING, TREMOR
 
 __all__ = ["Spectra", "band_of", "coherent_band", "in_motion", "spectra_of"]
 
-#: Share of a joint's way that is no more than vibration or noise, and up to how many times the motion's own frequency,
-#: below which the rest lies, all efforts are compared.
-_TREMBLE, _OWN_TIMES = 0.01, 4.0
-#: Times as far up as that, at most, where motors vibrate: bodies that swing on gears look heavier by 1 / (1 - r^2), at
-#: a tenth of a resonance by a hundredth, at half of it by a third, and vibration is all that is there between.
-_SHAKEN_TIMES = 3.0
-#: Share of the measured power by which a prediction must be worse than none, over a third of an octave or more.
-_WORSE = 0.5
+#: Up to how many times the motion's own frequency, below which all of its way but a tremor lies, efforts are compared.
+_OWN_TIMES = 4.0
 #: Coherence from which it is no noise that makes the prediction worse, but a motor that vibrates; and the share of that
 #: frequency up to which efforts are then compared: a gear that yields deviates from a rigid one by 1 / (1 - r^2) at the
 #: share r of its resonance, a third at half of it.
 _COHERENT, _FOOT = 0.25, 0.5
 #: ... as where what a coherent prediction leaves has risen so many times above what it left before.
 _RISEN = 10.0
-#: The prediction is fitted again up to the frequencies that the one before found.
-_ROUNDS = 3
-#: Share of what the drawn bodies miss that stays missed, squared; and the rounding that keeps columns apart.
-_MISSED, _ROUNDING = 0.01, 1e-9
 #: Periods of the motion's own frequency in a stretch whose spectrum is taken, and fewest stretches.
 _PERIODS, _STRETCHES = 4.0, 6
 
@@ -107,7 +98,7 @@ def coherent_band(at: InMotion) -> tuple[dict[str, float], float | None]:
     lowest = min(_OWN_TIMES * _own_frequency(at), highest)
     columns = [_background(at, joint) for joint in range(len(at.driven))]
     cutoffs, shaken = np.full(len(at.driven), lowest), False
-    for _ in range(_ROUNDS):
+    for _ in range(FEW_ROUNDS):
         parts = [_fitted(at, joint, own, cutoffs[joint]) for joint, own in enumerate(columns)]
         inertial, others = (np.column_stack(part) for part in zip(*parts, strict=True))
         seen = spectra_of(at, motion.efforts - others, inertial, lowest / _OWN_TIMES)
@@ -138,9 +129,9 @@ def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> tuple[Array, bo
     motors vibrate.
 
     Where a vibration ends what is compared, no joint is compared far above the motion, nor far above the joint that
-    ends first: the mass matrix passes it on.
+    ends first, for the mass matrix passes it on: but for as far as the prediction leaves next to nothing.
     """
-    worse = (spectra.explained < -_WORSE) & (spectra.frequency > lowest) & (spectra.frequency < highest)
+    worse = (spectra.explained < -MOST) & (spectra.frequency > lowest) & (spectra.frequency < highest)
     first = np.argmax(worse, axis=1)
     coherent = spectra.coherence[np.arange(len(first)), first] > _COHERENT
     cut = np.where(worse.any(axis=1), spectra.frequency[first] * np.where(coherent, _FOOT, 1.0), highest)
@@ -149,8 +140,12 @@ def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> tuple[Array, bo
     cut = np.where(rising.any(axis=1), spectra.frequency[np.argmax(rising, axis=1)], cut)
     shaken |= rising.any(axis=1)
     if shaken.any():
-        most = _SHAKEN_TIMES * lowest
-        cut = np.minimum(cut, np.sqrt(most * np.clip(cut[shaken].min(), lowest, most)))
+        # bodies that swing on gears look heavier by 1 / (1 - r^2), at a tenth of a resonance by a hundredth, at half of
+        # it by a third, and vibration is all that is there between
+        most = MUCH * lowest
+        poor = (spectra.explained < 1 - NO_MATTER) & (spectra.frequency > lowest)
+        good = np.where(poor.any(axis=1), spectra.frequency[np.argmax(poor, axis=1)], highest)
+        cut = np.minimum(cut, np.maximum(np.sqrt(most * np.clip(cut[shaken].min(), lowest, most)), good))
     return np.maximum(cut, lowest), bool(shaken.any())
 
 
@@ -179,7 +174,7 @@ def _own_frequency(at: InMotion) -> float:
     frequency, power = welch(speed, motion.rate, nperseg=max(len(speed) // 2, 16), detrend="constant", axis=0)
     way = power[1:, power.any(axis=0)] / frequency[1:, None] ** 2
     share = np.cumsum(way / way.sum(axis=0), axis=0).mean(axis=1)
-    return float(frequency[1:][np.argmax(share > 1 - _TREMBLE**2)]) if way.size else float(motion.band.highest)
+    return float(frequency[1:][np.argmax(share > 1 - TREMOR**2)]) if way.size else float(motion.band.highest)
 
 
 def _background(at: InMotion, joint: int) -> tuple[Array, Array, Array]:
@@ -208,8 +203,8 @@ def _fitted(at: InMotion, joint: int, columns: tuple[Array, Array, Array], cutof
     sizes = np.sqrt((low**2).sum(axis=0))
     # bodies by their spread, beside what no law takes away; of samples that the cut-off makes alike one counts
     alike = at.motion.rate / (2 * cutoff)
-    weights = np.where(np.arange(every.shape[1]) < bodies.shape[1], alike * _MISSED * np.mean(asked**2), 0.0)
-    matrix = low.T @ low + np.diag(weights + _ROUNDING * np.maximum(sizes**2, np.finfo(float).tiny))
+    weights = np.where(np.arange(every.shape[1]) < bodies.shape[1], alike * TREMOR * np.mean(asked**2), 0.0)
+    matrix = low.T @ low + np.diag(weights + ROUNDING * np.maximum(sizes**2, np.finfo(float).tiny))
     scale = 1 / np.sqrt(np.diag(matrix))
     x = scale * np.linalg.solve(matrix * scale[:, None] * scale, scale * (low.T @ asked))
     count = bodies.shape[1] + rotor.shape[1]

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from ...dynamics.inertial import of_pseudo_inertia, pseudo_inertia
 from ...laws.efforts import Body, EffortLaw
@@ -25,23 +26,22 @@ from ..criteria import (
     BODY_HELD,
     BODY_MISSING,
     EFFORT_INDISTINCT,
-    EFFORT_LIKELIER,
-    EFFORT_SURE,
     HELD_MASS,
     HELD_RADIUS,
     HELD_SKEW,
     LINK_ANYHOW,
-    LINK_IN_PROPORTION,
-    LINK_SHIFTED,
+    LINK_KNOWN,
+    PARAMETER_COST,
+    ROUNDING,
+    SURE,
+    TRIED,
 )
+from ..normal_equations import NormalEquations, identifiable
 from .evidence import gradients, held_out, standard_error
-from .problem import EffortCandidate, EffortModel, EffortProblem, NormalEquations, fit, identifiable
+from .problem import EffortCandidate, EffortModel, EffortProblem, fit
 from .search import is_plausible
 
 __all__ = ["held_body", "log_bayes_factors", "other_link", "with_likelier_bodies"]
-
-#: Candidates in a law's place that are tried on held-out blocks.
-_TRIED = 8
 
 
 def with_likelier_bodies(model: EffortModel) -> EffortModel:
@@ -65,10 +65,10 @@ def _likelier_body(model: EffortModel, term: EffortCandidate) -> EffortModel:
     left = held_out(model)
     factors = log_bayes_factors(model, term)
     bodies = [(other, factor) for other, factor in factors if other.is_body and factor > 0]
-    for candidate, _ in sorted(bodies, key=lambda item: -item[1])[:_TRIED]:
+    for candidate, _ in sorted(bodies, key=lambda item: -item[1])[:TRIED]:
         other = model.replaced(model.terms.index(term), candidate)
         apart = held_out(other) - left
-        if float(apart.sum()) <= EFFORT_SURE * standard_error(apart) and is_plausible(other, candidate):
+        if float(apart.sum()) <= SURE * standard_error(apart) and is_plausible(other, candidate):
             return other
     return model
 
@@ -107,7 +107,7 @@ def _is_asked_for(rest: EffortModel, term: EffortCandidate) -> bool:
     _, left, gradient = gradients(rest)
     basis = _basis(rest.problem, left, term)
     apart = max(_scatter(rest, basis, term), 1.0)
-    return _log_evidence(basis, gradient, term, apart)[0] > EFFORT_LIKELIER
+    return _log_evidence(basis, gradient, term, apart)[0] > PARAMETER_COST / 2
 
 
 def _has_rivals(law: EffortLaw) -> bool:
@@ -176,7 +176,7 @@ def _among_bodies(
             out[other] = held_body(mechanism, information[own, own], asked[own])
             continue
         whole, proportion = links.get(mechanism.frame(other.place.name).joint, (-np.inf, -np.inf))
-        plain = proportion > whole - EFFORT_LIKELIER
+        plain = proportion > whole - PARAMETER_COST / 2
         if other.law.body is Body.SCALED_LINK:
             out[other] = whole if plain else proportion
         else:
@@ -184,10 +184,6 @@ def _among_bodies(
     return out
 
 
-#: Steps of Newton's method, and the change that ends it.
-_STEPS, _SETTLED = 60, 1e-4
-#: Difference for derivatives, in standard deviations.
-_STEP = 1e-4
 #: Share of a link's length below which a radius of gyration was left out of a drawing, and what it is then.
 _NO_RADIUS, _SOME_RADIUS = 1e-2, 0.3
 #: Share of the robot's mass that a link of no mass may have.
@@ -230,13 +226,13 @@ def other_link(
     links = [link for link in mechanism.links if link.joint == joint]
     body = mechanism.model.inertias[joint].toDynamicParameters()
     one = float(np.log((1 - BODY_HELD) / count))
-    proportion = _linear(body[:, None], information, gradient) + np.log(LINK_IN_PROPORTION) if body[0] > 0 else -np.inf
+    proportion = _linear(body[:, None], information, gradient) + np.log(LINK_KNOWN) if body[0] > 0 else -np.inf
     anyhow, spread = _anyhow(body, mechanism), np.log(LINK_ANYHOW / len(_WIDER))
     found = [_linear(wider * anyhow, information, gradient) + spread for wider in _WIDER]
     for link in links:
         part = -np.log(len(links))
-        found.append(_linear(link.inertial[:, None], information, gradient) + part + np.log(LINK_IN_PROPORTION))
-        found.append(_shifted(link, mechanism, information, gradient) + part + np.log(LINK_SHIFTED))
+        found.append(_linear(link.inertial[:, None], information, gradient) + part + np.log(LINK_KNOWN))
+        found.append(_shifted(link, mechanism, information, gradient) + part + np.log(LINK_KNOWN))
     return float(np.logaddexp.reduce(found)) + one, float(proportion) + one
 
 
@@ -306,31 +302,18 @@ def _linear(columns: Array, information: Array, gradient: Array) -> float:
 
 
 def _laplace(parameters: Callable[[Array], Array], information: Array, gradient: Array, start: Array) -> float:
-    """Return the same where they follow any standard normal numbers (n,), about the likeliest of these."""
+    """Return the same where they follow any standard normal numbers (n,), about the likeliest of these.
 
-    def log_posterior(x: Array) -> float:
-        own = parameters(x)
-        return float(gradient @ own - 0.5 * own @ information @ own - 0.5 * x @ x)
+    Least squares of R p - R^-T g beside the numbers themselves, with information R^T R, where it is any.
+    """
+    values, vectors = np.linalg.eigh(information)
+    known = values > ROUNDING * values[-1]
+    root = np.sqrt(values[known])[:, None] * vectors[:, known].T
+    asked = (vectors[:, known].T @ gradient) / np.sqrt(values[known])
 
-    def slopes(x: Array) -> Array:
-        steps = _STEP * np.eye(len(x))
-        return np.column_stack([(parameters(x + step) - parameters(x - step)) / (2 * _STEP) for step in steps])
+    def left(x: Array) -> Array:
+        return np.append(root @ parameters(x) - asked, x)
 
-    x, best, damping = start, log_posterior(start), 1e-2
-    for _ in range(_STEPS):
-        slope = slopes(x)
-        inner = slope.T @ information @ slope + np.eye(len(x))
-        uphill = slope.T @ (gradient - information @ parameters(x)) - x
-        before = best
-        for _ in range(12):
-            tried = x + np.linalg.solve(inner + damping * np.diag(np.diag(inner)), uphill)
-            now = log_posterior(tried)
-            if now > best:
-                x, best, damping = tried, now, max(damping / 8, 1e-9)
-                break
-            damping *= 4
-        if best - before < _SETTLED:
-            break
-    slope = slopes(x)
-    inner = slope.T @ information @ slope + np.eye(len(x))
-    return best - 0.5 * float(np.linalg.slogdet(inner)[1])
+    found = least_squares(left, start, method="lm")
+    size = float(np.linalg.slogdet(found.jac.T @ found.jac)[1])
+    return float(asked @ asked) / 2 - float(found.cost) - size / 2

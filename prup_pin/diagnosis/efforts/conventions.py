@@ -23,12 +23,12 @@ from ...recordings.columns import LARGEST_NUMBER
 from ...recordings.conventions import GEARS, POSITION_UNITS, Evidence, exchanged, merged
 from ...spatial import Array
 from ..criteria import (
-    CONVENTION_AS_GOOD,
+    ALIKE,
+    AS_GOOD,
     CONVENTION_LEAVES,
     EFFORT_APART,
     EFFORT_FEWEST,
     EFFORT_FOLLOWS,
-    EFFORT_MEANT,
     EFFORT_OF_A_UNIT,
     EFFORT_RIGHT,
     EFFORT_SENSE,
@@ -36,7 +36,11 @@ from ..criteria import (
     EFFORT_STRANGE,
     EFFORT_UNIT,
     EFFORT_UNIT_SHARE,
-    FAR_BEYOND,
+    FEWEST_OF_KIND,
+    GAIN,
+    MOST,
+    MOST_LISTED,
+    MUCH,
 )
 from .noise import noise_of
 
@@ -53,14 +57,10 @@ __all__ = [
 
 #: Samples that are looked at, and of a scan of many ratios.
 _SAMPLES, _SCANNED = 600, 80
-#: Conventions one after the other, and joints of which some would show what one thing does to all.
-_MOST, _FEWEST = 6, 3
-#: Share by which a reading must leave less for each of its words.
-_WORD = 0.02
+#: Conventions one after the other.
+_MOST = 6
 #: Words for axes that count together.
 _TOGETHER = ("plus", "minus")
-#: What is left of a joint is the same where both differ by less.
-_SAME = 0.9
 #: Ratios that come nearest, which are looked at more closely.
 _RATIOS = 12
 #: Units of a clock by its median step: s below the first, then ms, us, ns.
@@ -200,7 +200,7 @@ class _Search:
         which = [
             name
             for name, written, read in zip(motion.driven, *both, strict=True)
-            if not signed.get(name, 0.0) > 0 and read < CONVENTION_LEAVES**2 < EFFORT_MEANT * written
+            if not signed.get(name, 0.0) > 0 and read < CONVENTION_LEAVES**2 < MOST * written
         ]
         if not which or set(which) >= set(signed) or np.isfinite(self._hung(self.written)).any():
             return None  # or gravity pulls another way
@@ -224,7 +224,7 @@ class _Search:
         convention = Convention(f"q.{name}", "reversed")
         motion, efforts, noise = self.read(read_as(self.written, [convention], self.drawn))
         shares = shares_of_efforts(motion, efforts, self.at.rigid_of(motion), noise)
-        return bool(shares[motion.driven.index(name)] < CONVENTION_AS_GOOD**2 * left)
+        return bool(shares[motion.driven.index(name)] < AS_GOOD**2 * left)
 
     def _found(self, start: tuple[Convention, ...], begin: Recording) -> Evidence:
         """Return what is read otherwise beside a unit; begin: as that is read."""
@@ -257,7 +257,7 @@ class _Search:
             return True
         if any(item.word in _TOGETHER for item in taken):
             return False
-        changed = (np.minimum(before, after) < _SAME * np.maximum(before, after)) & np.isfinite(before)
+        changed = (np.minimum(before, after) < ALIKE * np.maximum(before, after)) & np.isfinite(before)
         if not changed.any():
             return False
         left = _rms(before[changed])
@@ -318,7 +318,7 @@ class _Search:
             if not tried:
                 break
             # what takes more words must leave less for each of them
-            cost = [left * (1 + _WORD * len(step)) for left, step, _ in tried]
+            cost = [left * (1 + GAIN * len(step)) for left, step, _ in tried]
             best = int(np.argmin(cost))
             left, step, read = tried[best]
             if left > EFFORT_STEP * least:
@@ -340,7 +340,7 @@ class _Search:
         rigid = self.at.rigid_of(motion)
         driven, names = list(recording.efforts), list(recording.positions)
         written, read = (shares_of_efforts(motion, sign * efforts, rigid, noise) for sign in (1, -1))
-        turned = read < EFFORT_MEANT * written
+        turned = read < MOST * written
         which = [name for name, other in zip(motion.driven, turned, strict=True) if other]
         if len(driven) > 1:
             yield (Convention("tau", "reversed"),)
@@ -397,7 +397,7 @@ class _Search:
             if known and abs(np.log(usual * word.factor)) < np.log(EFFORT_RIGHT):  # type: ignore[operator]
                 return Convention("tau", word.name)
         # of two drives a load may be so much larger as well
-        return Convention("tau", "gain", (float(f"{usual:.3g}"),)) if len(sizes) >= _FEWEST else None
+        return Convention("tau", "gain", (float(f"{usual:.3g}"),)) if len(sizes) >= FEWEST_OF_KIND else None
 
     def _geared(self, first: float) -> Evidence | None:
         """Return that positions are the motors', before gears of one ratio; and efforts too, where these are so."""
@@ -451,13 +451,15 @@ def _limit(written: float) -> float:
 
     What is worse than no effort at all is turned round somewhere, whatever else is off.
     """
-    return max(EFFORT_MEANT * min(written, 1.0), min(CONVENTION_LEAVES * written, EFFORT_SENSE))
+    return max(MOST * min(written, 1.0), min(CONVENTION_LEAVES * written, EFFORT_SENSE))
 
 
 def gains_apart(gains: dict[str, float]) -> bool:
     """Return whether no joint's effort is in the unit of the rigid robot's; gains: of each, above 0."""
     apart = np.abs(np.log(list(gains.values())))
-    return not (len(gains) < _FEWEST or np.median(apart) < np.log(EFFORT_APART) or apart.min() < np.log(EFFORT_RIGHT))
+    return not (
+        len(gains) < FEWEST_OF_KIND or np.median(apart) < np.log(EFFORT_APART) or apart.min() < np.log(EFFORT_RIGHT)
+    )
 
 
 def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -546,9 +548,6 @@ def gains_of_efforts(motion: Motion, efforts: Array, rigid: Array, follows: floa
 #: What to do about a log that hardly fits its robot.
 CHECK_ROBOT = "Check --robot, which joint each column belongs to, and whether the log holds efforts without weight"
 
-#: Numbers that a sentence shows.
-_SHOWN = 8
-
 
 def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
     """Return suspicions. Raises InputError where joints cannot be where they are said to be.
@@ -567,7 +566,7 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
         _check_limits(at, motion, first)
     gains = {name: gain for name, gain in gains_of_efforts(motion, efforts, rigid).items() if gain > 0}
     if not in_units and gains_apart(gains):
-        told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:_SHOWN])
+        told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:MOST_LISTED])
         return [
             "the efforts follow the rigid robot's, but are other multiples of them at each joint "
             f"({told}): are they in per cent or A? Expected N m or N"
@@ -602,7 +601,7 @@ def _check_limits(at: InMotion, motion: Motion, first: float) -> None:
         low, high = (float(limit[joint.first_q]) for limit in (model.lowerPositionLimit, model.upperPositionLimit))
         reached = float(np.abs(motion.position[:, column]).max())
         most = max(abs(low), abs(high))
-        if joint.nq == 1 and 0 < most < LARGEST_NUMBER and reached > FAR_BEYOND * most:
+        if joint.nq == 1 and 0 < most < LARGEST_NUMBER and reached > MUCH * most:
             unit = "rad" if joint.turns else "m"
             allowed = f"{number(low)} to {number(high)} {unit}"
             share = f"{number(100 * first, 3)} %" if first < 10 else "more than 1000 %"

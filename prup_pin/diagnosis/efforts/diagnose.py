@@ -13,15 +13,7 @@ from ...errors import InputError
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
-from ..criteria import (
-    EFFORT_CURVE_GAIN,
-    EFFORT_CURVE_OWN,
-    EFFORT_GAIN,
-    EFFORT_GAINS_SAVE,
-    EFFORT_IMITATED,
-    EFFORT_MATERIAL,
-    EFFORT_SURE,
-)
+from ..criteria import EFFORT_CURVE_OWN, EFFORT_GAINS_SAVE, EFFORT_IMITATED, EFFORT_MATERIAL, GAIN, NO_MATTER, SURE
 from .band import band_of, in_motion
 from .bayes_factors import with_likelier_bodies
 from .conventions import check_efforts
@@ -114,7 +106,7 @@ def _final_state(
             plain = searched_beside(None, 0.7, 0.75)
             squares = plain[1].held_out_unwhitened(plain[2])
             share, sure = relative_gain(squares, efforts.held_out_unwhitened(model))
-            if not (sure > EFFORT_SURE and share > EFFORT_GAINS_SAVE):
+            if not (sure > SURE and share > EFFORT_GAINS_SAVE):
                 gains, (doubts, efforts, model) = None, plain
     tell("what no law explains", 0.75)
     model = with_relieving_laws(efforts, model)
@@ -152,7 +144,7 @@ def _searched(
     else:
         found = searched(common, sure, _part(tell, 0.4, 0.7))
         usual = searched(common, common.start(freed), _part(tell, 0.7, 1.0))
-    return common, found if relative_gain(held_out(usual), held_out(found))[0] > EFFORT_GAIN else usual
+    return common, found if relative_gain(held_out(usual), held_out(found))[0] > GAIN else usual
 
 
 def _part(tell: Callable[[float], None], first: float, last: float) -> Callable[[float], None]:
@@ -182,8 +174,8 @@ def _with_curves(
             share, sure = relative_gain(validation.squares, held_out(model.with_term(score.candidate)))
             saving, own = share * float(validation.squares.sum()), validation.squares_at(score.candidate)
             material = saving > EFFORT_MATERIAL * (began.squares_at(score.candidate) - own) or not model.terms
-            much = share > EFFORT_CURVE_GAIN or saving > EFFORT_CURVE_OWN * own
-            if sure > EFFORT_SURE and much and material:
+            much = share > NO_MATTER or saving > EFFORT_CURVE_OWN * own
+            if sure > SURE and much and material:
                 tried.append((share, score.candidate))
         curve = max(tried, key=lambda item: item[0])[1] if tried else relieving_curve(model, curves)
         if curve is None or any(curve.name == other.name for other in found):

@@ -16,13 +16,10 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import gammaincc
 
 from ...spatial import Array
-from ..criteria import (
-    EFFORT_CHANCE,
-    EFFORT_FLIPS,
-    EFFORT_INDISTINCT,
-    EFFORT_SURE,
-)
-from .problem import EffortCandidate, EffortModel, NormalEquations, column_scales, fit, identifiable
+from ..criteria import EFFORT_INDISTINCT, EFFORT_TOLD, FALSE_ALARM, ROUNDING, SURE
+from ..evidence import sign_flipped
+from ..normal_equations import NormalEquations, column_scales, identifiable
+from .problem import EffortCandidate, EffortModel, fit
 
 __all__ = [
     "CrossValidation",
@@ -34,11 +31,6 @@ __all__ = [
     "scores",
     "standard_error",
 ]
-
-#: Of unit columns, squared, for each of them: keeps combinations that nothing tells where they are.
-_ROUNDING = 1e-11
-#: What is left of unit columns beside the others, squared, below which nothing is told by it.
-_NOTHING = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +135,7 @@ class CrossValidation:
         # by what all blocks say: a column may live in this fold alone
         scale = column_scales(np.diag(self._total)[where] + self.problem.prior[where])
         scaled = own * scale[:, None] * scale
-        scaled[np.diag_indices_from(scaled)] += _ROUNDING * max(len(where), 1)
+        scaled[np.diag_indices_from(scaled)] += ROUNDING * max(len(where), 1)
         factor = cho_factor(scaled) if len(where) else (np.zeros((0, 0)), False)
         fold = _Fold(number, where, np.zeros(len(where)), factor, scale)
         return replace(fold, x=fold.solve(self._moments(number, where)[:, None])[:, 0])
@@ -159,7 +151,7 @@ class CrossValidation:
 
 def _least(matrix: Array, moment: Array, whole: Array, one_sided: bool) -> Array:
     """Return the solution of a small system (p, p); `whole` (p,): its diagonal before others were projected out."""
-    normal = NormalEquations.of(matrix, whole, _NOTHING)
+    normal = NormalEquations.of(matrix, whole, EFFORT_TOLD)
     x = normal.solve(moment)
     if one_sided and (x < 0).any():
         if len(x) == 1 or not len(normal.values):
@@ -210,9 +202,7 @@ def scores(model: EffortModel) -> tuple[list[Score], float]:
     """
     problem = model.problem
     gradient, rest, true = gradients(model)
-    blocks = problem.columns.count
-    signs = np.random.default_rng(blocks).choice([-1.0, 1.0], (EFFORT_FLIPS, blocks))
-    flipped, total = signs @ gradient, problem.columns.total
+    flipped, total = sign_flipped(gradient), problem.columns.total
     longest = float(np.diag(total).max(initial=0.0))
     taken = {term.where.start for term in model.terms}
     found: list[tuple[EffortCandidate, float, bool]] = []
@@ -234,7 +224,7 @@ def scores(model: EffortModel) -> tuple[list[Score], float]:
         # beside a plainer form of it, a richer law has only the difference as coefficients
         if candidate.law.one_sided and not any(candidate.replaces(term) for term in model.terms):
             deviation = np.sqrt((basis**2).sum(axis=1) * mean / basis.shape[1])
-            possible = bool((coefficients > -EFFORT_SURE * deviation).all() and (coefficients > 0).any())
+            possible = bool((coefficients > -SURE * deviation).all() and (coefficients > 0).any())
         if possible and not candidate.law.one_sided:
             values_here = candidate.law.fitted(candidate.place, coefficients, candidate.values)
             possible = candidate.law.plausible(candidate.place, values_here, problem.mechanism)
@@ -250,7 +240,7 @@ def scores(model: EffortModel) -> tuple[list[Score], float]:
         Score(candidate, min(0.0, float(chance + np.log(candidate.law.looked_at))), gain, possible)
         for (candidate, gain, possible), chance in zip(found, logs[:, -1], strict=True)
     ]
-    return scored, float(np.quantile(np.minimum(0.0, logs[:, :-1].min(axis=0)), EFFORT_CHANCE))
+    return scored, float(np.quantile(np.minimum(0.0, logs[:, :-1].min(axis=0)), FALSE_ALARM))
 
 
 def standard_error(saving: Array) -> float:
@@ -261,7 +251,7 @@ def standard_error(saving: Array) -> float:
 def no_worse(after: Array, before: Array) -> bool:
     """Return whether held-out squares (B,) are not surely larger after than before."""
     apart = after - before
-    return float(apart.sum()) < EFFORT_SURE * standard_error(apart)
+    return float(apart.sum()) < SURE * standard_error(apart)
 
 
 def relative_gain(before: Array, after: Array) -> tuple[float, float]:

@@ -14,8 +14,9 @@ from ...recordings import Recording
 from ...recordings.columns import AS_LOGGED
 from ...robot import Robot
 from ...spatial import Array
-from ..chances import hotelling_sf, student_ppf, student_sf
-from ..criteria import EFFORT_GAIN, EFFORT_IMITATED, EFFORT_MATTERS, EFFORT_PLAINLY, EFFORT_SURE, FALSE_ALARM
+from ..chances import hotelling_sf, student_95, student_sf
+from ..criteria import EFFORT_IMITATED, FALSE_ALARM, GAIN, LITTLE, MOST, SURE
+from ..normal_equations import NormalEquations
 from .conventions import gains_apart
 from .evidence import held_out, relative_gain
 from .gains import Gains
@@ -23,7 +24,7 @@ from .inertial import BaseParameters, consistent_fit
 from .noise import EffortNoise
 from .outliers import OutlierInterval
 from .prepare import PreparedEfforts
-from .problem import EffortCandidate, EffortModel, NormalEquations, fit
+from .problem import EffortCandidate, EffortModel, fit
 from .search import squared_strain, sure_of_all
 
 __all__ = ["FinalState"]
@@ -96,7 +97,7 @@ class FinalState:
         plain = efforts.unwhitened(self.model)
         other = consistent_fit(plain, bodies)[0]
         apart = other - x
-        if relative_gain(efforts.held_out_unwhitened(self.model), held_out(plain))[0] > EFFORT_PLAINLY:
+        if relative_gain(efforts.held_out_unwhitened(self.model), held_out(plain))[0] > LITTLE:
             x = other
         return x, apart, matrix
 
@@ -109,7 +110,7 @@ class FinalState:
         if not bodies:
             return []
         _, covariance, _ = self.covariances
-        reach = EFFORT_SURE * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        reach = SURE * np.sqrt(np.maximum(np.diag(covariance), 0.0))
         beyond = []
         for term in bodies:
             own = self.model.slice_of(term)
@@ -120,7 +121,7 @@ class FinalState:
         possible, _ = consistent_fit(self.model, self.efforts.bodies_within_tolerance)
         columns, where = self.problem.columns, self.model.where
         free, bound = (float((columns.residual(where, each) ** 2).sum()) for each in (x, possible))
-        return beyond if bound - free > EFFORT_GAIN * bound else []
+        return beyond if bound - free > GAIN * bound else []
 
     def _imitates_impossible(self, term: EffortCandidate) -> bool:
         """Return whether a law is an impossible body, or hardly saves anything without one at its joint."""
@@ -167,7 +168,7 @@ class FinalState:
                 matters = bool(self.x[own].any()) and self.p_value(term) <= FALSE_ALARM
             else:
                 added = np.sqrt(np.mean((columns[:, :, own] @ self.x[own]) ** 2, axis=0))
-                matters = bool((added > EFFORT_MATTERS * least).any())
+                matters = bool((added > MOST * least).any())
             if matters:
                 found.append(term)
         return found
@@ -205,7 +206,7 @@ class FinalState:
         sure = np.abs(change) / np.maximum(deviation, np.finfo(float).tiny)
         # one of so many that may differ by chance
         chance = 2 * max(len(change), 1) * np.array([student_sf(size, degrees) for size in sure])
-        return ChangedParameters(base, change, student_ppf(0.975, degrees) * deviation, chance)
+        return ChangedParameters(base, change, student_95(degrees) * deviation, chance)
 
     @property
     def needless(self) -> EffortCandidate | None:

@@ -11,9 +11,10 @@ from ...laws.efforts import Body
 from ...numbers import number
 from ...recordings import Convention
 from ...spatial import Array
-from ..chances import student_ppf
-from ..criteria import EFFORT_ALONE, FALSE_ALARM, MOST_COMBINATIONS, beyond_tolerance
+from ..chances import WITHIN_95, student_95
+from ..criteria import ALIKE, FALSE_ALARM, MOST, MOST_COMBINATIONS, beyond_tolerance
 from ..diagnosis import Finding, FittedParameter, heldout_gain
+from ..findings import beyond_its_tolerance
 from .evidence import CrossValidation, held_out
 from .final_state import FinalState
 from .gains import law_of_gains
@@ -24,8 +25,6 @@ from .search import cost_of, kinds_of_most_drives, squared_strain
 
 __all__ = ["beyond_found", "gains_found", "laws_found"]
 
-#: Share of the most that one body takes away, from which another is as good.
-_AS_GOOD = 0.99
 #: Units of a body's inertial parameters.
 _UNITS = dict(zip(INERTIAL, ("kg", *3 * ("kg m",), *6 * ("kg m^2",)), strict=True))
 
@@ -93,7 +92,7 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
     """Yield that the drives report in units of their own."""
     if final.gains is None:
         return
-    factor = np.exp(1.96 * final.gains.deviation)
+    factor = np.exp(WITHIN_95 * final.gains.deviation)
     gains = dict(zip(final.at.driven, map(float, final.gains.gains), strict=True))
     parameters = {
         f"{name}.reported": FittedParameter(
@@ -135,10 +134,10 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
     differ = np.flatnonzero(chance < FALSE_ALARM)
     without = held_out(final.model.without(term))
     parameters = {
-        base.names[i]: FittedParameter(
+        base.names[i]: FittedParameter.about(
             float(drawn[i] + change[i]),
             _UNITS[law.linear[base.leads[i]].rpartition(".")[2]],
-            (float(drawn[i] + change[i] - reach[i]), float(drawn[i] + change[i] + reach[i])),
+            float(reach[i]),
             float(drawn[i]),
         )
         for i in differ[np.argsort(chance[differ], kind="stable")][:MOST_COMBINATIONS]
@@ -167,7 +166,7 @@ def _alone_of_all(final: FinalState, term: EffortCandidate, without: Array) -> s
     saved_by = (without - CrossValidation(rest).with_each(single)).sum(axis=1)
     # the tool's load comes before the link that would be as good
     best = min(
-        (one for one, own in zip(single, saved_by, strict=True) if own > _AS_GOOD * saved_by.max()),
+        (one for one, own in zip(single, saved_by, strict=True) if own > ALIKE * saved_by.max()),
         key=lambda one: one.where.start,
     )
     with_it = rest.with_term(best)
@@ -177,7 +176,7 @@ def _alone_of_all(final: FinalState, term: EffortCandidate, without: Array) -> s
     share = float(saved_by.max()) / max(gain, np.finfo(float).tiny)
     drawn = sum(float(inertia.mass) for inertia in final.mechanism.model.inertias)
     own = abs(values.get("mass", 0.0))
-    if share < EFFORT_ALONE or own > drawn or not best.law.plausible(best.place, values, final.mechanism):
+    if share < MOST or own > drawn or not best.law.plausible(best.place, values, final.mechanism):
         return ""  # a robot file without masses lacks more than one body
     if best.law.impossible(best.place, change, np.zeros_like(change), final.mechanism):
         return ""
@@ -191,7 +190,7 @@ def _parameters(final: FinalState, term: EffortCandidate, values: Mapping[str, f
     own = final.model.slice_of(term)
     x = final.x[own]
     deviation = np.sqrt(np.maximum(np.diag(covariance)[own], 0.0))
-    reach = student_ppf(0.975, degrees)
+    reach = student_95(degrees)
     out = {}
     quantities = {q.name: q for q in term.law.quantities_at(term.place, final.mechanism)}
     # the coefficients' scatter, carried over to the parameters
@@ -223,15 +222,7 @@ def beyond_found(final: FinalState) -> Iterator[Finding]:
         if abs(amount) <= limit * np.hypot(1.0, spread):
             continue  # tolerances and what is not known of it may be off together
         value = item.nominal + amount * item.tolerance
-        reach = student_ppf(0.975, degrees) * spread * item.tolerance
-        yield Finding(
-            physics=item.law.physics,
-            location=item.place,
-            candidates=(item.place,),
-            parameters={item.name: FittedParameter(value, item.unit, (value - reach, value + reach))},
-            heldout_gain=float(amount**2 / (amount**2 + final.held_out.sum())),
-            statement=(
-                f"{item.name} is {number(abs(amount), 3)} tolerances away from the robot file: "
-                f"{number(value, 6)} {item.unit} instead of {number(item.nominal, 6)}"
-            ),
-        )
+        reach = student_95(degrees) * spread * item.tolerance
+        gain = float(amount**2 / (amount**2 + final.held_out.sum()))
+        fitted = FittedParameter.about(value, item.unit, reach, item.nominal)
+        yield beyond_its_tolerance(item.name, item.law.physics, item.place, fitted, amount, gain)

@@ -26,8 +26,12 @@ from ..criteria import (
     EFFORT_GAINS_LEAVE,
     EFFORT_GAINS_SAVE,
     EFFORT_MASSES,
-    EFFORT_SURE,
     EFFORT_UNIT,
+    FEWEST_OF_KIND,
+    FOLDS,
+    MUCH,
+    ROUNDING,
+    SURE,
 )
 from .problem import column_blocks, kept_samples
 
@@ -35,14 +39,6 @@ __all__ = ["Gains", "gains_of", "in_newtons", "law_of_gains"]
 
 #: Samples that are looked at.
 _SAMPLES = 6000
-#: Combinations of inertial parameters of which efforts know less than this share of the best known are not looked for.
-_TOLD = 1e-12
-#: Masses are given so many times their spread while it is asked whether gains are needed beside them.
-_WIDER = 3.0
-#: Drives without which a unit is not told from a load.
-_FEWEST = 3
-#: Blocks of time that are held out in turn.
-_BLOCKS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +102,13 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     if start is None:
         return None
     alike, before, after = np.ones(len(start)), [], []  # held out, where all are as told and where each is its own
-    for block in range(_BLOCKS):
+    for block in range(FOLDS):
         others = products.without(block)
-        before.append(_left(products, block, _inertial(others, drawn, _WIDER, alike)[0], alike))
-        own = _solved(others, drawn, _WIDER, start)
+        before.append(_left(products, block, _inertial(others, drawn, MUCH, alike)[0], alike))
+        own = _solved(others, drawn, MUCH, start)
         after.append(_left(products, block, own.inertial, np.exp(own.log)))
     saving = np.array(before) - np.array(after)
-    sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(_BLOCKS), np.finfo(float).tiny)
+    sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(FOLDS), np.finfo(float).tiny)
     if np.sum(after) > EFFORT_GAINS_LEAVE * products.size:
         return None
     whole = products.without(None)
@@ -120,14 +116,14 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     log, covariance = found.log, found.covariance
     apart = covariance - covariance.mean(axis=0)
     apart = apart - apart.mean(axis=1, keepdims=True)
-    much = saving.sum() > EFFORT_GAINS_SAVE * np.sum(before) and sure > EFFORT_SURE
+    much = saving.sum() > EFFORT_GAINS_SAVE * np.sum(before) and sure > SURE
     # drives count otherwise, be it all alike, where only masses of the whole robot that no drawing is so far from
     # would do without; of two drives a load may be so much as well
     light, right = (
         float(x @ drawn) / float(drawn @ drawn) for x in (_inertial(whole, drawn, 1.0, alike)[0], found.inertial)
     )
     unlikely = not 1 / EFFORT_UNIT < light < EFFORT_UNIT and 1 / EFFORT_UNIT < right < EFFORT_UNIT
-    unit = len(log) >= _FEWEST and abs(np.median(log)) > np.log(EFFORT_UNIT) and _several(log, covariance)
+    unit = len(log) >= FEWEST_OF_KIND and abs(np.median(log)) > np.log(EFFORT_UNIT) and _several(log, covariance)
     if not (much and _several(log - np.median(log), apart)) and not (unlikely and unit):
         return None
     return Gains(np.exp(log), np.sqrt(np.maximum(np.diag(covariance), 0.0)), float(np.sqrt(covariance.mean())))
@@ -136,7 +132,7 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
 def _several(log: Array, covariance: Array) -> bool:
     """Return whether at least two gains are surely and markedly others; log (k,): of each."""
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return int((np.abs(log) > np.maximum(np.log(EFFORT_GAINS_APART), EFFORT_SURE * deviation)).sum()) > 1
+    return int((np.abs(log) > np.maximum(np.log(EFFORT_GAINS_APART), SURE * deviation)).sum()) > 1
 
 
 def _told(products: _Products, drawn: Array, spread: Array) -> tuple[_Products, Array]:
@@ -148,7 +144,7 @@ def _told(products: _Products, drawn: Array, spread: Array) -> tuple[_Products, 
     unit = spread[there]
     columns = products.columns[..., there[:, None], there] * unit[:, None] * unit
     sizes, basis = np.linalg.eigh(columns.sum(axis=(0, 1)))
-    basis = basis[:, sizes > _TOLD * sizes[-1]]
+    basis = basis[:, sizes > ROUNDING * sizes[-1]]
     columns = basis.T @ columns @ basis
     moment = (products.moment[..., there] * unit) @ basis
     return _Products(columns, moment, products.power, products.size), basis.T @ (drawn[there] / unit)
@@ -178,10 +174,10 @@ def _products(at: InMotion) -> _Products | None:
         return None
     whole = at.regressor.reshape(len(at), len(at.driven), -1)
     size = whole.shape[2]
-    blocks = column_blocks(rows, _BLOCKS)
-    if blocks.max() + 1 < _BLOCKS:
+    blocks = column_blocks(rows, FOLDS)
+    if blocks.max() + 1 < FOLDS:
         return None
-    columns = np.zeros((len(at.driven), _BLOCKS, size, size))
+    columns = np.zeros((len(at.driven), FOLDS, size, size))
     moment, power = np.zeros(columns.shape[:3]), np.zeros(columns.shape[:2])
     total = 0.0
     for joint, name in enumerate(at.driven):
@@ -204,7 +200,7 @@ def _products(at: InMotion) -> _Products | None:
         alike = float(np.clip(left[1:] @ left[:-1] / (left @ left), 0.0, 0.99))
         total += good.sum() * (1 - alike) / (1 + alike)
         values *= np.sqrt((1 - alike) / (1 + alike) / sigma2)
-        for block in range(_BLOCKS):
+        for block in range(FOLDS):
             part = values[blocks == block]
             gram = part.T @ part
             columns[joint, block], moment[joint, block], power[joint, block] = gram[1:, 1:], gram[1:, 0], gram[0, 0]

@@ -9,7 +9,7 @@ import numpy as np
 from ...laws.efforts import EFFORT_LAWS
 from ...spatial import Array
 from ..chances import chi2_isf
-from ..criteria import EFFORT_ALIKE, EFFORT_AS_LITTLE, EFFORT_CLASS, EFFORT_LIKELIER, EFFORT_UNLIKELY
+from ..criteria import GAIN, INDISTINCT, MOST, PARAMETER_COST, SURE, TRIED
 from ..diagnosis import Detectable
 from .bayes_factors import log_bayes_factors
 from .evidence import CrossValidation, gradients, held_out, scores, standard_error
@@ -19,9 +19,6 @@ from .problem import EffortCandidate, EffortModel
 from .search import squared_strain
 
 __all__ = ["alternatives_to", "efforts_not_detectable"]
-
-#: Candidates beside a finding that are looked at as its rivals.
-_RIVALS = 24
 
 
 def alternatives_to(final: FinalState, term: EffortCandidate, without: Array) -> tuple[list[str], list[str]]:
@@ -33,19 +30,19 @@ def alternatives_to(final: FinalState, term: EffortCandidate, without: Array) ->
     places, laws = list(term.law.same_places(term.place, final.mechanism)), []
     gain = float((without - final.held_out).sum()) + squared_strain(rest) - final.squared_strain
     ranked, _ = scores(rest.in_problem(final.problem.without_curves()))
-    ranked = sorted(ranked, key=lambda score: -score.gain)[:_RIVALS]
+    ranked = sorted(ranked, key=lambda score: -score.gain)[:TRIED]
     near = [score.candidate for score in ranked if score.possible and score.candidate.size <= term.size]
     # bodies are compared by the probability of such bodies
     others = [other for other in near if not (other.is_body and term.is_body)]
     others = [other for other in others if other.law is not term.law or other.place != term.place]
-    unlikely = EFFORT_UNLIKELY if term.is_body else EFFORT_LIKELIER
+    unlikely = INDISTINCT / 2 if term.is_body else PARAMETER_COST / 2
     likely = [other for other, factor in log_bayes_factors(final.model, term) if factor > -unlikely]
 
     def alike(model: EffortModel, after: Array) -> bool:
         apart = after - final.held_out
         worse = float(apart.sum()) + squared_strain(model) - final.squared_strain
-        little = min(EFFORT_CLASS * gain, EFFORT_AS_LITTLE * float(final.held_out.sum()))
-        return worse <= min(max(EFFORT_ALIKE * standard_error(apart), little), 0.2 * gain)
+        little = min(GAIN * gain, MOST * float(final.held_out.sum()))
+        return worse <= min(max(SURE * standard_error(apart), little), 0.2 * gain)
 
     for other, after in zip(others, CrossValidation(rest).with_each(others), strict=True):
         taken = rest.with_term(other)

@@ -25,23 +25,13 @@ from ...dynamics.inertial import pseudo_inertia
 from ...mechanism import Mechanism
 from ...numbers import number
 from ...spatial import Array
-from ..criteria import EFFORT_TOLD
+from ..criteria import EFFORT_TOLD, ITERATIONS, LITTLE, MOST_LISTED, NOTHING, ROUNDING, UNSEEN
 from .problem import EffortModel, fit
 
 __all__ = ["BaseParameters", "consistent_fit"]
 
-#: Share of a combination's efforts below which a parameter is not named in it.
-_NAMED = 1e-3
-#: Parameters named in a combination; more are counted.
-_MOST_NAMED = 6
-#: Steps of Newton's method, the decrease that ends it, and halvings of a step.
-_STEPS, _SETTLED, _HALVINGS = 60, 1e-6, 40
-#: By which the divergence's weight falls from one run of it to the next.
-_SOFTER = 10.0
 #: Weight of the divergence where a law says nothing of what its body is likely to be.
 _WEIGHT = 0.5
-#: Of the drawn body's smallest second moment, below which it has none to speak of: that body is left free.
-_FLAT = 1e-12
 _UNITS = np.array([pseudo_inertia(unit) for unit in np.eye(10)])
 
 
@@ -76,7 +66,7 @@ class BaseParameters:
         own = gram[np.ix_(leads, leads)]
         share = np.linalg.lstsq(own, gram[leads], rcond=None)[0] if leads else np.zeros((0, len(names)))
         share[:, leads] = np.eye(len(leads))
-        share[np.abs(share) < _NAMED] = 0.0
+        share[np.abs(share) < UNSEEN] = 0.0
         matrix = share * size[None, :] / size[leads][:, None]
         called = [_called(*each, names) for each in zip(matrix, leads, share, strict=True)]
         silent = tuple(name for index, name in enumerate(names) if not share[:, index].any())
@@ -87,12 +77,12 @@ def _called(row: Array, lead: int, share: Array, names: Sequence[str]) -> str:
     """Return a combination in words: its leading parameter and the others, those that do most first."""
     others = [index for index in np.argsort(-np.abs(share), kind="stable") if index != lead and row[index]]
     words = [names[lead]]
-    for index in others[:_MOST_NAMED]:
+    for index in others[:MOST_LISTED]:
         value = abs(row[index])
-        factor = "" if abs(value - 1) < _NAMED else f"{number(value, 3)} "
+        factor = "" if abs(value - 1) < UNSEEN else f"{number(value, 3)} "
         words.append(f"{'-' if row[index] < 0 else '+'} {factor}{names[index]}")
-    if len(others) > _MOST_NAMED:
-        words.append(f"and {len(others) - _MOST_NAMED} more")
+    if len(others) > MOST_LISTED:
+        words.append(f"and {len(others) - MOST_LISTED} more")
     return " ".join(words)
 
 
@@ -129,7 +119,7 @@ def consistent_fit(model: EffortModel, toleranced: Sequence[tuple[int, Array] | 
             found = _newton(matrix, moment, bodies, free, found, weight)
             if weight <= _WEIGHT:
                 break
-            weight = max(weight / _SOFTER, _WEIGHT)
+            weight = max(LITTLE * weight, _WEIGHT)
         negative = model.one_sided & (found < 0)
         if not negative.any():
             return found, matrix
@@ -150,7 +140,7 @@ def _newton(matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndar
         return float(value)
 
     now = cost(x)
-    for _ in range(_STEPS):
+    for _ in range(ITERATIONS):
         slope, curved = matrix @ x - moment, matrix.copy()
         for body in bodies:
             inverse = np.linalg.inv(body.at(x))
@@ -163,7 +153,7 @@ def _newton(matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndar
         step = np.zeros(len(x))
         step[here] = -scale * np.linalg.solve(own, scale * slope[here])
         expected, share = -float(slope @ step), 1.0
-        for _ in range(_HALVINGS):
+        for _ in range(ITERATIONS):
             tried = cost(x + share * step)
             if tried < now - 1e-4 * share * expected:
                 break
@@ -171,7 +161,7 @@ def _newton(matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndar
         else:
             break
         x, now = x + share * step, tried
-        if expected < _SETTLED:
+        if expected < NOTHING:
             break
     return x
 
@@ -189,7 +179,7 @@ def _bodies(mechanism: Mechanism, model: EffortModel, toleranced: Sequence[tuple
     found = []
     for joint, matrix in changes.items():
         drawn = pseudo_inertia(mechanism.model.inertias[joint].toDynamicParameters())
-        if _smallest(drawn) > _FLAT * np.trace(drawn):
+        if _smallest(drawn) > ROUNDING * np.trace(drawn):
             found.append(_Body(drawn, np.tensordot(matrix.T, _UNITS, axes=1)))
     return found
 

@@ -24,6 +24,8 @@ from ...dynamics import InMotion, at_limit, is_standing
 from ...recordings import Recording
 from ...recordings.recording import STANDSTILL
 from ...spatial import Array
+from ..chances import robust_deviation
+from ..criteria import LITTLE, MOST
 
 __all__ = ["EffortNoise", "noise_of", "noise_of_efforts", "rounding_that_follows"]
 
@@ -32,18 +34,14 @@ _ORDER, _FOR_EACH = 40, 10
 #: Samples that are foretold, at most: they tell the size to a per cent.
 _MOST = 20_000
 #: What is so many times the usual innovation is a jump, as friction is that turns round: samples that it is among are
-#: left out, and the others foretold again, as long as they are this share of all: what comes more often is the noise.
-_JUMP, _ROUNDS, _USUAL = 4.0, 4, 0.5
-#: A column is sampled more slowly than rows come where nine in ten of its values stand for two rows and more.
-_HELD = 0.1
+#: left out, and the others foretold again, as long as they are most of all: what comes more often is the noise.
+_JUMP, _ROUNDS = 4.0, 4
 #: Steps of the clock, in usual ones, over which nothing is foretold.
 _GAP = 8.0
 #: A joint stands where its speed over this time [s] is below this share of its usual one; and rests that last.
 _REST, _SLOW = 0.25, 2e-3
 #: Harmonics of a sawtooth that hold all but a thousandth of it.
 _HARMONICS = 700
-#: The middle of normal numbers' sizes over their standard deviation.
-_MIDDLE = 0.6745
 
 
 @dataclass(frozen=True)
@@ -127,7 +125,8 @@ def _sampled(values: Array) -> np.ndarray:
     """Return the rows (m,) at which a column was measured: not those that hold what was measured before."""
     known = np.flatnonzero(np.isfinite(values))
     changes = known[np.concatenate(([True], np.diff(values[known]) != 0))] if len(known) else known
-    held = len(changes) > 2 and np.quantile(np.diff(changes), _HELD) >= 2
+    # it is sampled more slowly than rows come where all but a few of its values stand for two rows and more
+    held = len(changes) > 2 and np.quantile(np.diff(changes), LITTLE) >= 2
     return changes if held else known
 
 
@@ -153,7 +152,7 @@ def _innovations(parts: Sequence[Array]) -> float:
     size = float("inf")
     for _ in range(_ROUNDS):
         table = np.concatenate([_windows(part, own, order, count) for part, own in zip(parts, quiet, strict=True)])
-        if len(table) < max(_FOR_EACH * order, _USUAL * min(count, _MOST)):
+        if len(table) < max(_FOR_EACH * order, MOST * min(count, _MOST)):
             break
         foretold = np.linalg.lstsq(table[:, :-1], table[:, -1], rcond=None)[0]
         filter_ = np.concatenate(([1.0], -foretold[::-1]))
@@ -223,4 +222,4 @@ def _step(values: Array) -> float:
 def _scatter(left: Array, fitted: int) -> float:
     """Return the standard deviation of residuals after so many coefficients were fitted, by their median."""
     free = np.sqrt(len(left) / max(len(left) - fitted, 1))
-    return float(np.median(np.abs(left))) / _MIDDLE * free
+    return robust_deviation(left) * free

@@ -12,15 +12,16 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...spatial import Array
-from ..criteria import EFFORT_INDISTINCT, EFFORT_SURE
+from ..criteria import EFFORT_INDISTINCT, SURE, WIDEST_STEP
+from ..normal_equations import NormalEquations
 from .evidence import CrossValidation, relative_gain
 from .prepare import PreparedEfforts
-from .problem import EffortCandidate, EffortModel, NormalEquations, fit
+from .problem import EffortCandidate, EffortModel, fit
 
 __all__ = ["optimised", "profile_intervals", "refined"]
 
-#: Farthest that the logarithm of a parameter is moved at a time, and squares of white noise that settle it.
-_FARTHEST, _SETTLED = 2.0, 0.5
+#: Squares of white noise that settle a parameter.
+_SETTLED = 0.5
 #: Logarithm of a parameter over its best value beyond which data do not bound it.
 _NEVER = 7.0
 
@@ -57,7 +58,7 @@ def refined(
         best = int(np.argmin(squares.sum(axis=1)))
         # what is zero so far must surely be something
         more = best > 0 and len(law.free(tried[best - 1].values)) > count
-        if best == 0 or relative_gain(squares[0], squares[best])[1] <= (EFFORT_SURE if more else 0.0):
+        if best == 0 or relative_gain(squares[0], squares[best])[1] <= (SURE if more else 0.0):
             columns.cut(size)
             continue
         taken = tried[best - 1]
@@ -83,7 +84,7 @@ def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]
         profile = _Profile.of(efforts, model, place)
 
         def cost(step: Array, profile: _Profile = profile) -> float:
-            return profile(np.clip(step, -_FARTHEST, _FARTHEST))
+            return profile(np.clip(step, -WIDEST_STEP, WIDEST_STEP))
 
         near = law.near(term.values)
         simplex = np.vstack((np.zeros(count), near * np.eye(count)))
@@ -91,7 +92,7 @@ def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]
         found = minimize(cost, np.zeros(count), method="Nelder-Mead", options=options)
         if not cost(np.zeros(count)) - found.fun > _SETTLED:
             continue
-        values = _scaled(term, np.clip(found.x, -_FARTHEST, _FARTHEST))
+        values = _scaled(term, np.clip(found.x, -WIDEST_STEP, WIDEST_STEP))
         size = columns.size
         own = columns.add([efforts.whitened(law.efforts_per(term.place, values, profile.at))])[0]
         prior = np.concatenate((problem.prior, efforts.prior_of(law, term.place)))

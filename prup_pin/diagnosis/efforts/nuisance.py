@@ -1,11 +1,7 @@
 """Nuisance parameters: what every drive has, and all bodies, are off by a variance of each kind, learned from efforts.
 
-Coefficients b of a kind have the prior N(0, w^2 P^-1) about the drawn robot, where P^-1 is their usual covariance; all
-others are integrated out. With S and m the normal matrix and the moment of b freed of the others, over the scatter of
-whole blocks about white noise, the logarithm of the marginal likelihood is a sum over the eigenvalues s_i of S in the
-unit of P (MacKay 1992, variance components):
-
-    1/2 sum_i [ w^2 g_i^2 / (1 + w^2 s_i) - log(1 + w^2 s_i) ]
+Coefficients of a kind scatter about the drawn robot; all others are integrated out, and what is left counts over the
+scatter of whole blocks about white noise (`normal_equations.likeliest_widths`).
 """
 
 from __future__ import annotations
@@ -13,16 +9,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.linalg import block_diag, eigh
-from scipy.optimize import minimize_scalar
+from scipy.linalg import block_diag
 
 from ...spatial import Array
-from .problem import EffortModel, NormalEquations, fit
+from ..normal_equations import NormalEquations, likeliest_widths
+from .problem import EffortModel, fit
 
 __all__ = ["learned_precisions", "usual_precisions"]
 
-#: Widths among which a kind's is looked for, over the usual one; and how often all kinds are looked at in turn.
-_NARROWEST, _WIDEST, _ROUNDS = 0.01, 1.0, 3
+#: Widths among which a kind's is looked for, over the usual one.
+_WITHIN = 0.01, 1.0
 _TINY = float(np.finfo(float).tiny)
 
 
@@ -62,30 +58,5 @@ def learned_precisions(model: EffortModel, kinds: Mapping[str, tuple[np.ndarray,
     gradients = columns.gradients(columns.residual(where, x), where)
     scatter = max(float(np.trace(NormalEquations.of(matrix).solve(gradients.T @ gradients))) / len(where), 1.0)
     told, moment = columns.total[np.ix_(where, where)] / scatter, columns.moment[:, where].sum(axis=0) / scatter
-    precision = problem.precision(where)
-    for own, usual in kinds.values():
-        precision[np.ix_(own, own)] = usual
-    widths = dict.fromkeys(kinds, 1.0)
-    for _ in range(_ROUNDS):
-        for name, (own, usual) in kinds.items():
-            others = np.setdiff1d(np.arange(len(where)), own)
-            others_normal = NormalEquations.of((told + precision)[np.ix_(others, others)])
-            cross = others_normal.solve(told[np.ix_(others, own)])
-            left = told[np.ix_(own, own)] - told[np.ix_(own, others)] @ cross
-            gradient = moment[own] - cross.T @ moment[others]
-            widths[name] = _likeliest(left, gradient, usual)
-            precision[np.ix_(own, own)] = usual / widths[name] ** 2
+    widths = likeliest_widths(told, moment, problem.precision(where), kinds, _WITHIN)
     return {name: scatter / width**2 for name, width in widths.items()}
-
-
-def _likeliest(left: Array, gradient: Array, usual: Array) -> float:
-    """Return the width of greatest marginal likelihood. left (m, m), gradient (m,): S and m of the kind."""
-    values, vectors = eigh(left, usual)
-    values, squares = np.maximum(values, 0.0), (vectors.T @ gradient) ** 2
-
-    def unlikely(log_width: float) -> float:
-        spread = np.exp(2 * log_width)
-        return float(np.sum(np.log1p(spread * values) - spread * squares / (1 + spread * values)))
-
-    found = minimize_scalar(unlikely, bounds=(np.log(_NARROWEST), np.log(_WIDEST)), method="bounded")
-    return float(np.exp(found.x))

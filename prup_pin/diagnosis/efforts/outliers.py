@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -19,24 +19,18 @@ from ...dynamics import InMotion
 from ...dynamics.smoothing import pieces
 from ...numbers import number
 from ...spatial import Array
-from ..criteria import EFFORT_EVENT, EFFORT_EVENT_APART, EFFORT_EVENT_LOUD, MOST_EFFORT_EVENTS, MOST_IN_EFFORT_EVENTS
+from ..chances import robust_deviation
+from ..criteria import BEYOND, FEWEST_OF_KIND, LITTLE, MOST, MUCH, OUTLIER, ROUNDING
 from ..diagnosis import Finding
-from .problem import EffortProblem, column_scales
+from ..findings import unknown_at
+from ..normal_equations import column_scales
+from .problem import EffortProblem
 
 __all__ = ["OutlierInterval", "is_outlying", "outlier_intervals"]
 
-#: Kept samples that are looked at together, and those at an end of a piece where filters have not settled.
+#: Kept samples that are looked at together; those at an end of a piece where filters have not settled, and between two
+#: intervals.
 _WINDOW, _END = 4, 8
-#: Share of the loudest window's residual that others must have to be left out with it.
-_AS_LOUD = 0.5
-#: Multiples of the noise that still belong to an interval, and samples between two of them.
-_AROUND, _BETWEEN = 3.0, 6
-#: Of unit columns, squared: keeps combinations that nothing tells where they are.
-_ROUNDING = 1e-9
-#: Periods of the cut-off on either side that go with an interval.
-_SPREAD = 1.0
-#: Share of the loudest joint's residual that another joint must have to be named.
-_OF_MOST = 0.2
 
 
 @dataclass(frozen=True)
@@ -61,7 +55,7 @@ class OutlierInterval:
             "was the robot stopped by its brakes, or did it run into something? All else was computed without this "
             "interval"
         )
-        return Finding("unknown", where, tuple(dict.fromkeys((where, *self.joints))), {}, 0.0, text)
+        return replace(unknown_at(where, text), candidates=tuple(dict.fromkeys((where, *self.joints))))
 
 
 def is_outlying(interval: OutlierInterval, rows: np.ndarray, residual: Array, good: np.ndarray) -> bool:
@@ -69,7 +63,7 @@ def is_outlying(interval: OutlierInterval, rows: np.ndarray, residual: Array, go
     first, last = interval.rows
     inside = ((rows >= first) & (rows <= last))[:, None] & good
     times = np.where(inside, residual / _noise(residual, good & ~inside), 0.0)
-    return bool(np.sqrt((times**2).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)).max() > EFFORT_EVENT_LOUD)
+    return bool(np.sqrt((times**2).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)).max() > OUTLIER)
 
 
 def outlier_intervals(
@@ -81,39 +75,37 @@ def outlier_intervals(
     good (n, k): those that count.
     """
     rest, motion = _Rest(problem, x, good), at.motion
-    piece, spread = motion.piece[kept], _SPREAD / motion.band.highest
+    piece, spread = motion.piece[kept], 1 / motion.band.highest  # a period of the cut-off goes with an interval
     windows = list(_windows(piece))
     while True:
         loud = np.array([rest.loudness(window) for window in windows])
         loud[[bool(rest.out[window].any()) for window in windows]] = 0.0
-        if not loud.max(initial=0.0) > EFFORT_EVENT_LOUD:
+        if not loud.max(initial=0.0) > OUTLIER:
             break
-        rest = rest.without(
-            [windows[place] for place in np.flatnonzero(loud >= max(_AS_LOUD * loud.max(), EFFORT_EVENT_LOUD))]
-        )
-        if rest.out.mean() > MOST_IN_EFFORT_EVENTS:
+        rest = rest.without([windows[place] for place in np.flatnonzero(loud >= max(MOST * loud.max(), OUTLIER))])
+        if rest.out.mean() > LITTLE:
             return []
-    around = np.abs(rest.left / rest.noise).max(axis=1) > _AROUND
+    around = np.abs(rest.left / rest.noise).max(axis=1) > BEYOND
     spans = sorted(_spans(rest.out, around, piece), key=rest.strength)
     # what is only large beside a larger one, or as all is fitted without it, is put back
     for rows in spans[:-1]:
         tried = rest.including(rows)
-        if tried.loudness(rows) < EFFORT_EVENT_LOUD:
+        if tried.loudness(rows) < OUTLIER:
             rest = tried
     loudest = max((rest.loudness(window) for window in windows if not rest.out[window].any()), default=0.0)
     found = []
     for rows in sorted(spans, key=lambda rows: rows.start):
-        if not (rest.out[rows].any() and rest.strength(rows) > max(EFFORT_EVENT, EFFORT_EVENT_APART * loudest)):
+        if not (rest.out[rows].any() and rest.strength(rows) > max(2 * OUTLIER, MUCH * loudest)):
             continue
         by_joint = np.sqrt(np.mean((rest.left[rows] / rest.noise) ** 2, axis=0))
-        joints = tuple(at.driven[joint] for joint in np.flatnonzero(by_joint > _OF_MOST * by_joint.max()))
+        joints = tuple(at.driven[joint] for joint in np.flatnonzero(by_joint > MOST * by_joint.max()))
         begin, end = (float(motion.time[kept[place]]) for place in (rows.start, rows.stop - 1))
         near = motion.piece == motion.piece[kept[rows.start]]
         near &= (motion.time >= begin - spread) & (motion.time <= end + spread)
         of_recording = motion.rows[near]
         ends = int(of_recording[0]), int(of_recording[-1])
         found.append(OutlierInterval(begin, end, joints, float(by_joint.max()), ends))
-    return found if len(found) <= MOST_EFFORT_EVENTS else []
+    return found if len(found) <= FEWEST_OF_KIND else []
 
 
 class _Rest:
@@ -169,7 +161,7 @@ class _Rest:
 def _solved(matrix: Array, right: Array) -> Array:
     """Return the solution (p, ...) of normal equations, kept definite by a little shrinkage."""
     scale = column_scales(np.diag(matrix))
-    factor = cho_factor(matrix * scale[:, None] * scale + _ROUNDING * np.eye(len(scale)))
+    factor = cho_factor(matrix * scale[:, None] * scale + ROUNDING * np.eye(len(scale)))
     return (scale * cho_solve(factor, (scale * right.T).T).T).T
 
 
@@ -181,9 +173,7 @@ def _windows(piece: np.ndarray) -> Iterator[slice]:
 
 def _noise(left: Array, good: np.ndarray) -> Array:
     """Return the noise (k,) of each joint's residual by its median, whatever a few samples are."""
-    sizes = [
-        1.4826 * float(np.median(np.abs(own[at]))) if at.any() else 0.0 for own, at in zip(left.T, good.T, strict=True)
-    ]
+    sizes = [robust_deviation(own[at]) if at.any() else 0.0 for own, at in zip(left.T, good.T, strict=True)]
     return np.maximum(sizes, max(max(sizes), np.finfo(float).tiny) * 1e-6)
 
 
@@ -195,7 +185,7 @@ def _spans(out: np.ndarray, around: np.ndarray, piece: np.ndarray) -> Iterator[s
         if not len(at):
             continue
         last_end = 0
-        for part in np.split(at, np.flatnonzero(np.diff(at) > _BETWEEN) + 1):
+        for part in np.split(at, np.flatnonzero(np.diff(at) > _END) + 1):
             first, last = int(part[0]), int(part[-1])
             if first < last_end:
                 continue

@@ -15,7 +15,7 @@ from ...laws.efforts import CURVES, EFFORT_LAWS, ROUGH_CURVES, Body, EffortLaw
 from ...laws.efforts.deviations import effort_deviations, name_of_body
 from ...laws.efforts.effort_law import usual_way
 from ...spatial import Array
-from ..criteria import AR_ORDER, EFFORT_TOLD
+from ..criteria import AR_ORDER, EFFORT_TOLD, MOST_SAMPLES
 from .inertial import BaseParameters
 from .nuisance import learned_precisions, usual_precisions
 from .outliers import OutlierInterval, outlier_intervals
@@ -39,8 +39,6 @@ __all__ = ["PreparedEfforts"]
 _LawColumns = tuple[EffortLaw, Place, Mapping[str, float], SparseColumns]
 #: Periods of the cut-off at an end of a piece by which nothing is judged.
 _PERIODS = 1.5
-#: Samples whose regressors are multiplied at a time.
-_AT_ONCE = 4096
 
 
 class PreparedEfforts:
@@ -259,7 +257,7 @@ class PreparedEfforts:
         if self.at.trajectory.spread is None:
             count = 10 * len({self.at.mechanism.joint(name).id for name in names})
         gram = np.zeros((size, size))
-        for part in np.array_split(self.kept, len(self.kept) // _AT_ONCE + 1):
+        for part in np.array_split(self.kept, len(self.kept) // MOST_SAMPLES + 1):
             table = regressor[part].reshape(-1, size)
             gram += table.T @ table
         sizes = np.sqrt(np.diag(gram))

@@ -16,7 +16,6 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
-from scipy.optimize import lsq_linear, nnls
 
 from ...dynamics import InMotion
 from ...dynamics.smoothing import pieces
@@ -24,22 +23,20 @@ from ...laws import Place
 from ...laws.efforts import Body, EffortLaw
 from ...mechanism import Mechanism
 from ...spatial import Array
-from ..criteria import AR_FLOOR, AR_ORDER, EFFORT_BLOCKS, EFFORT_FOLDS, FEWEST_IN_BLOCK, FEWEST_POSTURES
+from ..criteria import AR_FLOOR, AR_ORDER, BLOCKS, FEWEST_IN_BLOCK, FEWEST_POSTURES, FOLDS
+from ..normal_equations import NormalEquations
 
 __all__ = [
     "DesignMatrix",
     "EffortCandidate",
     "EffortModel",
     "EffortProblem",
-    "NormalEquations",
     "SparseColumns",
     "Whitening",
     "autoregression",
     "block_squares",
     "column_blocks",
-    "column_scales",
     "fit",
-    "identifiable",
     "kept_samples",
     "usable",
 ]
@@ -145,7 +142,7 @@ class Whitening:
         return out
 
 
-def column_blocks(every: np.ndarray, count: int = EFFORT_BLOCKS, postures: int = 0) -> np.ndarray:
+def column_blocks(every: np.ndarray, count: int = BLOCKS, postures: int = 0) -> np.ndarray:
     """Return labels (n,) of the blocks of time for cross-validation; of `postures` at rest each may be a block."""
     n = len(every)
     count = int(np.clip(max(n // FEWEST_IN_BLOCK, postures // FEWEST_POSTURES), 2, count))
@@ -210,7 +207,7 @@ class DesignMatrix:
         self.target = target
         self.starts = np.searchsorted(blocks, np.arange(self.count))
         self.parts = [slice(int(a), int(b)) for a, b in pairwise((*self.starts, len(blocks)))]
-        self.folds = np.array_split(np.arange(self.count), min(EFFORT_FOLDS, max(self.count, 1)))
+        self.folds = np.array_split(np.arange(self.count), min(FOLDS, max(self.count, 1)))
         self.rows = [slice(self.parts[f[0]].start, self.parts[f[-1]].stop) if len(f) else slice(0) for f in self.folds]
         # of each joint the columns that are not nothing there, in order and one a row: (m, n), and room for more
         self._tables = [np.zeros((0, len(target))) for _ in range(target.shape[1])]
@@ -379,75 +376,6 @@ class EffortProblem:
     def without_curves(self) -> EffortProblem:
         """Return the problem with the laws of the library alone as candidates."""
         return self.only([candidate for candidate in self.candidates if not candidate.law.is_curve])
-
-
-#: Of the longest column, below which one is nothing; and of unit columns, squared, below which they are one.
-_ABSENT, _ONE = 1e-10, 1e-7
-#: Of the largest eigenvalue, below which a combination of columns counts as told by nothing.
-_ROUNDING = 1e-9
-
-
-def column_scales(squares: Array) -> Array:
-    """Return the factors (p,) that make columns with these sums of squares (p,) as long as one."""
-    return 1 / np.sqrt(np.maximum(squares, np.finfo(float).tiny))
-
-
-def identifiable(left: Array, whole: Array, least: float, longest: float) -> Array:
-    """Return the identifiable combinations (p, r) of columns, each of length one once others are projected out.
-
-    left, whole (p, p): products of the columns after and before that projection; a combination is identifiable where a
-    share of `least` remains, however the columns were combined to begin with. longest: squared length of any column.
-    """
-    squares = np.diag(whole)
-    there = np.flatnonzero(squares > _ABSENT**2 * longest)
-    scale, at = column_scales(squares[there]), (there[:, None], there)
-    if len(there) == 1:
-        basis, values, vectors = scale[:, None], left[at][0] * scale**2, np.ones((1, 1))
-    else:
-        values, vectors = np.linalg.eigh(whole[at] * scale[:, None] * scale)
-        apart = values > _ONE
-        basis = scale[:, None] * vectors[:, apart] / np.sqrt(values[apart])
-        values, vectors = np.linalg.eigh(basis.T @ left[at] @ basis)
-    told = values > least
-    out = np.zeros((len(squares), int(told.sum())))
-    out[there] = basis @ (vectors[:, told] / np.sqrt(values[told]))
-    return out
-
-
-@dataclass(frozen=True, eq=False)
-class NormalEquations:
-    """Normal equations, of columns in any units, by the r eigenvectors of unit columns that data determine.
-
-    The matrix (p, p) is scale^-1 V diag(values) V^T scale^-1. scale (p,): coefficient per unit column; values (r,);
-    vectors (p, r): orthonormal.
-    """
-
-    scale: Array
-    values: Array
-    vectors: Array
-
-    @classmethod
-    def of(cls, matrix: Array, squares: Array | None = None, least: float | None = None) -> NormalEquations:
-        """Decompose a matrix (p, p). squares (p,): of the columns, if not its diagonal; least: smallest eigenvalue."""
-        scale = column_scales(np.diag(matrix) if squares is None else squares)
-        values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
-        kept = values > (_ROUNDING * values.max(initial=0.0) if least is None else least)
-        return cls(scale, values[kept], vectors[:, kept])
-
-    def solve(self, right: Array) -> Array:
-        """Return the solution of least norm (p,) or (p, n) for right sides of that shape."""
-        over = (slice(None), *(None,) * (right.ndim - 1))
-        scale, values = self.scale[over], self.values[over]
-        return scale * (self.vectors @ ((self.vectors.T @ (scale * right)) / values))
-
-    def bounded(self, right: Array, bounded: np.ndarray) -> Array:
-        """Return the least-squares solution (p,) whose `bounded` coefficients (p,) are not negative."""
-        root = np.sqrt(self.values)[:, None] * self.vectors.T
-        target = (self.vectors.T @ (self.scale * right)) / np.sqrt(self.values)
-        if bounded.all():
-            return self.scale * nnls(root, target)[0]
-        lower = np.where(bounded, 0.0, -np.inf)
-        return self.scale * lsq_linear(root, target, (lower, np.inf), method="bvls", tol=1e-12).x
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,15 +17,7 @@ import numpy as np
 
 from ...laws.efforts import Body
 from ...spatial import Array
-from ..criteria import (
-    EFFORT_GAIN,
-    EFFORT_GAIN_ALONE,
-    EFFORT_RELIEF,
-    EFFORT_STALE,
-    EFFORT_SURE,
-    MOST_EFFORT_TERMS,
-    beyond_tolerance,
-)
+from ..criteria import AS_GOOD, FEWEST_OF_KIND, GAIN, MOST, MOST_FITS, NO_MATTER, SURE, TRIED, beyond_tolerance
 from .evidence import CrossValidation, held_out, no_worse, relative_gain, scores, standard_error
 from .nonlinear import refined
 from .prepare import PreparedEfforts
@@ -44,16 +36,10 @@ __all__ = [
     "with_relieving_laws",
 ]
 
-#: Candidates of a round that are tried on held-out blocks, of all; half as many of each joint.
-_TRIED = 24
-#: Joints with the same law from which it is a kind of the robot's, where they are half of its drives.
-_FEWEST_OF_KIND = 3
 #: A link that is not as drawn.
 _ONE_LINK = (Body.LINK, Body.SCALED_LINK)
 #: Times that a law may come in at a place: once more after it was made needless by what was itself needless later.
 _ENTRIES = 2
-#: How much more strain than any law a curve of no law takes off, to be what is there.
-_FAR_MORE = 1.25
 
 _Key = tuple[str, str, str]
 
@@ -89,10 +75,10 @@ def _forward(
 ) -> EffortModel:
     """Return the model with all laws that enter, one after the other."""
     fresh, squares = True, np.inf
-    while len(model.terms) < MOST_EFFORT_TERMS:
+    while len(model.terms) < MOST_FITS:
         validation = CrossValidation(model)
         tell(1 - np.exp(-len(model.terms) / 8))
-        if not fresh and validation.squares.sum() < EFFORT_STALE * squares:
+        if not fresh and validation.squares.sum() < MOST * squares:
             model = efforts.refreshed(model)
             validation, fresh = CrossValidation(model), True
         if fresh:
@@ -122,9 +108,9 @@ def _entering(model: EffortModel, validation: CrossValidation, refused: Mapping[
         and not any(term.excludes(score.candidate) for term in model.terms)
     }
     # the best of all, and the best of every joint
-    best = list(joints_of)[:_TRIED]
+    best = list(joints_of)[:TRIED]
     for joint in range(columns.target.shape[1]):
-        best += [candidate for candidate, own in joints_of.items() if joint in own][: _TRIED // 2]
+        best += [candidate for candidate, own in joints_of.items() if joint in own][: TRIED // 2]
     candidates, tried = list(dict.fromkeys(best)), []
     for candidate, after in zip(candidates, validation.with_each(candidates), strict=True):
         if _earns(validation, candidate, validation.squares, after) and _shows_beside(model, candidate):
@@ -197,7 +183,7 @@ def _one_would_do(model: EffortModel, left: Array) -> bool:
         and score.candidate.law.body not in (*_ONE_LINK, Body.ALL_LINKS)
         and not any(term.excludes(score.candidate) for term in model.terms)
     ]
-    candidates = [score.candidate for score in sorted(plain, key=lambda score: -score.gain)[:_TRIED]]
+    candidates = [score.candidate for score in sorted(plain, key=lambda score: -score.gain)[:TRIED]]
     return any(
         no_worse(after, left) and len(_others(model.with_term(candidate))) < 2
         for candidate, after in zip(candidates, CrossValidation(model).with_each(candidates), strict=True)
@@ -267,8 +253,8 @@ def _is_earned(before: EffortModel, after: EffortModel, term: EffortCandidate) -
 def _earns(validation: CrossValidation, term: EffortCandidate, before: Array, after: Array) -> bool:
     """Return whether a term saves enough of the squares of the joints in which it acts, and surely."""
     saving = float((before - after).sum())
-    least = EFFORT_GAIN if validation.model.keeps_nuisances else EFFORT_GAIN_ALONE
-    if relative_gain(before, after)[1] <= EFFORT_SURE or saving <= least * validation.squares_at(term):
+    least = GAIN if validation.model.keeps_nuisances else NO_MATTER
+    if relative_gain(before, after)[1] <= SURE or saving <= least * validation.squares_at(term):
         return False
     return saving > term.law.least_gain * float(before.sum())
 
@@ -305,7 +291,7 @@ def _simplest(tried: Sequence[tuple[float, Array, EffortCandidate]]) -> EffortCa
     best_gain, best_after, simplest = max(tried, key=lambda item: item[0])
     for _, after, candidate in tried:
         apart = after - best_after
-        least = max(EFFORT_SURE * standard_error(apart), 0.02 * best_gain)
+        least = max(SURE * standard_error(apart), GAIN * best_gain)
         if float(apart.sum()) < least and candidate.size < simplest.size:
             simplest = candidate
     for _, after, candidate in tried:
@@ -326,7 +312,7 @@ def kinds_of_most_drives(
     for term in model.terms if terms is None else terms:
         if term.law.physics in common and term.place.name in problem.mechanism.actuated:
             kinds.setdefault(term.law.physics, []).append(term)
-    most = max(_FEWEST_OF_KIND, problem.columns.target.shape[1] / 2)
+    most = max(FEWEST_OF_KIND, problem.columns.target.shape[1] / 2)
     return {kind: own for kind, own in kinds.items() if len({term.place.name for term in own}) >= most}
 
 
@@ -391,7 +377,7 @@ def with_relieving_laws(efforts: PreparedEfforts, model: EffortModel) -> EffortM
         if not laws:
             break
         most = max(relief for relief, _ in laws)
-        if any(relief > max(_FAR_MORE * most, most + limit**2) for relief, _ in _reliefs(model, curves)):
+        if any(relief > max(AS_GOOD * most, most + limit**2) for relief, _ in _reliefs(model, curves)):
             break
         good = [law for relief, law in laws if relief > most - limit**2]
         model = model.with_term(min(good, key=lambda law: (law.size, law.where.start)))
@@ -422,7 +408,7 @@ def _reliefs(model: EffortModel, candidates: Sequence[EffortCandidate]) -> list[
         after = strain(tried)
         relief = float((before**2).sum() - (after**2).sum())
         fewer = (after > limit).sum() < (before > limit).sum()
-        if not fewer or relief < EFFORT_RELIEF * float((before[before > limit] ** 2).sum()):
+        if not fewer or relief < MOST * float((before[before > limit] ** 2).sum()):
             continue
         if no_worse(held_out(tried), left) and is_plausible(tried, law):
             found.append((relief, law))

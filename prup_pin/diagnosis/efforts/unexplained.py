@@ -24,18 +24,20 @@ from ...laws.efforts.variables import variable_of
 from ...numbers import number
 from ...spatial import Array
 from ..criteria import (
-    EFFORT_CHANCE,
+    AS_GOOD,
     EFFORT_CURVE_OWN,
-    EFFORT_FLIPS,
     EFFORT_FOREIGN,
-    EFFORT_LOUD,
-    EFFORT_NO_MATTER,
     EFFORT_NO_NOISE,
-    EFFORT_SURE,
-    EFFORT_UNTOLD,
-    FEWEST_EFFORT_BLOCKS,
+    FALSE_ALARM,
+    FEWEST_BLOCKS,
+    FLIPS,
+    LITTLE,
+    NO_MATTER,
+    ROUNDING,
+    SURE,
 )
 from ..diagnosis import Finding, heldout_gain
+from ..findings import unknown_at
 from .conventions import CHECK_ROBOT
 from .evidence import held_out, relative_gain
 from .final_state import FinalState
@@ -48,10 +50,6 @@ __all__ = ["TimeVarying", "structure_left", "time_varying", "unexplained"]
 #: What a block may follow of its own joint's motion, and of another joint's.
 _OWN = ("direction", "speed", "position", "load")
 _OTHERS = ("speed", "acceleration", "position")
-#: Share of the recording by which it is shifted at least.
-_NEAR = 0.05
-#: Of the largest block's, below which a block tells nothing.
-_TELLS = 1e-9
 
 
 def structure_left(final: FinalState) -> list[Finding]:
@@ -66,7 +64,7 @@ def structure_left(final: FinalState) -> list[Finding]:
             f"a curve of its own would take away {100 * share:.0f} % of the residual's square"
             + ("" if term.is_of_time else ", and the corrected model follows it")
         )
-        found.append(_unknown_at(joint, text, share))
+        found.append(unknown_at(joint, text, share))
     for term in final.impossible:
         joint, link, saved = final.joint_of(term.place.name), term.place.name, final.held_out_saving(term)
         share = float(np.clip(saved / max(saved + float(final.held_out.sum()), np.finfo(float).tiny), 0.0, 1.0))
@@ -75,15 +73,15 @@ def structure_left(final: FinalState) -> list[Finding]:
             f"that no body has would take away {100 * share:.0f} % of its square; the corrected model keeps to a body "
             "that can be"
         )
-        found.append(replace(_unknown_at(joint, text, share), candidates=(joint, link)))
+        found.append(replace(unknown_at(joint, text, share), candidates=(joint, link)))
     return found
 
 
 def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[Finding]) -> list[Finding]:
     """Return the findings of what no law explains: the structure that is left, or a residual that is no noise."""
-    if final.problem.columns.count < FEWEST_EFFORT_BLOCKS:
+    if final.problem.columns.count < FEWEST_BLOCKS:
         text = f"{len(final.efforts.kept)} samples of efforts are too few to judge anything by others"
-        return [_unknown_at("robot", text)]
+        return [unknown_at("robot", text)]
     found = list(structure)
     if not found and final.recording.noise.effort:
         found = list(_beyond_declared(residuals))
@@ -95,22 +93,17 @@ def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[F
     return found + [item for item in _worse(final, residuals) if item.location not in named]
 
 
-def _unknown_at(where: str, statement: str, share: float = 0.0, advice: str = "") -> Finding:
-    """Return the finding of something unknown at a place, which would take away a share of the residual."""
-    return Finding("unknown", where, (where,), {}, share, statement, advice=advice)
-
-
 def _is_foreign(share: Mapping[str, float]) -> bool:
     """Return whether the drawing predicts less than nothing of the efforts, and no correction most of them.
 
     A correction that takes the drawn efforts away leaves the noise, which speaks for no robot at all.
     """
-    return share["rigid"] > EFFORT_FOREIGN and share["heldout"] > EFFORT_UNTOLD
+    return share["rigid"] > EFFORT_FOREIGN and share["heldout"] > LITTLE
 
 
 def _foreign(share: Mapping[str, float]) -> Finding:
     """Return the finding of a log that is hardly one of this robot."""
-    return _unknown_at(
+    return unknown_at(
         "robot",
         f"the residual of the robot file is {number(share['rigid'], 3)} times the efforts themselves, and with all "
         f"corrections still {number(100 * share['heldout'], 3)} % of them: this is hardly a log of this robot. "
@@ -120,10 +113,10 @@ def _foreign(share: Mapping[str, float]) -> Finding:
 
 def _beyond_declared(residuals: EffortResiduals) -> Iterator[Finding]:
     """Yield the joint of the largest residual, if that is more than the declared noise."""
-    if residuals.after["fit"] > EFFORT_LOUD:
+    if residuals.after["fit"] > AS_GOOD:
         worst = max(residuals.by_joint, key=lambda name: residuals.by_joint[name]["after"])
         multiple = number(residuals.by_joint[worst]["after"], 3)
-        yield _unknown_at(
+        yield unknown_at(
             worst,
             f"the residual at {worst} is {multiple} times the declared noise; no law of the library explains it, and "
             "it depends neither on speed, position, load nor time",
@@ -136,7 +129,7 @@ def _no_noise(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding
     loud = {
         name: shares[name]["heldout"] * rms_of(residuals.measured[final.efforts.good[:, column], column])
         for column, name in enumerate(final.at.driven)
-        if shares[name]["heldout"] > EFFORT_UNTOLD and not by_joint[name]["after"] <= EFFORT_NO_NOISE
+        if shares[name]["heldout"] > LITTLE and not by_joint[name]["after"] <= EFFORT_NO_NOISE
     }
     if loud:
         worst = max(loud, key=lambda name: loud[name])
@@ -146,7 +139,7 @@ def _no_noise(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding
             if np.isfinite(multiple)
             else "and the scatter of a single sample is not known"
         )
-        yield _unknown_at(
+        yield unknown_at(
             worst,
             f"the residual at {worst} is {number(100 * here, 3)} % of its effort, {times} "
             f"({number(100 * all_left, 3)} % of all efforts); no law of the library explains it, and no noise was "
@@ -168,9 +161,9 @@ def _unmoved(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]
             values[good, column] for values in (residuals.measured, residuals.predicted, residuals.rigid)
         )
         size, left = rms_of(measured), float(np.std(measured - predicted))
-        if left > max(EFFORT_NO_MATTER * size, float(np.hypot(np.std(rigid), scatter[column]))):
+        if left > max(NO_MATTER * size, float(np.hypot(np.std(rigid), scatter[column]))):
             multiple = number(residuals.by_joint[name]["after"], 3)
-            yield _unknown_at(
+            yield unknown_at(
                 name,
                 f"the position of {name} never changes, while its effort does: by {multiple} times the scatter of a "
                 f"single sample, {number(100 * (left / size), 3)} % of it and more than the load on it changes",
@@ -183,7 +176,7 @@ def _worse(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]:
     """Yield joints of which the corrected model predicts the effort surely worse than the drawing, by what matters."""
     for column, name in enumerate(final.at.driven):
         drawn, left = residuals.shares[name]["rigid"], residuals.shares[name]["heldout"]
-        if not (left > EFFORT_NO_MATTER and left > (1 + EFFORT_NO_MATTER) * drawn):
+        if not (left > NO_MATTER and left > (1 + NO_MATTER) * drawn):
             continue
         counts, blocks = final.efforts.good[:, column], final.problem.columns.parts
         squares = (
@@ -191,8 +184,8 @@ def _worse(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]:
             for values in (residuals.held_out, residuals.rigid)
         )
         _, sure = relative_gain(*(np.array([float(own[part].sum()) for part in blocks]) for own in squares))
-        if sure > EFFORT_SURE:
-            yield _unknown_at(
+        if sure > SURE:
+            yield unknown_at(
                 name,
                 f"with these findings the residual of {name} is {number(100 * left, 3)} % of its effort on held-out "
                 f"blocks of time, with the robot file alone {number(100 * drawn, 3)} %: what happens there is none of "
@@ -211,7 +204,7 @@ def _varying(final: FinalState) -> Iterator[Finding]:
     found = time_varying(efforts, left, measured, np.nan_to_num(noise))
     if found is not None:
         followed = f"its {found.variable}" if found.of == found.joint else f"the {found.variable} of {found.of}"
-        yield _unknown_at(
+        yield unknown_at(
             found.joint,
             f"the residual at {found.joint} follows {followed} by an amount that changes with time, which would take "
             f"away {number(100 * found.share, 2)} % of its square beyond chance and is {number(100 * found.size, 2)} % "
@@ -249,13 +242,13 @@ def time_varying(efforts: PreparedEfforts, left: Array, measured: Array, noise: 
     good = efforts.away_from_ends(min(efforts.judged.cutoffs)) & np.isfinite(left)
     left = np.where(good, left, 0.0)
     white = Whitening(autoregression(left, good, efforts.piece), usable(good, efforts.piece))
-    lags = np.concatenate(([0.0], np.linspace(_NEAR, 1 - _NEAR, EFFORT_FLIPS)))
+    lags = np.concatenate(([0.0], np.linspace(LITTLE, 1 - LITTLE, FLIPS)))
     found, own, others = [], [], []
     for column, joint in enumerate(efforts.at.driven):
         here = good[:, column]
         size = float((measured[here, column] ** 2).sum())
         # what is left in all is no matter, nor is what follows anything
-        least = max(EFFORT_NO_MATTER**2 * size, noise[column] ** 2 * here.sum())
+        least = max(NO_MATTER**2 * size, noise[column] ** 2 * here.sum())
         plain = left[:, column]
         if not float(plain @ plain) > least:
             continue
@@ -277,7 +270,7 @@ def time_varying(efforts: PreparedEfforts, left: Array, measured: Array, noise: 
     if not found:
         return None
     by_chance = (np.max(others, axis=0)[:, None] >= np.array(own)).mean(axis=0)
-    sure = [each for each, chance in zip(found, by_chance, strict=True) if chance < EFFORT_CHANCE and each.size > 0]
+    sure = [each for each, chance in zip(found, by_chance, strict=True) if chance < FALSE_ALARM and each.size > 0]
     most = max(sure, key=lambda each: each.share, default=None)
     return most if most is not None and most.share > EFFORT_CURVE_OWN else None
 
@@ -312,7 +305,7 @@ def _saved(left: Array, columns: Array, blocks: np.ndarray, good: np.ndarray, la
     starts = np.flatnonzero(np.diff(blocks, prepend=-1))
     shifts = (lags * count).astype(int)[:, None]
     sizes = np.add.reduceat(columns**2, starts)
-    told = sizes > _TELLS * sizes.max(axis=0, initial=0.0)
+    told = sizes > ROUNDING * sizes.max(axis=0, initial=0.0)
     for start, end, size, tells in zip(starts, [*starts[1:], count], sizes, told, strict=True):
         shifted = left[(np.arange(start, end) - shifts) % count]
         out[:, tells] += (shifted @ columns[start:end, tells]) ** 2 / size[tells]
