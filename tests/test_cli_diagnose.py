@@ -304,7 +304,7 @@ def test_a_recording_whose_own_json_would_be_replaced(clean_bench, run, tmp_path
     before = path.with_suffix(".json").read_text()
     done = run("diagnose", path, "--out", tmp_path)
     assert done.exit_code == 2
-    assert "beside the recording" in " ".join(done.stderr.split())
+    assert "replace the recording's JSON file" in " ".join(done.stderr.split())
     assert path.with_suffix(".json").read_text() == before
 
 

@@ -300,7 +300,7 @@ def test_friction_that_comes_and_goes_is_no_noise_where_none_was_declared(carria
     found = diagnose(carriage, recording.with_measurements(efforts=late))
     assert [(item.physics, item.location) for item in found.findings] == [("unknown", "carriage")]
     assert "follows" not in found.findings[0].statement
-    assert "no noise was declared that it could be" in found.findings[0].statement
+    assert "no noise was declared that could account for it" in found.findings[0].statement
 
 
 def test_a_late_encoder_is_told_where_its_joint_rubs_hard(carriage):

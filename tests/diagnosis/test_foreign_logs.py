@@ -50,7 +50,7 @@ def test_a_log_that_hardly_fits_the_drawing_is_told_before(robot, tmp_path):
         text for text in prospects(robot, log_of(robot, tmp_path / "x.csv", False)).remarks if "hardly fits" in text
     ]
     assert len(told) == 1
-    assert "more than they are" in told[0]
+    assert "more than the efforts themselves" in told[0]
     assert "Check --robot" in told[0]
     own = prospects(robot, log_of(robot, tmp_path / "y.csv", True)).remarks
     assert not any("hardly fits" in text for text in own)

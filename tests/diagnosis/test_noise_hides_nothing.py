@@ -46,7 +46,7 @@ def test_what_no_sensor_scatters_is_no_noise(robot, tmp_path):
     assert found.verdict == "unexplained"
     unknown = found.findings[-1]
     assert unknown.physics == "unknown"
-    assert "is no noise" in unknown.statement
+    assert "is not noise" in unknown.statement
     assert found.noise.position > POSE_UNTOLD * recording.position.std()
 
 

@@ -57,7 +57,7 @@ def test_a_joint_that_moved_but_whose_column_was_held_still_is_unknown(robot, st
     assert [finding.location for finding in unknown] == ["lift"] * still
     assert found.verdict == ("unexplained" if still else "explained")
     if still:
-        assert "the position of lift never changes, while its effort does by" in unknown[0].statement
+        assert "the position of lift never changes, while its effort does: by" in unknown[0].statement
         assert "check the column q.lift" in unknown[0].remedy
 
 

@@ -90,7 +90,7 @@ def test_a_load_in_every_sample_is_no_noise(pushed, noise, slipped):
         return
     unknown = next(finding for finding in found.findings if finding.physics == "unknown")
     assert found.verdict == "unexplained"
-    size = re.search(r"lies where forces of some (\d+) N", unknown.statement)
+    size = re.search(r"under forces of some (\d+) N", unknown.statement)
     assert size is not None
     assert float(size[1]) == pytest.approx(30 * np.sqrt(3), rel=0.15)
     assert "columns w.fx … w.mz" in unknown.remedy

@@ -163,7 +163,7 @@ def test_the_arm_itself_is_fine(write):
         ('<box size="1 1 1"/>', '<mesh filename="package://../../a.stl"/>', "lies outside the robot's folder"),
         ('<box size="1 1 1"/>', '<mesh filename="package://p/../../../a.stl"/>', "lies outside the robot's folder"),
         ('<box size="1 1 1"/>', '<mesh filename="..\\..\\a.stl"/>', "lies outside the robot's folder"),
-        ('<box size="1 1 1"/>', '<mesh filename="http://a.b/c.stl"/>', "nothing is fetched; copy the file"),
+        ('<box size="1 1 1"/>', '<mesh filename="http://a.b/c.stl"/>', "nothing is downloaded; copy the file"),
         ('<box size="1 1 1"/>', "<mesh/>", '<mesh>: attribute filename="…" is missing'),
     ],
 )  # fmt: skip

@@ -94,7 +94,7 @@ def test_a_rigid_direction_is_said_in_the_cell():
 
 def test_a_diagnosis_shows_verdict_findings_and_intervals(diagnosis):
     text, tags = words(diagnosis._repr_html_())
-    assert text.startswith("Diagnosis Unexplained: With backlash at leg2/<b>")
+    assert text.startswith("Diagnosis Unexplained: with backlash at leg2/<b>")
     for part in (
         "half gap 41 µm 39 to 43 µm",
         "closing load 0.8 N 0.5 to 1.2 N",
