@@ -69,6 +69,19 @@ def strange_bench(once):
     return once("strange", lambda folder: make_bench(folder, "strange", 4, ["alien"], (15.0, 25.0), (4, 2)))
 
 
+@pytest.fixture
+def run(monkeypatch, tmp_path):
+    """A function that types a command of `prup-pin` in an empty folder, on a terminal of 100 columns."""
+    from typer.testing import CliRunner
+
+    from prup_pin.cli import app
+
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.chdir(tmp_path)
+    runner = CliRunner()
+    return lambda *arguments: runner.invoke(app, [str(argument) for argument in arguments])
+
+
 @dataclass(frozen=True)
 class Answer:
     """What `prup-pin diagnose` left in a folder and said, and the diagnosis that it made for that."""

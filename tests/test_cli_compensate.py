@@ -4,10 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import prup_pin
-from prup_pin.cli import app
 from prup_pin.compensation import read_path
 from prup_pin.recordings import read_recording
 from prup_pin.simulation import CorrectedModel, effect_named, read_model, simulate, write_model
@@ -19,14 +17,6 @@ ROWS = [
     (1.0, 0.42, 0.10, 0.05, 40.0, 90.0, -10.0),
 ]
 HEADER = "time,z,theta,phi,w.fx,w.fz,w.mz"
-
-
-@pytest.fixture
-def run(monkeypatch, tmp_path):
-    monkeypatch.setenv("COLUMNS", "100")
-    monkeypatch.chdir(tmp_path)
-    runner = CliRunner()
-    return lambda *arguments: runner.invoke(app, [str(argument) for argument in arguments])
 
 
 def table(*rows, header=HEADER, name="path.csv"):

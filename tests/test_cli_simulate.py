@@ -22,14 +22,6 @@ from .simulation.bench import NOISE, plan, three_prup
 GAP = "backlash@leg2/ball_nut half_gap=60um closing_load=1"
 
 
-@pytest.fixture
-def run(monkeypatch, tmp_path):
-    monkeypatch.setenv("COLUMNS", "100")
-    monkeypatch.chdir(tmp_path)
-    runner = CliRunner()
-    return lambda *arguments: runner.invoke(app, [str(argument) for argument in arguments])
-
-
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory):
     """A folder with a plan and the recording simulated from it, with play in a nut."""

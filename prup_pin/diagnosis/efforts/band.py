@@ -201,7 +201,8 @@ def _fitted(at: InMotion, joint: int, columns: tuple[Array, Array, Array], cutof
     every = np.concatenate(columns, axis=1)
     low = low_pass(every, piece)
     sizes = np.sqrt((low**2).sum(axis=0))
-    # bodies by their spread, beside what no law takes away; of samples that the cut-off makes alike one counts
+    # bodies by their spread, beside what no law takes away: a tenth of what they miss, a hundredth of its square; of
+    # samples that the cut-off makes alike one counts
     alike = at.motion.rate / (2 * cutoff)
     weights = np.where(np.arange(every.shape[1]) < bodies.shape[1], alike * TREMOR * np.mean(asked**2), 0.0)
     matrix = low.T @ low + np.diag(weights + ROUNDING * np.maximum(sizes**2, np.finfo(float).tiny))
