@@ -77,7 +77,8 @@ def test_a_weight_and_a_sensor_that_reports_one_more_are_told_by_no_pose(tmp_pat
     rivals = {pair["other"]["physics"]: pair for pair in proposed["cannot_separate"]}
     assert rivals["wrench_sensor_bias"]["tilted_base"] > 3
     assert rivals["wrench_sensor_bias"]["times_noise"] < 1
-    assert (proposed["separates"], proposed["plan"]) == ([], {})
+    # what pulls back where the tool goes is another matter: another pose tells it
+    assert {pair["other"]["physics"] for pair in proposed["separates"]} <= {"external_spring"}
 
 
 @pytest.mark.slow
