@@ -249,13 +249,16 @@ class _Search:
         """Return whether a log leaves so much less as it is read, and less than where gravity may pull any way.
 
         Of all joints, or of those of which it changes what is left: the others cannot hide it. But axes that count
-        together may be one motor that drives both: there most of all joints must speak for it.
+        together may be one motor that drives both: there bodies must speak for it, and most of all joints.
         """
         before, hung = self.shares(written), self._hung(written)
         after = self.shares(read_as(written, taken, self.drawn))
+        together = [item for item in taken if item.word in _TOGETHER]
+        if together and _rms(after) > EFFORT_STEP * self._left_by_motors(written, taken):
+            return False
         if _rms(after) < min(_limit(_rms(before)), _rms(hung)):
             return True
-        if any(item.word in _TOGETHER for item in taken):
+        if together:
             return False
         changed = (np.minimum(before, after) < ALIKE * np.maximum(before, after)) & np.isfinite(before)
         if not changed.any():
@@ -263,6 +266,20 @@ class _Search:
         left = _rms(before[changed])
         several = changed.sum() > 1 or left > 1
         return bool(several and _rms(after[changed]) < min(CONVENTION_LEAVES * min(left, 1.0), _rms(hung[changed])))
+
+    def _left_by_motors(self, written: Recording, taken: Sequence[Convention]) -> float:
+        """Return what is left where only friction counts axes together, and bodies are as written: a share, RMS.
+
+        So it is where one motor drives two joints.
+        """
+        axes = [item for item in taken if item.word in _TOGETHER]
+        plain = read_as(written, [item for item in taken if item not in axes], self.drawn)
+        rigid = self.at.rigid_of(self.read(plain)[0])
+        still = np.zeros(len(plain) - len(rigid))
+        own = {name: np.append(rigid[:, self.motion.driven.index(name)], still) for name in plain.efforts}
+        motion, efforts, noise = self.read(read_as(plain, axes, self.drawn))
+        _, bodies, _ = self.read(read_as(replace(plain, efforts=own), axes, self.drawn))
+        return _rms(shares_of_efforts(motion, efforts, bodies, noise))
 
     def left(self, recording: Recording) -> float:
         """Return what rigid efforts and friction leave of the efforts but noise: a share, RMS of the joints."""

@@ -19,7 +19,7 @@ from .bayes_factors import with_likelier_bodies
 from .conventions import check_efforts
 from .diagnosis import EffortDiagnosis
 from .evidence import CrossValidation, held_out, relative_gain, scores
-from .final_state import FinalState
+from .final_state import FinalState, shows
 from .gains import Gains, gains_of, in_newtons, law_of_gains
 from .noise import EffortNoise, noise_of
 from .nonlinear import refined
@@ -112,7 +112,9 @@ def _final_state(
     model = with_relieving_laws(efforts, model)
     problem = model.problem
     model = with_likelier_bodies(model.in_problem(problem.without_curves())).in_problem(problem)
-    model, curves, imitating = _with_curves(efforts, model)
+    scale = np.ones(len(at.driven)) if gains is None else gains.gains
+    sample = np.array([noise[name].size for name in at.driven]) / scale
+    model, curves, imitating = _with_curves(efforts, model, sample)
     tell("the verdict", 0.9)
     while True:
         final = FinalState(robot, recording, efforts, noise, model, curves, imitating, gains, outliers, doubts)
@@ -153,9 +155,12 @@ def _part(tell: Callable[[float], None], first: float, last: float) -> Callable[
 
 
 def _with_curves(
-    efforts: PreparedEfforts, model: EffortModel
+    efforts: PreparedEfforts, model: EffortModel, noise: Array
 ) -> tuple[EffortModel, list[EffortCandidate], list[EffortCandidate]]:
     """Return the model with curves of no law that the efforts still ask for, these, and the laws that imitate them.
+
+    A curve adds as much to its joint as one sample could show, as a law does: rounding to steps, which is part of a
+    sample's noise (k,), follows what it rounds by a curve.
 
     A law that only imitates something leaves its shape behind: it is not named. Where it serves beside the curve, the
     prediction keeps it.
@@ -179,6 +184,9 @@ def _with_curves(
                 tried.append((share, score.candidate))
         curve = max(tried, key=lambda item: item[0])[1] if tried else relieving_curve(model, curves)
         if curve is None or any(curve.name == other.name for other in found):
+            break
+        beside = model.with_term(curve)
+        if not shows(efforts.sizes(beside, fit(beside)[0])[-1], noise):
             break
         found.append(curve)
         here = cost_of(model)

@@ -27,7 +27,15 @@ from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
 from .search import squared_strain, sure_of_all
 
-__all__ = ["FinalState"]
+__all__ = ["FinalState", "shows"]
+
+
+def shows(sizes: Array, noise: Array) -> bool:
+    """Return whether what is added to efforts (k,), RMS, is as much in one as a sample could show, where that is known.
+
+    noise (k,): of a sample of each; NaN where nothing tells it.
+    """
+    return bool((sizes > MOST * np.nan_to_num(noise)).any())
 
 
 class ChangedParameters(NamedTuple):
@@ -160,15 +168,14 @@ class FinalState:
         Gears yield, filters have other shapes: thousands of samples tell of a rigid robot that it is none. What every
         drive has is a finding where it surely is not zero.
         """
-        columns, least = self.efforts.columns_of(self.model), np.nan_to_num(self.noise_sizes)
+        sizes = dict(zip(self.model.terms, self.efforts.sizes(self.model, self.x), strict=True))
         found = []
         for term in laws:
-            own = self.model.slice_of(term)
             if self.model.is_nuisance(term):
-                matters = bool(self.x[own].any()) and self.p_value(term) <= FALSE_ALARM
+                here = self.x[self.model.slice_of(term)]
+                matters = bool(here.any()) and self.p_value(term) <= FALSE_ALARM
             else:
-                added = np.sqrt(np.mean((columns[:, :, own] @ self.x[own]) ** 2, axis=0))
-                matters = bool((added > MOST * least).any())
+                matters = shows(sizes[term], self.noise_sizes)
             if matters:
                 found.append(term)
         return found

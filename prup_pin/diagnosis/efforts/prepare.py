@@ -156,6 +156,12 @@ class PreparedEfforts:
             parts.append(self.at_kept(term.law.efforts_per(term.place, term.values, known)))
         return np.concatenate(parts, axis=2)
 
+    def sizes(self, model: EffortModel, x: Array) -> Array:
+        """Return by how much each term of a model changes each effort at the kept samples, (terms, k): RMS."""
+        columns = self.columns_of(model)
+        parts = [columns[:, :, model.slice_of(term)] @ x[model.slice_of(term)] for term in model.terms]
+        return np.array([np.sqrt(np.mean(part**2, axis=0)) for part in parts]).reshape(-1, len(self.at.driven))
+
     def held_out_residual(self, model: EffortModel) -> Array:
         """Return the residual of the filtered efforts (n, k) where each block was not fitted."""
         columns, left = self.columns_of(model), self.target.copy()
