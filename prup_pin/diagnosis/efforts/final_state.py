@@ -30,12 +30,12 @@ from .search import squared_strain, sure_of_all
 __all__ = ["FinalState", "shows"]
 
 
-def shows(sizes: Array, noise: Array) -> bool:
+def shows(sizes: Array | float, noise: Array | float) -> bool:
     """Return whether what is added to efforts (k,), RMS, is as much in one as a sample could show, where that is known.
 
     noise (k,): of a sample of each; NaN where nothing tells it.
     """
-    return bool((sizes > MOST * np.nan_to_num(noise)).any())
+    return bool(np.any(sizes > MOST * np.nan_to_num(noise)))
 
 
 class ChangedParameters(NamedTuple):

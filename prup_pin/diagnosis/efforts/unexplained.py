@@ -40,7 +40,7 @@ from ..diagnosis import Finding, heldout_gain
 from ..findings import unknown_at
 from .conventions import CHECK_ROBOT
 from .evidence import held_out, relative_gain
-from .final_state import FinalState
+from .final_state import FinalState, shows
 from .prepare import PreparedEfforts
 from .problem import Whitening, autoregression, usable
 from .residuals import EffortResiduals, rms_of
@@ -173,12 +173,18 @@ def _unmoved(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]
 
 
 def _worse(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]:
-    """Yield joints of which the corrected model predicts the effort surely worse than the drawing, by what matters."""
+    """Yield joints of which the corrected model predicts the effort surely worse than the drawing, by what matters.
+
+    Less than one sample could show does not: where a joint bears next to nothing, that is any share of its effort.
+    """
     for column, name in enumerate(final.at.driven):
         drawn, left = residuals.shares[name]["rigid"], residuals.shares[name]["heldout"]
         if not (left > NO_MATTER and left > (1 + NO_MATTER) * drawn):
             continue
         counts, blocks = final.efforts.good[:, column], final.problem.columns.parts
+        more = np.sqrt(left**2 - drawn**2) * rms_of(residuals.measured[counts, column])
+        if not shows(more, final.noise_sizes[column] * final.scale[column]):
+            continue
         squares = (
             np.where(counts, (residuals.measured - values)[:, column], 0.0) ** 2
             for values in (residuals.held_out, residuals.rigid)
