@@ -200,4 +200,12 @@ def _with_curves(
         # what imitated that shape, or made room for it elsewhere
         doubtful = [term for term in model.terms if term.place.name != curve.place.name] + imitating
         model = pruned(model.with_term(curve), [term for term in doubtful if not term.law.is_curve])
+    for curve in list(found):
+        # what is left of it beside those that came later
+        rest = model.without(curve)
+        saving, squares = cost_of(rest) - cost_of(model), CrossValidation(rest)
+        if saving < NO_MATTER * cost_of(rest) and saving < EFFORT_CURVE_OWN * squares.squares_at(curve):
+            model = rest
+            found.remove(curve)
+            imitating = [term for term in imitating if term.place.name != curve.place.name]
     return model, found, imitating
