@@ -277,7 +277,9 @@ def test_noise_as_large_as_the_effort_follows_nothing(two):
     assert sum(alarm is not None for alarm in alarms) <= 1
 
 
-def test_a_joint_that_is_predicted_worse_than_drawn_is_told():
+@pytest.mark.parametrize(("noise", "told"), [(np.nan, True), (0.6, True), (0.8, False)])
+def test_a_joint_that_is_predicted_worse_than_drawn_is_told_by_more_than_a_sample_scatters(noise, told):
+    """sqrt(0.4^2 - 0.2^2) = 0.346 more than drawn: half of a sample's noise of 0.7."""
     rng = np.random.default_rng(6)
     measured = rng.normal(size=(400, 2))
     rigid = measured - 0.2 * rng.normal(size=(400, 2))
@@ -288,9 +290,15 @@ def test_a_joint_that_is_predicted_worse_than_drawn_is_told():
         at=SimpleNamespace(driven=("a", "b")),
         efforts=SimpleNamespace(good=np.ones((400, 2), bool)),
         problem=SimpleNamespace(columns=SimpleNamespace(parts=parts)),
+        noise_sizes=np.full(2, noise),
+        scale=np.ones(2),
     )
     shares = {"a": {"rigid": 0.2, "heldout": 0.2}, "b": {"rigid": 0.2, "heldout": 0.4}}
-    (finding,) = _worse(final, EffortResiduals(measured, rigid, held, held, {}, {}, {}, shares))
+    found = list(_worse(final, EffortResiduals(measured, rigid, held, held, {}, {}, {}, shares)))
+    assert len(found) == told
+    if not told:
+        return
+    (finding,) = found
     assert (finding.physics, finding.location) == ("unknown", "b")
     assert "40 %" in finding.statement
     assert "20 %" in finding.statement
