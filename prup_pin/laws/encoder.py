@@ -55,6 +55,7 @@ class EncoderDelay(Law):
     physics = "encoder_delay"
     summary = "encoders that report late"
     called = "latency, lag"
+    all_places = "each drive"
     remedy = "stamp the encoder at {place} and the tracker by one clock, or shift its stamps by the delay found here"
     needs = ("speed",)
     quantities = (Quantity("delay", "s", "age of the reported position", 1e-3, lower=-0.2, upper=0.2),)

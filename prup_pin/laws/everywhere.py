@@ -26,7 +26,8 @@ _COST = 6.0
 class Everywhere(OfAnother):
     """The same law at all places whose names differ only in the leg, with one value for all of them.
 
-    The place is the robot; its aspect says which parts: 'ball_nut', 'R_lambda radial', 'leg*_slide'.
+    Of a cause that places share whatever their names, at all there are. The place is the robot; its aspect says which
+    parts: 'ball_nut', 'R_lambda radial', 'leg*_slide', 'each drive'.
     """
 
     shared = True
@@ -59,7 +60,7 @@ class Everywhere(OfAnother):
             yield from self.law.deeds(each, values, setup)
 
     def advice(self, place: Place, values: Mapping[str, float]) -> str:
-        return self.law.advice(Place(f"each {place.aspect}"), values)
+        return self.law.advice(Place(f"each {place.aspect.removeprefix('each ')}"), values)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         places = self.at(place, mechanism)
@@ -81,6 +82,9 @@ def _like(law: Law, mechanism: Mechanism) -> Mapping[str, Sequence[Place]]:
         short = shorts[name]
         own = short if list(shorts.values()).count(short) == 1 else name
         named[f"{own} {aspect}".rstrip()] = tuple(places)
+    every = tuple(law.places(mechanism))
+    if law.all_places and len(every) > 1 and every not in named.values():
+        named[law.all_places] = every
     return MappingProxyType(named)
 
 

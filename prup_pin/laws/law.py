@@ -91,6 +91,8 @@ class Law(ABC):
     weighs: ClassVar[bool] = False
     #: True where it is how stiff a joint or a machine element is.
     of_stiffness: ClassVar[bool] = False
+    #: What all its places are called together where one cause may act at all of them, whatever their names: one clock.
+    all_places: ClassVar[str] = ""
     #: True where like places of the robot share one value of each parameter.
     shared: ClassVar[bool] = False
     #: True where it has one parameter for each of several places.

@@ -616,6 +616,18 @@ def test_a_law_at_many_places_is_the_law_at_each():
         assert np.abs(change(run, same)).max() < 1e-11
 
 
+def test_one_clock_makes_all_encoders_late_whatever_joints_are_called():
+    """An arm's joints with names of their own are no like parts of legs; their zeros are each its own."""
+    late, off = laws.Everywhere(laws.EncoderDelay()), laws.Everywhere(laws.EncoderOffset())
+    mechanism = robot("ur5").mechanism
+    groups = {place.aspect: [each.name for each in late.at(place, mechanism)] for place in late.places(mechanism)}
+    assert groups["each drive"] == list(mechanism.actuated)
+    assert set(groups) - {place.aspect for place in off.places(mechanism)} == {"each drive"}
+    assert late.advice(Place("robot", "each drive"), {"delay": 1e-3}).startswith("stamp the encoder at each drive and")
+    # where legs are alike they are all there are, and told so once
+    assert len(late.places(robot("3prup").mechanism)) == 1
+
+
 def test_friction_lets_the_beams_twist():
     """The torque of a joint that sticks twists its branch: both yield, in series."""
     soft = acting(of(laws.CoulombFriction, "leg1/R_theta_P", limit=0.5, presliding_stiffness=4e3))
