@@ -13,7 +13,7 @@ from ...errors import InputError
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
-from ..criteria import EFFORT_CURVE_OWN, EFFORT_GAINS_SAVE, EFFORT_IMITATED, EFFORT_MATERIAL, GAIN, NO_MATTER, SURE
+from ..criteria import EFFORT_CURVE_OWN, EFFORT_GAINS_SAVE, EFFORT_IMITATED, EFFORT_MATERIAL, NO_MATTER, SURE
 from .band import band_of, in_motion
 from .bayes_factors import with_likelier_bodies
 from .conventions import check_efforts
@@ -22,7 +22,6 @@ from .evidence import CrossValidation, held_out, relative_gain, scores
 from .final_state import FinalState
 from .gains import Gains, gains_of, in_newtons, law_of_gains
 from .noise import EffortNoise, noise_of
-from .nonlinear import refined
 from .outliers import OutlierInterval, is_outlying
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
@@ -128,23 +127,13 @@ def _searched(
 
     Laws are searched beside nuisances that every drive has: of a robot on which everything is a little off, the first
     single law would stand for much that it is not. Where most drives surely have nothing of the kind, the drawing is
-    that of this device but for a few laws: those found, without nuisances that are not sure, or those found from
-    nothing, one after the other, which need no more to be as good.
-
-    How a friction turns round and how late signals are look alike, and a search ends near where it began: the ways of
-    friction are the usual ones to begin with, or those that suit best before any law is found.
+    that of this device but for a few laws, which are searched from nothing.
     """
     common, start = efforts.with_learned_variances(efforts.start_with_nuisances(freed))
-    usual = searched(common, start, _part(tell, 0.0, 0.3))
-    sure = sure_of_all(usual)
-    if kinds_of_most_drives(sure):
-        start = common.start_with_nuisances(freed)
-        start = refined(common, start, range(len(start.terms)), at_last=True)
-        found = searched(common, start, _part(tell, 0.4, 0.7))
-    else:
-        found = searched(common, sure, _part(tell, 0.4, 0.7))
-        usual = searched(common, common.start(freed), _part(tell, 0.7, 1.0))
-    return common, found if relative_gain(held_out(usual), held_out(found))[0] > GAIN else usual
+    found = searched(common, start, _part(tell, 0.0, 0.5))
+    if kinds_of_most_drives(sure_of_all(found)):
+        return common, found
+    return common, searched(common, common.start(freed), _part(tell, 0.5, 1.0))
 
 
 def _part(tell: Callable[[float], None], first: float, last: float) -> Callable[[float], None]:

@@ -46,23 +46,12 @@ _Key = tuple[str, str, str]
 
 def searched(efforts: PreparedEfforts, model: EffortModel, tell: Callable[[float], None]) -> EffortModel:
     """Return the model that the efforts ask for, from one to begin with."""
-    refused: Counter[_Key] = Counter()
-    left: set[_Key] = set()
-    while True:
-        model = _forward(efforts, model, refused, tell)
-        needed = pruned(model, model.terms)
-        # what only imitated a plainer law leaves its place to that, once
-        gone = {term.key for term in model.terms if term not in needed.terms}
-        model = needed
-        if gone <= left:
-            break
-        left |= gone
-        refused.update(dict.fromkeys(gone, _ENTRIES))
+    model = _forward(efforts, model, tell)
+    model = pruned(model, model.terms)
     # bodies first: what follows from what is known acts on them
     model = model.with_terms(sorted(model.terms, key=lambda term: term.law.of_what_is_known))
     if model.terms:
         model = refined(efforts, model, range(len(model.terms) - 1, -1, -1), at_last=True)
-        model = _with_new(efforts, model, [], refused)
         model = _simpler(efforts, model)
     return model
 
@@ -70,10 +59,10 @@ def searched(efforts: PreparedEfforts, model: EffortModel, tell: Callable[[float
 def _forward(
     efforts: PreparedEfforts,
     model: EffortModel,
-    refused: Counter[_Key],
     tell: Callable[[float], None],
 ) -> EffortModel:
     """Return the model with all laws that enter, one after the other."""
+    refused: Counter[_Key] = Counter()
     fresh, squares = True, np.inf
     while len(model.terms) < MOST_FITS:
         validation = CrossValidation(model)
