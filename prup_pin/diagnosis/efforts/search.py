@@ -63,31 +63,24 @@ def _forward(
 ) -> EffortModel:
     """Return the model with all laws that enter, one after the other."""
     refused: Counter[_Key] = Counter()
-    fresh, squares = True, np.inf
+    fresh = True
     while len(model.terms) < MOST_FITS:
-        validation = CrossValidation(model)
         tell(1 - np.exp(-len(model.terms) / 8))
-        if not fresh and validation.squares.sum() < MOST * squares:
-            model = efforts.refreshed(model)
-            validation, fresh = CrossValidation(model), True
-        if fresh:
-            squares = float(validation.squares.sum())
-        new = _entering(model, validation, refused)
+        new = _entering(model, refused)
         if not fresh and (not new or any(term.law.of_what_is_known for term in new)):
+            # laws that follow from what is known are seen beside all that is known by now
             model = efforts.refreshed(model)
-            validation, fresh, squares = CrossValidation(model), True, float(validation.squares.sum())
-            new = _entering(model, validation, refused)
+            new = _entering(model, refused)
         if not new:
             break
-        model = _with_new(efforts, model, new, refused)
-        fresh = False
+        model, fresh = _with_new(efforts, model, new, refused), False
     return model
 
 
-def _entering(model: EffortModel, validation: CrossValidation, refused: Mapping[_Key, int]) -> list[EffortCandidate]:
+def _entering(model: EffortModel, refused: Mapping[_Key, int]) -> list[EffortCandidate]:
     """Return the terms that enter next: the best one, and the best of other joints that nothing wider explains."""
     ranked, limit = scores(model)
-    columns = model.problem.columns
+    columns, validation = model.problem.columns, CrossValidation(model)
     joints_of = {
         score.candidate: columns.joints_of(score.candidate)
         for score in sorted(ranked, key=lambda score: -score.gain)
