@@ -195,10 +195,10 @@ def _searched(prepared: Prepared, tell: Tell, most: int = MOST_FITS) -> _Searche
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
         force = _force_left(problem, selection.last) if larger is not None and inputs.weight_alone else 0.0
         if larger is not None and force:
-            doubt = unrecorded_load(larger, force)
+            doubt = unrecorded_load(larger.noise, force)
         elif larger is not None:
-            prepared.remarks.append(_larger_noise(problem.noise, larger))
-            problem = prepared.within_tolerances(replace(problem, noise=larger, tolerances=None), reach)
+            prepared.remarks.append(_larger_noise(problem.noise, larger.noise))
+            problem = prepared.within_tolerances(replace(larger, tolerances=None), reach)
             selection = select(problem, library, labels, problem.first, tell, most)
             doubt = too_few(problem, selection, inputs.blocks)
     if prepared.kinds and problem.count(problem.first):
