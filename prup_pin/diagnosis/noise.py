@@ -300,10 +300,11 @@ class _Residual:
         """
         size = np.array([loads[:, :3].max(initial=0.0), loads[:, 3:].max(initial=0.0)])
         most = np.array([noise.position, noise.rotation, *(SAME_LOAD * size)])
-        free = np.flatnonzero(most > 0)
+        seen = [self.exists[:, _columns(self.stack, unit)].any() for unit in ("m", "rad")]
+        free = np.flatnonzero(np.append(seen, size > 0))
 
         def of(logarithms: Array) -> Noise:
-            values = np.zeros(4)
+            values = most.copy()
             values[free] = most[free] * np.exp(logarithms)
             position, rotation, force, moment = values.tolist()
             return replace(noise, position=position, rotation=rotation, force=force, moment=moment)

@@ -46,7 +46,7 @@ def places(q):
 
 
 def measured(seed, gap, joint=1, poses=6, loads=40):
-    """Return what a tracker and a wrench sensor say of a lift whose joint has a play of ± gap [rad]; nothing declared."""
+    """Return what is measured of a lift whose joint has a play of ± gap [rad], nothing declared."""
     rng, rows = np.random.default_rng(seed), []
     for _ in range(poses):
         q = np.array([rng.uniform(-1, 0.6), rng.uniform(0.3, 1.6)])

@@ -245,7 +245,7 @@ def test_a_tube_with_its_diameters_exchanged_is_told_both(write, bore, also, exc
     place = f"arm.urdf:{line_of(path.read_text(), 'inner_diameter')}"
     text = f"rod.inner_diameter = {bore} m: expected less than rod.diameter = 0.02 m{exchanged}"
     assert problem.strip() == f"{place}: {text}"
-    with pytest.raises(prup_pin.InputError, match="expected less than rod.diameter = 0.02 m"):
+    with pytest.raises(prup_pin.InputError, match=r"expected less than rod\.diameter = 0\.02 m"):
         prup_pin.load(write()).with_parameters({"rod.inner_diameter": bore})
     prup_pin.load(write((TUBE, f'{TUBE}<parameter name="inner_diameter" value="0.0199" unit="m"/>')))
 
