@@ -2,24 +2,40 @@
 
 # ruff: noqa: F403, F405 - the names are those of _public
 
+# Next to nothing is loaded here, not even typing: what starts the command must be in charge of interrupts first.
 import sys
-from importlib import import_module
-from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
 
-from ._moved import Moved
-
+TYPE_CHECKING = False
 if TYPE_CHECKING:  # completion and type checkers see it
+    from importlib.machinery import ModuleSpec
+    from typing import Any
+
     from ._public import *
     from .diagnosis import diagnose
 
 __version__ = "0.1.0"
-sys.meta_path.append(Moved())  # the last: asked for what is nowhere else
 
 
-def __getattr__(name: str) -> Any:
-    # Loaded where it is asked for: what starts the command must be in charge first. The diagnosis brings optimisers
-    # along, which a robot's stiffness does not need.
+class _Moved:
+    """Finds a moved module by its old name, once nothing else has found it."""
+
+    @staticmethod
+    def find_spec(fullname: str, path: object = None, target: object = None) -> "ModuleSpec | None":
+        if not fullname.startswith(f"{__name__}."):
+            return None
+        from ._moved import Moved
+
+        return Moved().find_spec(fullname)
+
+
+sys.meta_path.append(_Moved)
+
+
+def __getattr__(name: str) -> "Any":
+    # The diagnosis brings optimisers along, which a robot's stiffness does not need.
+    from importlib import import_module
+    from importlib.util import find_spec
+
     if name in __all__:
         return getattr(import_module(".diagnosis" if name == "diagnose" else "._public", __name__), name)
     if not name.startswith("_") and find_spec(f"{__name__}.{name}") is not None:

@@ -46,6 +46,7 @@ class Quantity:
     `default` is a number, a function of the module's other values, or None where a value is required.
     `derived_from` names the quantities whose change makes an explicit value of this one obsolete: a new diameter
     replaces the area that was tabulated for the old one.
+    `within` names the quantities that this one must be smaller than: a bore than the diameters about it.
     `lower` is exclusive when `positive`, else inclusive. `shape` is () for a number, (6, 6) for a matrix, (-1,)
     for a list of any length.
     """
@@ -59,6 +60,7 @@ class Quantity:
     upper: float = np.inf
     shape: tuple[int, ...] = ()
     derived_from: tuple[str, ...] = ()
+    within: tuple[str, ...] = ()
 
     @property
     def lowest(self) -> float:
@@ -73,6 +75,16 @@ class Quantity:
         high = f"<= {self.upper:g}" if np.isfinite(self.upper) else ""
         bounds = " and ".join(part for part in (low, high) if part)
         return " ".join(part for part in (bounds, "" if self.unit == "1" else self.unit) if part) or "any number"
+
+    def check_within(self, values: Mapping[str, Any], owner: str) -> None:
+        """Raise ParameterError where the value of this quantity is not smaller than those that it must fit into."""
+        for name in self.within:
+            if values[self.name] >= values[name]:
+                exchanged = ". Were the two exchanged?" if values[self.name] > values[name] else ""
+                raise ParameterError(
+                    f"{owner}.{self.name} = {values[self.name]} {self.unit}: expected less than {owner}.{name} = "
+                    f"{values[name]} {self.unit}{exchanged}"
+                )
 
     def _is_inside(self, number: float) -> bool:
         return (self.lower < number if self.positive else self.lower <= number) and number <= self.upper

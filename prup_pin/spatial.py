@@ -26,6 +26,8 @@ WRENCH_NAMES = ("fx", "fy", "fz", "mx", "my", "mz")
 TWIST_NAMES = ("dx", "dy", "dz", "rx", "ry", "rz")
 #: The largest component of a wrench [N, N m]: squares of what is far beyond leave a computer's numbers.
 MOST_LOAD = 1e12
+#: The largest position of a joint [m, rad]: beyond it sine and cosine are of an angle's last digits.
+MOST_POSITION = 1e6
 
 # v @ _CROSS is the skew matrix of v, row by row.
 _CROSS = np.zeros((3, 9))

@@ -70,6 +70,18 @@ runpy.run_module("prup_pin", run_name="__main__")
     assert not done.stderr
 
 
+def test_the_package_loads_nothing_before_the_command_is_in_charge_of_interrupts():
+    code = f"""
+import sys
+sys.path.insert(0, {str(Path(prup_pin.__file__).parents[1])!r})
+before = set(sys.modules)
+import prup_pin
+print(sorted(set(sys.modules) - before))
+"""
+    done = subprocess.run([sys.executable, "-S", "-c", code], capture_output=True, text=True)
+    assert done.stdout == "['prup_pin']\n", done.stderr
+
+
 # -- stiffness: text -------------------------------------------------------------------------------------------------
 
 

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
+import prup_pin
 from prup_pin.cli import app
 from prup_pin.recordings import read_recording
 
@@ -90,3 +92,21 @@ def test_what_cannot_be_done_is_said_before_anything_is_written(run, arguments, 
     assert done.exit_code == 2, done.output
     assert text in " ".join(done.stderr.split())
     assert set(Path().iterdir()) == before
+
+
+def test_three_angles_beside_a_place_are_offered_as_what_turns_the_tool(run):
+    """Which one turns about which axis no heading says: A is KUKA's turn about z, and a machine tool's about x."""
+    robot = prup_pin.load("ur5")
+    turns = [robot.pose(**dict(zip(logs.JOINTS, q, strict=True))).base_from_tool[:3, :3] for q in Q[::300]]
+    angles = Rotation.from_matrix(turns).as_euler("xyz", degrees=True)
+    table = dict(zip(logs.JOINTS, Q[::300].T, strict=True)) | {f"{axis} [mm]": np.arange(5.0) for axis in "XYZ"}
+    logs.csv(Path("run.csv"), table | {f"{name} [deg]": angles[:, k] for k, name in enumerate("ABC")})
+    run("run.csv", "--robot", "ur5", "--map", "a.yaml")
+    text = Path("a.yaml").read_text()
+    offered = "# rotations: {r: {from: ['A [deg]', 'B [deg]', 'C [deg]'], as: euler_ZYX, unit: deg}}"
+    assert offered in text
+    Path("a.yaml").write_text(text.replace(offered, offered[2:].replace("euler_ZYX", "euler_xyz")))
+    done = run("run.csv", "--map", "a.yaml", "--out", "bench.csv")
+    assert done.exit_code == 0, done.output
+    found = Rotation.from_rotvec(read_recording("bench.csv").rotation.copy())
+    assert (found.inv() * Rotation.from_matrix(turns)).magnitude().max() < 1e-7

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -24,8 +25,8 @@ def stewart(
     platform_radius: float,
     height: float,
     drive_stiffness: float | Sequence[float],
-    base_spread: float = np.radians(20),
-    platform_spread: float = np.radians(20),
+    base_spread: float = math.radians(20),
+    platform_spread: float = math.radians(20),
     stroke: float | None = None,
     leg_diameter: float | None = None,
     youngs_modulus: float = STEEL_MODULUS,

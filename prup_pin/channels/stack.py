@@ -10,7 +10,6 @@ import numpy as np
 
 from ..laws import Setup
 from ..laws.deeds import Solved
-from ..loaded import FirstOrder
 from ..mechanism import Frame, Mechanism
 from ..recordings import Recording
 from ..simulation import Run
@@ -140,14 +139,12 @@ class Stack:
         """Return the standard deviation of each column, (K,)."""
         return np.concatenate([channel.deviation(noise) for channel in self.channels])
 
-    def whiteners(
-        self, noise: Noise, first: FirstOrder, exists: np.ndarray, samples: np.ndarray | None = None
-    ) -> Array:
+    def whiteners(self, noise: Noise, by_wrench: Array, exists: np.ndarray, samples: np.ndarray | None = None) -> Array:
         """Return W (n, K, K) with cov(W r) = 1 for residuals of noise alone: the sensors', and the wrench sensor's.
 
-        samples (n,): which ones these are, where noise differs between recordings.
+        by_wrench (n, K, 6): how the columns change with the wrench. samples (n,): which ones these are, where noise
+        differs between recordings.
         """
-        by_wrench = self.seen(first.by_wrench)
         white = np.empty((*exists.shape, exists.shape[1]))
         for part, rows in noise.parts(samples):
             white[rows] = whitening(self.deviation(part), part.wrench, by_wrench[rows], exists[rows])

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from ..channels import Noise
 from ..dynamics import is_standing
 from ..errors import limits_heard
-from ..numbers import number
+from ..numbers import number, quantity
 from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import as_recorded
@@ -195,10 +195,10 @@ def _searched(prepared: Prepared, tell: Tell, most: int = MOST_FITS) -> _Searche
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
         force = _force_left(problem, selection.last) if larger is not None and inputs.weight_alone else 0.0
         if larger is not None and force:
-            doubt = unrecorded_load(larger, force)
+            doubt = unrecorded_load(larger.noise, force)
         elif larger is not None:
-            prepared.remarks.append(_larger_noise(problem.noise, larger))
-            problem = prepared.within_tolerances(replace(problem, noise=larger, tolerances=None), reach)
+            prepared.remarks.append(_larger_noise(problem.noise, larger.noise))
+            problem = prepared.within_tolerances(replace(larger, tolerances=None), reach)
             selection = select(problem, library, labels, problem.first, tell, most)
             doubt = too_few(problem, selection, inputs.blocks)
     if prepared.kinds and problem.count(problem.first):
@@ -241,9 +241,11 @@ def _force_left(problem: Problem, fit: Fit) -> float:
 
 
 def _larger_noise(noise: Noise, larger: Noise) -> str:
+    wrench = [quantity(value, unit) for value, unit in ((larger.force, "N"), (larger.moment, "N m")) if value]
+    through = f", and {' and '.join(wrench)} of the wrench sensor" if wrench and not noise.wrench.any() else ""
     return (
         f"the residual is noise, but {number(1e6 * larger.position, 3)} µm and "
-        f"{number(1e6 * larger.rotation, 3)} µrad, not the "
+        f"{number(1e6 * larger.rotation, 3)} µrad{through}, not the "
         f"{noise.source} {number(1e6 * noise.position, 3)} µm and {number(1e6 * noise.rotation, 3)} µrad: the "
         "former were used"
     )

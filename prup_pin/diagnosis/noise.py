@@ -7,9 +7,10 @@ whether it follows time, pose or any module's load.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
 from ..channels import Linear, Noise, PoseChannel, Stack
@@ -21,6 +22,8 @@ from .criteria import (
     BLOCKS,
     FEWEST_IN_BLOCK,
     FEWEST_NUMBERS,
+    INDISTINCT,
+    LITTLE,
     SAME_LOAD,
     STRUCTURE_CHANCE,
     SURE,
@@ -232,38 +235,89 @@ def _slopes(actuators: Array) -> Array:
     return basis[:, found > 1e-9]
 
 
-def noise_of_the_rest(problem: Problem, fit: Fit, blocks: np.ndarray) -> Noise | None:
-    """Return the noise that a fit's residual has where it is noise alone but not of the size assumed, else None.
+def noise_of_the_rest(problem: Problem, fit: Fit, blocks: np.ndarray) -> Problem | None:
+    """Return the problem with the noise that a fit's residual has where it is noise alone but not of the size assumed.
 
-    blocks (n,): labels of the fit's samples.
+    None where it is of that size, or more than noise. It is the pose sensor's, or has come in part through the robot
+    from a wrench sensor whose noise nobody declared, as is likelier. blocks (n,): labels of the fit's samples.
     """
     exists = problem.stack.exists[fit.samples] & fit.run.solved[fit.samples, None]
     raw = problem.stack.residual(fit.run)[fit.samples]
     count = int(exists.sum())
     if not count or fit.chi2 / count < chance_bound(count) ** 2:
         return None
-    found = [
-        noise
-        if noise.source == "declared" and not could_show_structure(blocks[rows])
-        else _noise_of(problem.stack, noise, raw[rows], exists[rows])
-        for noise, rows in problem.noise.parts(fit.samples)
-    ]
-    if all(noise is old for noise, (old, _) in zip(found, problem.noise.parts(fit.samples), strict=True)):
+    of_poses: list[Noise] = []
+    of_both: list[Noise] = []
+    by_wrench = problem.stack.seen(fit.influence.first.by_wrench)
+    for noise, rows in problem.noise.parts(fit.samples):
+        if noise.source == "declared" and not could_show_structure(blocks[rows]):
+            of_poses.append(noise)
+            of_both.append(noise)
+            continue
+        residual = _Residual(problem.stack, raw[rows], exists[rows], by_wrench[rows])
+        of_poses.append(residual.noise_of_poses(noise))
+        of_both.append(of_poses[-1])
+        if not noise.wrench.any():
+            loads = np.abs(problem.simulator.inputs.wrench[fit.samples][rows])
+            likelier = residual.noise_of_both(of_poses[-1], loads)
+            saved = residual.minus_2_log_likelihood(of_poses[-1]) - residual.minus_2_log_likelihood(likelier)
+            if saved > INDISTINCT:
+                of_both[-1] = likelier
+    if all(noise is old for noise, (old, _) in zip(of_poses, problem.noise.parts(fit.samples), strict=True)):
         return None
-    other = found[0] if problem.noise.which is None else Noise.of_several(found, problem.noise.which)
-    again = replace(problem, noise=other)
-    return other if is_white(again, again.fit_at(fit.terms, fit.run), blocks) else None
+    several = problem.noise.which
+    for found, through in ((of_both, by_wrench), (of_poses, None)):
+        noise = found[0] if several is None else Noise.of_several(found, several)
+        again = replace(problem, noise=noise, by_wrench=through if noise.wrench.any() else None)
+        if is_white(again, again.fit_at(fit.terms, fit.run), blocks):
+            return again
+    return None
 
 
-def _noise_of(stack: Stack, noise: Noise, raw: Array, exists: np.ndarray) -> Noise:
-    """Return a noise with the size that residuals (n, K) have."""
-    lengths, turns = _columns(stack, "m"), _columns(stack, "rad")
-    return replace(
-        noise,
-        position=_size(raw[:, lengths], exists[:, lengths], noise.position),
-        rotation=_size(raw[:, turns], exists[:, turns], noise.rotation),
-        source="estimated",
-    )
+@dataclass(frozen=True)
+class _Residual:
+    """What a fit leaves of a recording (n, K), and how the wrench's noise reaches it, (n, K, 6)."""
+
+    stack: Stack
+    raw: Array
+    exists: np.ndarray
+    by_wrench: Array
+
+    def noise_of_poses(self, noise: Noise) -> Noise:
+        """Return the noise of a pose sensor that has made all of it."""
+        lengths, turns = _columns(self.stack, "m"), _columns(self.stack, "rad")
+        return replace(
+            noise,
+            position=_size(self.raw[:, lengths], self.exists[:, lengths], noise.position),
+            rotation=_size(self.raw[:, turns], self.exists[:, turns], noise.rotation),
+            source="estimated",
+        )
+
+    def noise_of_both(self, noise: Noise, loads: Array) -> Noise:
+        """Return the likeliest noise of pose and wrench sensors together; `noise` is that of poses alone.
+
+        loads (n, 6): sizes of the wrenches. A wrench sensor scatters less than by what makes another load of one.
+        """
+        size = np.array([loads[:, :3].max(initial=0.0), loads[:, 3:].max(initial=0.0)])
+        most = np.array([noise.position, noise.rotation, *(SAME_LOAD * size)])
+        seen = [self.exists[:, _columns(self.stack, unit)].any() for unit in ("m", "rad")]
+        free = np.flatnonzero(np.append(seen, size > 0))
+
+        def of(logarithms: Array) -> Noise:
+            values = most.copy()
+            values[free] = most[free] * np.exp(logarithms)
+            position, rotation, force, moment = values.tolist()
+            return replace(noise, position=position, rotation=rotation, force=force, moment=moment)
+
+        within = [(np.log(LITTLE**2), 0.0)] * len(free)
+        begin = np.full(len(free), np.log(0.5))
+        return of(minimize(lambda x: self.minus_2_log_likelihood(of(x)), begin, bounds=within, method="L-BFGS-B").x)
+
+    def minus_2_log_likelihood(self, noise: Noise) -> float:
+        """Return -2 log of the likelihood that this noise has made it, less a constant."""
+        white = self.stack.whiteners(noise, self.by_wrench, self.exists)
+        left = (white @ np.where(self.exists, self.raw, 0.0)[..., None])[..., 0]
+        return float((left**2).sum() - 2 * np.log(np.einsum("nkk->nk", white)[self.exists]).sum())
 
 
 def _columns(stack: Stack, unit: str) -> list[int]:

@@ -96,6 +96,8 @@ class Problem:
     Residuals are whitened by the noise alone, at the robot as its file has it, so that all laws are compared alike.
     `freed_module`: one that deforms at every sample as it likes, at the loads of `freed_at`; what that does to the
     columns is projected out of all residuals and changes. `tolerances`: parameters that are fitted within a prior.
+    `by_wrench` (n, K, 6): how the noise of the wrench reaches the columns of the nominal run's samples, where that was
+    told by what has been found: at the edge of a gap much farther than through the robot of the file.
     """
 
     simulator: Simulator
@@ -105,6 +107,7 @@ class Problem:
     freed_module: str | None = None
     freed_at: Influence | None = None
     tolerances: TolerancePrior | None = None
+    by_wrench: Array | None = None
 
     @classmethod
     def of(cls, simulator: Simulator, stack: Stack, noise: Noise, nominal: Run | None = None) -> Problem:
@@ -165,11 +168,18 @@ class Problem:
     def _white_at(self, influence: Influence, freed_at: Influence | None) -> Array:
         run = influence.run
         exists = self.stack.exists[run.samples] & run.solved[run.samples, None]
-        white = self.stack.whiteners(self.noise, influence.first, exists, run.samples)
+        white = self.stack.whiteners(self.noise, self._by_wrench_at(influence), exists, run.samples)
         if self.freed_module is None or freed_at is None:
             return white
         basis = _basis(white @ freed_at.signature(self.freed_module))
         return white - basis @ (basis.mT @ white)
+
+    def _by_wrench_at(self, influence: Influence) -> Array:
+        """Return how the noise of the wrench reaches the columns of an influence's samples, (n, K, 6)."""
+        known, samples = self.nominal.run.samples, influence.run.samples
+        if self.by_wrench is None or not np.isin(samples, known).all():
+            return self.stack.seen(influence.first.by_wrench)
+        return self.by_wrench[np.searchsorted(known, samples)]
 
     def reach(self, fit: Fit, module: str) -> Array:
         """Return the whitened changes that a module's deformations can make, (n, K, k).

@@ -7,7 +7,7 @@ says what it has words for. What is left out is listed with the share of the res
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,7 @@ from ..mechanism.readers import read_content
 from ..mechanism.redrawn import dynamics_of, redrawn
 from ..mechanism.writer import urdf_of
 from ..numbers import number, quantity
+from ..parameters import SMALLEST_VALUE, Quantity
 from ..recordings.writer import write_whole
 from ..robot import Robot
 from ..simulation import CorrectedModel, Known
@@ -275,6 +276,7 @@ def _gathered(
         own = Changes(mechanism)
         checked = effect.checked(mechanism)
         left = list(checked.law.written(checked.place, checked.values, setup, own))
+        own.dynamics = {joint: _without_traces(item) for joint, item in own.dynamics.items()}
         for joint, item in own.dynamics.items():
             left += target.unsaid(joint, item, mechanism)
         every.append((checked, own, left))
@@ -287,7 +289,8 @@ def _gathered(
         left_out += [LeftOut(physics, place, text, known.share) for text in left]
         changes.add(own)
         spoken = target.spoken(own.dynamics)
-        if not replace(own, dynamics={name: item for name, item in spoken.items() if item != JointDynamics()}).empty:
+        acts = {name: item for name, item in spoken.items() if item != JointDynamics()}
+        if not replace(own, dynamics=acts).empty or _is_none(effect, mechanism):
             said.append(Said(physics, place, tuple(_values(effect, mechanism, known)), known.share))
     return changes, tuple(said), tuple(left_out)
 
@@ -317,12 +320,32 @@ def _settle(every: Sequence[tuple[Effect, Changes, list[str]]]) -> None:
             left.append("masses as poses told them: the file has those that efforts told")
 
 
+def _is_trace(item: Quantity, value: float) -> bool:
+    """Return True of a value that a fit left at zero, as a model holds what must be above zero: as the least size."""
+    return item.positive and item.lower == 0 and value <= SMALLEST_VALUE
+
+
+def _is_none(effect: Effect, mechanism: Mechanism) -> bool:
+    """Return True of an effect that does nothing: what of it makes it act was found to be zero."""
+    items = {item.name: item for item in effect.law.quantities_at(effect.place, mechanism)}
+    acting = [name for name, none in effect.law.neutral.items() if none == 0 and name in items]
+    return bool(acting) and all(_is_trace(items[name], effect.values[name]) for name in acting)
+
+
+def _without_traces(item: JointDynamics) -> JointDynamics:
+    """Return dynamics with zero for what a model holds as the least size."""
+    return JointDynamics(*(0.0 if abs(value) <= SMALLEST_VALUE else value for value in astuple(item)))
+
+
 def _values(effect: Effect, mechanism: Mechanism, known: Known) -> Iterator[str]:
     """Yield an effect's values with units and intervals; of many that are as drawn none."""
     for item in effect.law.quantities_at(effect.place, mechanism):
         if item.name not in effect.values:
             continue
         value, unit = effect.values[item.name], item.unit if item.unit != "1" else ""
+        if _is_trace(item, value):
+            yield f"{item.name} = 0 {unit}".rstrip() + " (none was found)"
+            continue
         text = f"{item.name} = {number(value, 6)} {unit}".rstrip()
         ends = known.intervals.get(item.name)
         yield text if ends is None else f"{text} (95 %: {number(ends[0], 6)} to {number(ends[1], 6)})"

@@ -29,7 +29,7 @@ from .draft import Guessing, Line, Seen
 from .log import Log
 from .map import NamedRobot
 from .unit_by_numbers import settle_units
-from .units import UNSCALED
+from .units import UNSCALED, dimension_of, unit_in_name
 from .weight import doubt_efforts
 
 
@@ -177,6 +177,11 @@ def written(
     unused = [name for name in log.names if name not in sources]
     if unused or log.left_out:
         lines += ["", "# Not used:", *(f"#   {name}" for name in (*unused, *log.left_out))]
+    angles = [name for name in unused if dimension_of(unit_in_name(name) or "") == "angle"]
+    if len(angles) == 3 and not seen.turns and any(line.target == "p.x" for line in chosen):
+        turn = f"r: {{from: [{', '.join(map(_text, angles))}], as: euler_ZYX, unit: {unit_in_name(angles[0])}}}"
+        lines += ["# Where these angles turn the tool, in the order in which your log turns it:"]
+        lines += [f"# rotations: {{{turn}}}  # or euler_XYZ, euler_xyz, rotation_vector"]
     return Guess("\n".join(lines) + "\n", tuple(doubts))
 
 

@@ -22,7 +22,7 @@ from ..kernel import NEGLIGIBLE, Configuration, Factors, LoopedTree, Passing, in
 from ..mechanism import Mechanism
 from ..numbers import number, quantity
 from ..parameters import meant_otherwise
-from ..spatial import TWIST_NAMES, Array, frobenius, skew
+from ..spatial import MOST_POSITION, TWIST_NAMES, Array, frobenius, skew
 from .closed_pose import ClosedPose, PassiveBalance, split_residual
 from .feasible import last_regular, nearest_feasible
 from .start import NoPlaceError, PolynomialStart
@@ -422,7 +422,7 @@ class LoopKinematics:
         requested = dict(zip(names, array.tolist(), strict=True))
         reference = self.home.copy()
         for name, value in requested.items():
-            mechanism.set_joint(reference, name, value)
+            self._set_joint(reference, name, value)
         mechanism.coupling.place(reference)
         if not mechanism.loops:
             return self._finish(reference, self.evaluate(reference), requested)
@@ -449,7 +449,7 @@ class LoopKinematics:
             joint = self.mechanism.joint(name)
             if not is_finite(value):
                 raise InputError(f"{name} = {shortened(value)}: expected a finite number [{joint.unit}]")
-            self.mechanism.set_joint(q, name, float(value))
+            self._set_joint(q, name, float(value))
             requested[name] = float(value)
         self.mechanism.coupling.place(q)
         for name, value in requested.items():
@@ -459,6 +459,13 @@ class LoopKinematics:
             ):
                 raise InputError(f"{name} = {number(value, 6)}: this joint follows another one; leave it out")
         return self._finish(q, self.evaluate(q), requested)
+
+    def _set_joint(self, q: Array, name: str, value: float) -> None:
+        """Set a joint's position [m or rad] in q. Raises InputError where no part of a turn is left of its digits."""
+        if abs(value) > MOST_POSITION:
+            unit = self.mechanism.joint(name).unit
+            raise InputError(f"{name} = {number(value, 6)} {unit}: expected at most {MOST_POSITION:g} {unit}")
+        self.mechanism.set_joint(q, name, value)
 
     def pose_from_configuration(self, q: Sequence[float] | Array) -> ClosedPose:
         """Return the pose at a full Pinocchio configuration that already closes the loops."""

@@ -364,6 +364,7 @@ def resolve_values(module: ModuleDescription) -> dict[str, Any]:
         try:
             if quantity.name in module.values:
                 value = quantity.check(module.values[quantity.name].value, module.name)
+                quantity.check_within({**values, quantity.name: value}, module.name)
             else:
                 value = quantity.default(values) if callable(quantity.default) else quantity.default
             if value is None or (quantity.shape == () and callable(quantity.default) and np.isnan(value)):

@@ -21,7 +21,7 @@ DENSITY = Quantity("density", "kg/m^3", "density; 0 neglects the beam's own weig
 BODY_LENGTH = Quantity("body_length", "m", "whole body, overhang included; 0: from root to tip", 0.0, positive=False)
 CIRCLE = (
     Quantity("diameter", "m", "outer diameter", default=np.nan),
-    Quantity("inner_diameter", "m", "bore of a hollow section", 0.0, positive=False),
+    Quantity("inner_diameter", "m", "bore of a hollow section", 0.0, positive=False, within=("diameter",)),
 )
 
 #: The breaks of a section law without jumps.

@@ -109,7 +109,7 @@ def test_whitening_of_several_channels_makes_the_wrench_sensors_noise_independen
     simulator = Simulator(robot, inputs_of(recording, robot))
     first = Influence(simulator, simulator.run(), stack).first
     noise = Noise(2e-6, 1e-5, 0.3, 0.02, "declared")
-    (white,) = stack.whiteners(noise, first, np.ones((1, stack.size), bool))
+    (white,) = stack.whiteners(noise, stack.seen(first.by_wrench), np.ones((1, stack.size), bool))
     rng = np.random.default_rng(1)
     n = 20_000
     columns = rng.normal(size=(n, stack.size)) * stack.deviation(noise)

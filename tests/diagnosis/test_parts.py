@@ -208,7 +208,7 @@ def test_noise_is_white_and_structure_is_not(robot, simulator):
 def test_noise_that_was_declared_too_small_is_measured(simulator, scatter):
     problem = problem_of(simulator, [], scatter)
     fit = problem.fit_at(())
-    found = noise_of_the_rest(problem, fit, simulator.inputs.blocks[fit.samples])
+    found = noise_of_the_rest(problem, fit, simulator.inputs.blocks[fit.samples]).noise
     assert found.position == pytest.approx(scatter * NOISE.position, rel=0.15)
     assert found.rotation == pytest.approx(scatter * NOISE.rotation, rel=0.15)
     assert found.source == "estimated"

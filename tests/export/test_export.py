@@ -14,6 +14,8 @@ from prup_pin.export import export_model, exported
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.deviations import calibration_of
 from prup_pin.loading import Reading
+from prup_pin.mechanism import JointDynamics
+from prup_pin.parameters import SMALLEST_VALUE
 from prup_pin.recordings import Recording
 from prup_pin.simulation import CorrectedModel, Known, effect_named, read_model, simulate, write_model
 
@@ -380,6 +382,27 @@ def test_what_a_file_cannot_say_is_listed_with_what_it_explained(arm, tmp_path):
     assert "damping = 3 N m s/rad (95 %: 2.9 to 3.1)" in text
     assert "<!-- a joint aslant, an endless one" in text  # the file's own comments stay
     assert made.dynamics["j2"].friction == 1.0
+
+
+@pytest.mark.parametrize("ending", [".urdf", ".xml"])
+def test_what_a_fit_left_at_zero_is_told_and_written_as_nothing(arm, ending, tmp_path):
+    """A model holds it as the least size that a law takes."""
+    mechanism = prup_pin.load(arm).mechanism
+    effects = (
+        effect_named("viscous_friction", "j1", "effort", {"damping": SMALLEST_VALUE}, mechanism),
+        effect_named("rotor_inertia", "j1", "effort", {"inertia": SMALLEST_VALUE}, mechanism),
+        effect_named("coulomb_friction", "j2", "effort", {"limit": 2.0, "presliding": 1e-4}, mechanism),
+        effect_named("viscous_friction", "j2", "effort", {"damping": 3e-50}, mechanism),
+    )
+    made = export_model(CorrectedModel(str(arm), effects), tmp_path / f"corrected{ending}")
+    values = {(item.physics, item.place): item.values for item in made.said}
+    assert values["viscous_friction", "j1 (effort)"] == ("damping = 0 N m s/rad (none was found)",)
+    assert values["rotor_inertia", "j1 (effort)"] == ("inertia = 0 kg m^2 (none was found)",)
+    assert values["viscous_friction", "j2 (effort)"] == ("damping = 3e-50 N m s/rad",)
+    assert made.dynamics["j1"] == JointDynamics()
+    assert made.dynamics["j2"] == JointDynamics(damping=3e-50, friction=2.0)
+    assert not any("rotor" in item.what for item in made.left_out)
+    assert "1e-50" not in (tmp_path / f"corrected{ending}").read_text()
 
 
 def test_what_resists_a_joint_comes_wholly_from_the_model_or_wholly_from_the_robot_file(arm):

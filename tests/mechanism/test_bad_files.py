@@ -219,11 +219,35 @@ def test_all_defects_are_listed_at_once_in_the_order_of_their_lines(write):
 
 
 def test_what_follows_from_wrong_values_is_told_once_with_them(write):
-    bore = '<parameter name="inner_diameter" value="0.022" unit="m"/>'
-    rod = '<parameter name="diameter" value="0.02" unit="m"/>'
-    (problem,) = problems(write((rod, rod + bore)))
-    assert "rod.area = -" in problem
-    assert "expected > 0 m^2. It follows from diameter = 0.02, inner_diameter = 0.022" in problem
+    thin = '<parameter name="diameter" value="1e-30" unit="m"/>'
+    (problem,) = problems(write(('<parameter name="diameter" value="0.02" unit="m"/>', thin)))
+    assert "rod.area = 7.85" in problem
+    assert "expected a size from 1e-50 to 1e+50. It follows from diameter = 1e-30" in problem
+
+
+TUBE = '<parameter name="diameter" value="0.02" unit="m"/>'
+
+
+@pytest.mark.parametrize(
+    ("bore", "also", "exchanged"),
+    [
+        (0.022, "", ". Were the two exchanged?"),
+        (0.022, '<parameter name="area" value="1e-4" unit="m^2"/>', ". Were the two exchanged?"),
+        (0.02, "", ""),
+    ],
+)
+def test_a_tube_with_its_diameters_exchanged_is_told_both(write, bore, also, exchanged):
+    inner = f'<parameter name="inner_diameter" value="{bore}" unit="m"/>'
+    path = write((TUBE, f"{TUBE}\n{inner}{also}"))
+    with pytest.raises(RobotFileError) as caught:
+        prup_pin.load(path)
+    (problem,) = str(caught.value).splitlines()[1:]
+    place = f"arm.urdf:{line_of(path.read_text(), 'inner_diameter')}"
+    text = f"rod.inner_diameter = {bore} m: expected less than rod.diameter = 0.02 m{exchanged}"
+    assert problem.strip() == f"{place}: {text}"
+    with pytest.raises(prup_pin.InputError, match=r"expected less than rod\.diameter = 0\.02 m"):
+        prup_pin.load(write()).with_parameters({"rod.inner_diameter": bore})
+    prup_pin.load(write((TUBE, f'{TUBE}<parameter name="inner_diameter" value="0.0199" unit="m"/>')))
 
 
 def test_a_variant_with_a_value_out_of_range_is_named(write):

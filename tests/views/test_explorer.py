@@ -189,6 +189,19 @@ def test_a_slider_beside_nothing_begins_at_nothing():
     assert Control("y", "length", -9.436e-6, -0.4, 0.4).described()["value"] == -0.009436
 
 
+def test_a_joint_at_no_part_of_a_turn_is_refused_with_its_bound():
+    explorer = Explorer(prup_pin.load("ur5"))
+    values = {control.name: 0.0 for control in explorer.poses}
+    session = Session(explorer)
+    (only,) = session.reply(question({**values, "wrist_1_joint": 1e308}, {}))
+    assert json.loads(only)["trouble"] == "wrist_1_joint = 1e308 rad: expected at most 1e+06 rad"
+    assert json.loads(session.reply(question(values, {}))[-1])["trouble"] == ""
+    for ask in (explorer.robot.pose_from_actuators, lambda at: explorer.robot.pose(**at)):
+        ask({**values, "wrist_1_joint": 6.2})
+        with pytest.raises(prup_pin.InputError, match="wrist_1_joint = -1010000 rad: expected at most"):
+            ask({**values, "wrist_1_joint": -1.01e6})
+
+
 @pytest.mark.parametrize("name", ["ur5", pytest.param("panda", marks=pytest.mark.slow), "double_pendulum"])
 def test_trees_have_a_slider_for_each_joint(name):
     rigid = Explorer(prup_pin.load(name, tool="panda_hand" if name == "panda" else None))
@@ -292,6 +305,16 @@ SLIDE = """(name, value) => {
 }"""
 
 
+TYPE = """(name, value) => {
+  const box = [...document.querySelectorAll('input[type=number]')].find((item) => item.ariaLabel.startsWith(name));
+  box.focus();
+  box.value = value;
+  box.dispatchEvent(new Event('input'));
+}"""
+BOTH = """(name) => [...document.querySelectorAll('#panel input')]
+  .filter((item) => item.ariaLabel.startsWith(name)).map((item) => item.value)"""
+
+
 @pytest.mark.skipif(
     render.find_chromium() is None, reason="Chromium is not installed (Debian, Ubuntu: apt-get install chromium)"
 )
@@ -301,6 +324,7 @@ def test_the_page_follows_its_sliders(robot, tmp_path):
     try:
         url = explorer.serve()
         browser = Browser(str(tmp_path / "chromium"))
+        browser.call("Emulation.setFocusEmulationEnabled", enabled=True)
         browser.open(url)
         words = "document.getElementById('legend').innerText"
 
@@ -338,6 +362,30 @@ def test_the_page_follows_its_sliders(robot, tmp_path):
         slide("z", 400)
         until("z 400 mm")
         assert "cannot reach" not in browser.evaluate(words)
+
+        def typed(name, text):
+            """Type into a box and leave it once that has been answered; return what slider and box say while it is
+            typed and afterwards, and the reason where nothing moved."""
+            browser.evaluate(f"({TYPE})({json.dumps(name)}, {json.dumps(text)})")
+            browser._until(lambda: not browser.evaluate("waiting"), "no answer")
+            said = [browser.evaluate(f"({BOTH})({json.dumps(name)})")]
+            browser.evaluate("document.activeElement.blur()")
+            said.append(browser.evaluate(f"({BOTH})({json.dumps(name)})"))
+            return *said, browser.evaluate("document.getElementById('trouble').textContent")
+
+        # what is typed beyond a slider's end moves that end, and what is refused does not stay in the box
+        assert typed("fx", "2000") == (["2000", "2000"], ["2000", "2000"], "")
+        until("fx 2000 N")
+        asked_for, kept, trouble = typed("fx", "1e155")
+        assert (asked_for[1], kept) == ("1e155", ["2000", "2000"])
+        assert "expected at most 1e+12 [N]" in trouble
+        drawn = browser.evaluate("drawn.value")
+        asked_for, kept, trouble = typed("deflection", "1e300")
+        assert (asked_for[-1], kept[-1]) == ("1e300", drawn)
+        assert "would leave the picture" in trouble
+        slide("fx", 1000)
+        until("fx 1000 N")
+        assert browser.evaluate("document.getElementById('trouble').textContent") == ""
         own = url.removeprefix("http://")
         foreign = [a for a in browser.requests if not a.startswith((url, f"ws://{own}", "data:", "blob:"))]
         assert foreign == []

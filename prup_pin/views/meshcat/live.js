@@ -2,7 +2,7 @@
 // explorer sliders (`controls`), whose values go to the server, and what follows from them. One question is on its way at
 // a time; when its answer is there, the values of that moment are asked next.
 const panel = document.getElementById("panel"), inputs = {};
-let asked = 0, waiting = false, changed = false, drawn = null;
+let asked = 0, waiting = false, changed = false, drawn = null, sent = {}, shownScale = null;
 
 const socket = new WebSocket(`ws://${location.host}/socket`);
 socket.binaryType = "arraybuffer";
@@ -44,7 +44,8 @@ function build(controls) {
         ask();
       });
       number.addEventListener("input", () => { if (number.value !== "") { slider.value = number.value; ask(); } });
-      inputs[control.name] = { group: group.name, number, factor: control.factor, start: control.value, slider };
+      for (const input of [slider, number]) input.addEventListener("blur", () => { if (!waiting) settle(); });
+      inputs[control.name] = { group: group.name, number, factor: control.factor, start: control.value, shown: control.value, slider };
     }
   }
   const row = element("div", "", undefined, panel);
@@ -53,6 +54,7 @@ function build(controls) {
     element("span", "", "drawn ×", row);
     drawn = element("input", "", undefined, row);
     Object.assign(drawn, { type: "number", min: 0, step: "any", value: controls.scale });
+    drawn.addEventListener("blur", () => { if (!waiting) settle(); });
     drawn.style.width = "5em";
     drawn.setAttribute("aria-label", "deflection drawn so many times larger");
     drawn.addEventListener("input", () => { if (Number(drawn.value) > 0) ask(); });
@@ -74,7 +76,11 @@ function ask() {
   if (waiting) { changed = true; return; }
   waiting = true; changed = false;
   const question = { id: ++asked, pose: {}, load: {}, scale: drawn && drawn.value !== "" ? Number(drawn.value) : null };
-  for (const [name, input] of Object.entries(inputs)) question[input.group][name] = Number(input.number.value) * input.factor;
+  sent = {};
+  for (const [name, input] of Object.entries(inputs)) {
+    sent[name] = Number(input.number.value);
+    question[input.group][name] = sent[name] * input.factor;
+  }
   socket.send(JSON.stringify(question));
 }
 
@@ -82,9 +88,24 @@ function tell(told) {
   waiting = false;
   trouble(told.trouble);
   panel.dataset.answered = told.id || 0;
-  if (told.scale && drawn && document.activeElement !== drawn) drawn.value = told.scale;
+  if (told.words) {
+    for (const [name, value] of Object.entries(sent)) inputs[name].shown = value;
+    shownScale = told.scale;
+  }
   if (told.matrix) showMatrix(told.matrix);
-  if (changed) ask();
+  if (changed) ask(); else settle();
+}
+
+// Sliders and boxes say what is shown: what was refused goes once another is used, and a slider reaches as far as its box.
+function settle() {
+  for (const { slider, number, shown } of Object.values(inputs)) {
+    if ([slider, number].includes(document.activeElement) && Number(number.value) !== shown) continue;
+    slider.min = Math.min(slider.min, shown);
+    slider.max = Math.max(slider.max, shown);
+    slider.value = shown;
+    if (document.activeElement !== number) number.value = shown;
+  }
+  if (drawn && shownScale && document.activeElement !== drawn) drawn.value = shownScale;
 }
 
 function showMatrix(matrix) {

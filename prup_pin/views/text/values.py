@@ -14,7 +14,7 @@ from ...numbers import number
 from ...parameters import Parameter
 from ...review import redundancy_text
 from ...robot import Robot
-from ...spatial import Array
+from ...spatial import MOST_POSITION, Array
 
 _ANGLES = ("rx", "ry", "rz")
 #: A share below this many percent is rounding.
@@ -55,7 +55,7 @@ def limits(mechanism: Mechanism, name: str) -> tuple[float, float] | None:
     if joint.nq != 1 or joint.nv != 1:
         return None
     low, high = float(model.lowerPositionLimit[joint.first_q]), float(model.upperPositionLimit[joint.first_q])
-    return (low, high) if low < high and np.isfinite([low, high]).all() and max(-low, high) < 1e6 else None
+    return (low, high) if low < high and np.isfinite([low, high]).all() and max(-low, high) < MOST_POSITION else None
 
 
 def joint_role(mechanism: Mechanism, name: str) -> str:
