@@ -11,8 +11,11 @@ from prup_pin.diagnosis.efforts.final_state import FinalState
 from prup_pin.diagnosis.efforts.inertial import BaseParameters
 from prup_pin.diagnosis.efforts.noise import noise_of_efforts
 from prup_pin.diagnosis.efforts.prepare import PreparedEfforts
+from prup_pin.diagnosis.efforts.problem import EffortCandidate, EffortModel
 from prup_pin.diagnosis.efforts.search import with_relieving_laws
 from prup_pin.dynamics import InMotion, motion_of
+from prup_pin.laws import Place
+from prup_pin.laws.efforts.viscous_friction import Damping
 from tests.diagnosis.test_efforts import AXIS, axis, device
 
 
@@ -121,6 +124,14 @@ def test_what_had_come_to_make_up_for_a_law_that_relieves_tolerances_goes_with_i
     found = with_relieving_laws(efforts, model)
     assert {term.law.physics for term in found.terms} - {friction} == {"rotor_inertia"}
     assert friction in {term.law.physics for term in found.terms}
+
+
+def test_a_law_that_comes_back_as_often_as_it_is_needless_ends_the_search(monkeypatch):
+    """All links' masses come in for several of them, whatever was refused before."""
+    coming = EffortCandidate(Damping(), Place("a", "effort"), {}, slice(0, 1))
+    monkeypatch.setattr(search, "_forward", lambda efforts, model, *rest: model.with_term(coming))
+    monkeypatch.setattr(search, "pruned", lambda model, doubtful: model.with_terms(()))
+    assert search.searched(None, EffortModel(None, ()), print).terms == ()
 
 
 def test_a_saving_in_every_block_is_sure_though_one_of_them_holds_most():

@@ -33,10 +33,11 @@ from ..criteria import (
     LINK_KNOWN,
     PARAMETER_COST,
     ROUNDING,
+    SURE,
     TRIED,
 )
 from ..normal_equations import NormalEquations, identifiable
-from .evidence import gradients, held_out, no_worse
+from .evidence import gradients, held_out, standard_error
 from .problem import EffortCandidate, EffortModel, EffortProblem, fit
 from .search import is_plausible
 
@@ -66,7 +67,8 @@ def _likelier_body(model: EffortModel, term: EffortCandidate) -> EffortModel:
     bodies = [(other, factor) for other, factor in factors if other.is_body and factor > 0]
     for candidate, _ in sorted(bodies, key=lambda item: -item[1])[:TRIED]:
         other = model.replaced(model.terms.index(term), candidate)
-        if no_worse(held_out(other), left) and is_plausible(other, candidate):
+        apart = held_out(other) - left
+        if float(apart.sum()) <= SURE * standard_error(apart) and is_plausible(other, candidate):
             return other
     return model
 

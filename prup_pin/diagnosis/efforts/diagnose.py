@@ -22,6 +22,7 @@ from .evidence import CrossValidation, held_out, relative_gain, scores
 from .final_state import FinalState, shows
 from .gains import Gains, gains_of, in_newtons, law_of_gains
 from .noise import EffortNoise, noise_of
+from .nonlinear import refined
 from .outliers import OutlierInterval, is_outlying
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
@@ -129,18 +130,23 @@ def _searched(
 
     Laws are searched beside nuisances that every drive has: of a robot on which everything is a little off, the first
     single law would stand for much that it is not. Where most drives surely have nothing of the kind, the drawing is
-    that of this device but for a few laws: those found from nothing, one after the other, or, where these leave more,
-    from what is sure of the others. Squares have several minima in how a friction turns round and how late signals
-    are, and a search ends near where it began.
+    that of this device but for a few laws: those found, without nuisances that are not sure, or those found from
+    nothing, one after the other, which need no more to be as good.
+
+    How a friction turns round and how late signals are look alike, and a search ends near where it began: the ways of
+    friction are the usual ones to begin with, or those that suit best before any law is found.
     """
     common, start = efforts.with_learned_variances(efforts.start_with_nuisances(freed))
-    found = searched(common, start, _part(tell, 0.0, 0.4))
-    sure = sure_of_all(found)
+    usual = searched(common, start, _part(tell, 0.0, 0.3))
+    sure = sure_of_all(usual)
     if kinds_of_most_drives(sure):
-        return common, found
-    found = searched(common, sure, _part(tell, 0.4, 0.7))
-    plain = searched(common, common.start(freed), _part(tell, 0.7, 1.0))
-    return common, found if relative_gain(held_out(plain), held_out(found))[0] > GAIN else plain
+        start = common.start_with_nuisances(freed)
+        start = refined(common, start, range(len(start.terms)), at_last=True)
+        found = searched(common, start, _part(tell, 0.4, 0.7))
+    else:
+        found = searched(common, sure, _part(tell, 0.4, 0.7))
+        usual = searched(common, common.start(freed), _part(tell, 0.7, 1.0))
+    return common, found if relative_gain(held_out(usual), held_out(found))[0] > GAIN else usual
 
 
 def _part(tell: Callable[[float], None], first: float, last: float) -> Callable[[float], None]:

@@ -251,7 +251,7 @@ def standard_error(saving: Array) -> float:
 def no_worse(after: Array, before: Array) -> bool:
     """Return whether held-out squares (B,) are not surely larger after than before."""
     apart = after - before
-    return float(apart.sum()) <= SURE * standard_error(apart)
+    return float(apart.sum()) < SURE * standard_error(apart)
 
 
 def relative_gain(before: Array, after: Array) -> tuple[float, float]:

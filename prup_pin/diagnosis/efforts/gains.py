@@ -33,7 +33,6 @@ from ..criteria import (
     ROUNDING,
     SURE,
 )
-from .evidence import standard_error
 from .problem import column_blocks, kept_samples
 
 __all__ = ["Gains", "gains_of", "in_newtons", "law_of_gains"]
@@ -109,7 +108,7 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
         own = _solved(others, drawn, MUCH, start)
         after.append(_left(products, block, own.inertial, np.exp(own.log)))
     saving = np.array(before) - np.array(after)
-    sure = saving.sum() / max(standard_error(saving), np.finfo(float).tiny)
+    sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(FOLDS), np.finfo(float).tiny)
     if np.sum(after) > EFFORT_GAINS_LEAVE * products.size:
         return None
     whole = products.without(None)

@@ -46,12 +46,23 @@ _Key = tuple[str, str, str]
 
 def searched(efforts: PreparedEfforts, model: EffortModel, tell: Callable[[float], None]) -> EffortModel:
     """Return the model that the efforts ask for, from one to begin with."""
-    model = _forward(efforts, model, tell)
-    model = pruned(model, model.terms)
+    refused: Counter[_Key] = Counter()
+    left: set[_Key] = set()
+    while True:
+        model = _forward(efforts, model, refused, tell)
+        needed = pruned(model, model.terms)
+        # what only imitated a plainer law leaves its place to that, once
+        gone = {term.key for term in model.terms if term not in needed.terms}
+        model = needed
+        if gone <= left:
+            break
+        left |= gone
+        refused.update(dict.fromkeys(gone, _ENTRIES))
     # bodies first: what follows from what is known acts on them
     model = model.with_terms(sorted(model.terms, key=lambda term: term.law.of_what_is_known))
     if model.terms:
         model = refined(efforts, model, range(len(model.terms) - 1, -1, -1), at_last=True)
+        model = _with_new(efforts, model, [], refused)
         model = _simpler(efforts, model)
     return model
 
@@ -59,28 +70,35 @@ def searched(efforts: PreparedEfforts, model: EffortModel, tell: Callable[[float
 def _forward(
     efforts: PreparedEfforts,
     model: EffortModel,
+    refused: Counter[_Key],
     tell: Callable[[float], None],
 ) -> EffortModel:
     """Return the model with all laws that enter, one after the other."""
-    refused: Counter[_Key] = Counter()
-    fresh = True
+    fresh, squares = True, np.inf
     while len(model.terms) < MOST_FITS:
+        validation = CrossValidation(model)
         tell(1 - np.exp(-len(model.terms) / 8))
-        new = _entering(model, refused)
-        if not fresh and (not new or any(term.law.of_what_is_known for term in new)):
-            # laws that follow from what is known are seen beside all that is known by now
+        if not fresh and validation.squares.sum() < MOST * squares:
             model = efforts.refreshed(model)
-            new = _entering(model, refused)
+            validation, fresh = CrossValidation(model), True
+        if fresh:
+            squares = float(validation.squares.sum())
+        new = _entering(model, validation, refused)
+        if not fresh and (not new or any(term.law.of_what_is_known for term in new)):
+            model = efforts.refreshed(model)
+            validation, fresh, squares = CrossValidation(model), True, float(validation.squares.sum())
+            new = _entering(model, validation, refused)
         if not new:
             break
-        model, fresh = _with_new(efforts, model, new, refused), False
+        model = _with_new(efforts, model, new, refused)
+        fresh = False
     return model
 
 
-def _entering(model: EffortModel, refused: Mapping[_Key, int]) -> list[EffortCandidate]:
+def _entering(model: EffortModel, validation: CrossValidation, refused: Mapping[_Key, int]) -> list[EffortCandidate]:
     """Return the terms that enter next: the best one, and the best of other joints that nothing wider explains."""
     ranked, limit = scores(model)
-    columns, validation = model.problem.columns, CrossValidation(model)
+    columns = model.problem.columns
     joints_of = {
         score.candidate: columns.joints_of(score.candidate)
         for score in sorted(ranked, key=lambda score: -score.gain)
