@@ -101,6 +101,8 @@ def _of_poses(robot: Robot, recording: Recording) -> Evidence | None:
     if not has_poses([recording], robot.mechanism):
         return None
     adapted = as_recorded(robot, recording)
+    if adapted.unknown_on_the_way:
+        return None  # what a joint does that nobody recorded would be told of the others' units
     kinds = recording.tolerances.declared
     anywhere = max(kinds.get("frame_position", 0.0), LEVER * kinds.get("frame_rotation", 0.0)) > OPEN_FRAME
     found = conventions_of_poses(adapted.robot, adapted.recordings[0], anywhere)
@@ -152,13 +154,14 @@ def _declared(conventions: Sequence[Convention]) -> str:
 
 
 def _how_far(found: Evidence) -> str:
-    sizes = [_size(value, found.unit) for value in (found.written, found.read)]
     what = {"positions": "measured and drawn positions are", "orientations": "measured and drawn orientations are"}
+    read = _size(found.read, found.unit)
+    if found.written is None:
+        return f"the robot cannot stand as it is written; {what[found.what]} {read} apart as it is read"
+    written = _size(found.written, found.unit)
     if found.what in what:
-        return f"{what[found.what]} {sizes[0]} apart as it is written, and {sizes[1]} as it is read"
-    return (
-        f"the residual of the robot file is {sizes[0]} of {found.what} as it is written, and {sizes[1]} as it is read"
-    )
+        return f"{what[found.what]} {written} apart as it is written, and {read} as it is read"
+    return f"the residual of the robot file is {written} of {found.what} as it is written, and {read} as it is read"
 
 
 def _size(value: float, unit: str) -> str:
@@ -191,8 +194,15 @@ def _finding(found: Evidence, name: str, mechanism: Mechanism) -> Finding:
         ),
         alternatives=tuple(others),
         conventions=found.conventions,
-        evidence={"of": found.what, "unit": found.unit or "1", "as_written": found.written, "as_read": found.read},
+        evidence=_evidence(found),
     )
+
+
+def _evidence(found: Evidence) -> dict[str, str | float]:
+    told: dict[str, str | float] = {"of": found.what, "unit": found.unit or "1"}
+    if found.written is not None:
+        told["as_written"] = found.written
+    return told | {"as_read": found.read}
 
 
 def _quoted(value: str | list[str]) -> str:

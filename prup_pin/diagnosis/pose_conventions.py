@@ -84,6 +84,10 @@ class _Postures:
             self._places[key] = found
         return self._places[key]
 
+    def beyond(self, recording: Recording) -> bool:
+        """Return whether there are postures that the robot cannot be in."""
+        return any(bool(np.isnan(at).any()) for at in self.places(recording).values())
+
     def _poses(self, actuators: Array) -> Iterator[tuple[int, ClosedPose]]:
         """Yield the postures that the robot can be in, by their places, until it cannot be in most of them."""
         lost = reached = 0
@@ -276,7 +280,7 @@ def conventions_of_poses(robot: Robot, recording: Recording, anywhere: bool) -> 
         tuple(conventions),
         ("positions", "orientations")[column],
         ("m", "rad")[column],
-        float(start.sizes[column]),
+        None if postures.beyond(written) else float(start.sizes[column]),
         float(misfit.sizes[column]),
         1 - sums[1] / sums[0],
         tuple(others),

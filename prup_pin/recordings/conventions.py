@@ -518,6 +518,7 @@ POSITION_UNITS = tuple(
 class Evidence:
     """Conventions, and what speaks for them: what the drawing leaves of `what` [unit] as written, and as read.
 
+    written: None where the robot cannot be where the log has it.
     unit '' is a share. held: the share of the squares, of what was held out where that can be, that reading so takes
     away. others: conventions that would do as well.
     """
@@ -525,7 +526,7 @@ class Evidence:
     conventions: tuple[Convention, ...]
     what: str
     unit: str
-    written: float
+    written: float | None
     read: float
     held: float
     others: tuple[tuple[Convention, ...], ...] = ()

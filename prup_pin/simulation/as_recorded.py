@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, close_names
 from ..laws import Inputs
 from ..loading import Reading
 from ..mechanism import Joint, Mechanism
@@ -35,7 +35,8 @@ _MISSPELT_WORD = 0.75
 class AsRecorded:
     """A robot adapted to recordings: the tool that it was given, joints that are held, and sentences that tell it.
 
-    recordings: those that were given, read as their conventions say.
+    recordings: those that were given, read as their conventions say. unknown_on_the_way: whether a joint is held, for
+    want of its column, that carries what was measured.
     """
 
     robot: Robot
@@ -43,6 +44,7 @@ class AsRecorded:
     tool: str | None = None
     held: Mapping[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    unknown_on_the_way: bool = False
 
     def read(self, reading: Reading) -> Reading:
         """Return how the robot's file is read so that this robot comes out, from how it was read before."""
@@ -72,7 +74,9 @@ def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> As
         remarks.append(f"no tool frame was given: taken at '{tool}', a marker (--tool FRAME says another one)")
     held = _held(robot.mechanism, given, frames)
     remarks += _told(robot.mechanism, held)
-    return AsRecorded(robot.with_held_joints(held), tuple(given), tool, held, tuple(remarks))
+    unknown = {name for name in held if name in robot.mechanism.actuated}
+    on_the_way = bool(unknown & set(_on_the_way(robot.mechanism, given, frames)))
+    return AsRecorded(robot.with_held_joints(held), tuple(given), tool, held, tuple(remarks), on_the_way)
 
 
 def in_format(robot: Robot, recordings: Recording | Sequence[Recording]) -> list[Recording]:
@@ -146,8 +150,11 @@ def _check_spelling(recording: Recording, mechanism: Mechanism) -> None:
         for name in foreign:
             close = difflib.get_close_matches(name.lower(), list(lacking), cutoff=_MISSPELT)
             close = [match for match in close if _misspelt(name.lower(), match)]
-            # one column too many and one too few, alike but for a number
-            if len(foreign) == len(driven) == 1 and _unnumbered(name.lower()) == _unnumbered(driven[0]):
+            # one column too many and one too few, alike but for a number or for letters
+            if len(foreign) == len(driven) == 1 and (
+                _unnumbered(name.lower()) == _unnumbered(driven[0])
+                or (_digits(name) == _digits(driven[0]) and close_names(name, driven))
+            ):
                 close = driven
             if close:
                 raise InputError(

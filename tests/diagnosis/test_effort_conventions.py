@@ -218,3 +218,11 @@ def test_a_larger_effort_added_to_a_noisy_one_leaves_no_less(tmp_path):
     write(draw_elastic(230000, "ur10"), tmp_path, tmp_path, "arm")
     recording = read_recording(tmp_path / "arm.csv")
     assert told(load("ur10").mechanism, recording) == []
+
+
+@pytest.mark.parametrize(("seed", "robot"), [(270002, "ur5"), (290000, "xarm7")])
+def test_friction_is_no_other_way_to_write_a_log(tmp_path, seed, robot):
+    """A motor that drives both last joints of a wrist; an arm of which everything is off, and shaken: in degrees it
+    would hardly move, and a constant is most of what is left."""
+    write(draw_elastic(seed, robot), tmp_path, tmp_path, "arm")
+    assert told(load(robot).mechanism, read_recording(tmp_path / "arm.csv")) == []

@@ -11,7 +11,7 @@ from prup_pin.diagnosis import conventions
 from prup_pin.diagnosis.conventions import read_logs
 from prup_pin.diagnosis.load_conventions import conventions_of_loads
 from prup_pin.errors import InputError
-from prup_pin.recordings import Convention, read_recording
+from prup_pin.recordings import Convention, Recording, read_recording
 from prup_pin.recordings.conventions import Evidence
 from tests.reference.concealed import draw, misread
 from tests.reference.concealed.scattered import draw_scattered
@@ -88,7 +88,7 @@ def test_what_is_written_otherwise_is_told_and_read_so(robot, bench, tmp_path, n
     np.testing.assert_allclose(read.positions[SLIDES[0]], true.positions[SLIDES[0]], atol=1e-9)
     for finding in logs.findings():
         assert finding.physics == "log_convention"
-        assert finding.evidence["as_read"] < 0.6 * finding.evidence["as_written"]
+        assert finding.evidence["as_read"] < 0.6 * finding.evidence.get("as_written", np.inf)  # none: no such posture
 
 
 def test_the_point_of_a_sensor_is_found(robot, bench, tmp_path):
@@ -115,3 +115,22 @@ def test_recordings_that_are_written_alike_are_told_once(robot, bench, tmp_path)
     logs = read_logs(robot, [log.select(slice(0, half)), replace(log.select(slice(half, None)), path="b.csv")])
     assert len(logs.findings()) == 1
     assert [str(item) for own in logs.conventions for item in own] == ["wrench=reaction", "wrench=reaction"]
+
+
+def test_a_robot_that_cannot_stand_as_the_log_has_it_is_told_no_distance(robot, bench, tmp_path):
+    """Slides in mm lie beyond all loops: a thousand times the reach stood for that, and was told as metres."""
+    (finding,) = read_logs(robot, rewritten(bench, tmp_path, "all joints in mm")).findings()
+    assert "The robot cannot stand as it is written; measured and drawn positions are 0.0" in finding.statement
+    assert set(finding.evidence) == {"of", "unit", "as_read"}
+
+
+def test_what_nobody_recorded_of_one_joint_is_no_unit_of_the_others():
+    """Without the elbow positions were nearer to the drawing in inches."""
+    arm = load("ur5")
+    rng = np.random.default_rng(4)
+    q = np.array([0.3, -1.2, 1.4, -0.5, 0.6, 0.2]) + rng.uniform(-0.8, 0.8, (60, 6))
+    names = arm.mechanism.actuated
+    position = np.array([arm.pose_from_actuators(row).base_from_tool[:3, 3] for row in q])
+    columns = {name: q[:, k] for k, name in enumerate(names) if name != "elbow_joint"}
+    log = Recording(time=np.arange(60.0), positions=columns, position=position)
+    assert read_logs(arm, log).conventions == ((),)

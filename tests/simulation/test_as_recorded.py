@@ -204,6 +204,15 @@ def test_a_misspelt_joint_is_refused_in_every_group_of_columns(group):
         as_recorded(prup_pin.load("ur5"), replace(log, **{group: columns}))
 
 
+def test_letters_exchanged_in_a_short_name_are_a_misspelling():
+    """The one column that is no joint's is that of the one joint without a column."""
+    mechanism = prup_pin.load("3prup").mechanism
+    names = {name: name for name in mechanism.actuated} | {"leg1_slide": "lge1_sldie"}
+    log = Recording(time=np.arange(3.0), positions={name: np.full(3, 0.4) for name in names.values()})
+    with pytest.raises(InputError, match=r"column q\.lge1_sldie.; did you mean leg1_slide"):
+        as_recorded(prup_pin.load("3prup"), log)
+
+
 def test_a_foreign_joint_is_not_used_and_no_misspelling():
     robot, log = prup_pin.load("ur5"), ur5_log()
     log = replace(log, efforts={**log.efforts, "gripper_joint": np.ones(len(log))})

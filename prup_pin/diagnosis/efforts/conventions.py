@@ -296,13 +296,14 @@ class _Search:
     def _left_by_friction(self, recording: Recording) -> float:
         """Return what is left where no joint needs more for its rigid body than it helps: a share, RMS of the joints.
 
-        What positions scatter by is less of a motion that is read in a smaller unit: that speaks for no unit.
+        Nor more than a constant does: what positions scatter by is less of a motion that is read in a smaller unit, in
+        which the robot hardly moves, and neither speaks for the unit.
         """
         motion, efforts, noise = self.read(recording)
         rigid = self.at.rigid_of(motion)
-        return _rms(
-            np.minimum(*(shares_of_efforts(motion, efforts, own, noise) for own in (rigid, np.zeros_like(rigid))))
-        )
+        still = np.broadcast_to(efforts.mean(axis=0), efforts.shape)
+        shares = (shares_of_efforts(motion, efforts, own, noise) for own in (rigid, np.zeros_like(rigid), still))
+        return _rms(np.minimum.reduce(list(shares)))
 
     def read(self, recording: Recording, rows: np.ndarray | None = None) -> tuple[Motion, Array, Array]:
         """Return motion, efforts (n, k) and their noise (k,) of samples, or of some rows, as a recording has them."""
