@@ -280,7 +280,7 @@ def conventions_of_poses(robot: Robot, recording: Recording, anywhere: bool) -> 
         tuple(conventions),
         ("positions", "orientations")[column],
         ("m", "rad")[column],
-        None if postures.beyond(written) else float(start.sizes[column]),
+        None if postures.beyond(written) and not postures.beyond(read) else float(start.sizes[column]),
         float(misfit.sizes[column]),
         1 - sums[1] / sums[0],
         tuple(others),

@@ -20,8 +20,8 @@ from .conventions import check_efforts
 from .diagnosis import EffortDiagnosis
 from .evidence import CrossValidation, held_out, relative_gain, scores
 from .final_state import FinalState, shows
-from .gains import Gains, gains_of, in_newtons, law_of_gains
-from .noise import EffortNoise, noise_of
+from .gains import Gains, gains_of, in_newtons, law_of_gains, scale_of
+from .noise import EffortNoise, noise_of, true_sizes
 from .nonlinear import refined
 from .outliers import OutlierInterval, is_outlying
 from .prepare import PreparedEfforts
@@ -90,7 +90,7 @@ def _final_state(
     def searched_beside(
         gains: Gains | None, first: float, last: float
     ) -> tuple[list[str], PreparedEfforts, EffortModel]:
-        scale = np.ones(len(at.driven)) if gains is None else gains.gains
+        scale = scale_of(gains, len(at.driven))
         doubts, efforts = check_efforts(at, scale), prepared
         if gains is not None:
             others = {kind: size for kind, size in tolerances.items() if kind != law_of_gains().physics}
@@ -112,8 +112,7 @@ def _final_state(
     model = with_relieving_laws(efforts, model)
     problem = model.problem
     model = with_likelier_bodies(model.in_problem(problem.without_curves())).in_problem(problem)
-    scale = np.ones(len(at.driven)) if gains is None else gains.gains
-    sample = np.array([noise[name].size for name in at.driven]) / scale
+    sample = true_sizes(noise, at.driven, scale_of(gains, len(at.driven)))
     model, curves, imitating = _with_curves(efforts, model, sample)
     tell("the verdict", 0.9)
     while True:
@@ -190,7 +189,7 @@ def _with_curves(
             break
         found.append(curve)
         here = cost_of(model)
-        shape = here - cost_of(model.with_term(curve))
+        shape = here - cost_of(beside)
         for term in model.terms:
             if term.law.is_curve or term.place.name != curve.place.name or curve.is_of_time:
                 continue  # what changes with time is still what it is
@@ -199,12 +198,13 @@ def _with_curves(
                 imitating.append(term)
         # what imitated that shape, or made room for it elsewhere
         doubtful = [term for term in model.terms if term.place.name != curve.place.name] + imitating
-        model = pruned(model.with_term(curve), [term for term in doubtful if not term.law.is_curve])
+        model = pruned(beside, [term for term in doubtful if not term.law.is_curve])
     for curve in list(found):
         # what is left of it beside those that came later
         rest = model.without(curve)
-        saving, squares = cost_of(rest) - cost_of(model), CrossValidation(rest)
-        if saving < NO_MATTER * cost_of(rest) and saving < EFFORT_CURVE_OWN * squares.squares_at(curve):
+        cost = cost_of(rest)
+        matters = min(NO_MATTER * cost, EFFORT_CURVE_OWN * CrossValidation(rest).squares_at(curve))
+        if cost - cost_of(model) < matters:
             model = rest
             found.remove(curve)
             imitating = [term for term in imitating if term.place.name != curve.place.name]

@@ -19,9 +19,9 @@ from ..criteria import EFFORT_IMITATED, FALSE_ALARM, GAIN, LITTLE, MOST, SURE
 from ..normal_equations import NormalEquations
 from .conventions import gains_apart
 from .evidence import held_out, relative_gain
-from .gains import Gains
+from .gains import Gains, scale_of
 from .inertial import BaseParameters, consistent_fit
-from .noise import EffortNoise
+from .noise import EffortNoise, true_sizes
 from .outliers import OutlierInterval
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
@@ -74,7 +74,7 @@ class FinalState:
     ):
         self.gains, self.outliers, self.doubts = gains, outliers, doubts
         # all figures are in the recording's own unit
-        self.scale = np.ones(len(efforts.at.driven)) if gains is None else gains.gains
+        self.scale = scale_of(gains, len(efforts.at.driven))
         self.in_own_units = gains_apart(dict(zip(efforts.at.driven, map(float, self.scale), strict=True)))
         self.recording, self.efforts, self.noise = recording, efforts, noise
         self.problem, self.with_time, self.curves = model.problem, model, list(curves)
@@ -193,7 +193,7 @@ class FinalState:
     @property
     def noise_sizes(self) -> Array:
         """The noise of a sample in N or N m, (k,); NaN of a joint of which nothing tells it."""
-        return np.array([self.noise[name].size for name in self.at.driven]) / self.scale
+        return true_sizes(self.noise, self.at.driven, self.scale)
 
     def p_value(self, term: EffortCandidate) -> float:
         """Return the probability of coefficients as large as a law's where it does not act."""

@@ -35,7 +35,7 @@ from ..criteria import (
 )
 from .problem import column_blocks, kept_samples
 
-__all__ = ["Gains", "gains_of", "in_newtons", "law_of_gains"]
+__all__ = ["Gains", "gains_of", "in_newtons", "law_of_gains", "scale_of"]
 
 #: Samples that are looked at.
 _SAMPLES = 6000
@@ -51,6 +51,11 @@ class Gains:
     gains: Array
     deviation: Array
     common: float
+
+
+def scale_of(gains: Gains | None, count: int) -> Array:
+    """Return what is reported per true effort of each of so many driven joints: one where no gains were found."""
+    return np.ones(count) if gains is None else gains.gains
 
 
 @dataclass(frozen=True, eq=False)

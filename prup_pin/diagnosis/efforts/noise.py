@@ -27,7 +27,7 @@ from ...spatial import Array
 from ..chances import robust_deviation
 from ..criteria import LITTLE, MOST
 
-__all__ = ["EffortNoise", "noise_of", "noise_of_efforts", "rounding_that_follows"]
+__all__ = ["EffortNoise", "noise_of", "noise_of_efforts", "rounding_that_follows", "true_sizes"]
 
 #: Samples from which the next one is foretold, and samples for each of them at least.
 _ORDER, _FOR_EACH = 40, 10
@@ -62,6 +62,14 @@ class EffortNoise:
         share = 1.0 if self.how == "rest" else min(2 * frequency / self.rate, 1.0)
         slow = min(self.rounding, self.size) ** 2
         return float(np.sqrt(share * (self.size**2 - slow) + slow))
+
+
+def true_sizes(noise: Mapping[str, EffortNoise], joints: Sequence[str], scale: Array) -> Array:
+    """Return the noise of a sample of each joint's true effort (k,), by what is reported per true one, `scale` (k,).
+
+    NaN of a joint of which nothing tells it.
+    """
+    return np.array([noise[name].size for name in joints]) / scale
 
 
 def noise_of(recording: Recording, at: InMotion) -> Mapping[str, EffortNoise]:
