@@ -14,6 +14,7 @@ from ..spatial import Array
 from .inverse import InverseDynamics, Trajectory
 from .motion import Motion
 from .smoothing import differences, pieces
+from .travel import Travel
 
 __all__ = ["InMotion", "could_be_gravity"]
 
@@ -28,10 +29,6 @@ _SAMPLES = 4.0
 _STEP = 1e-4
 #: Of the largest effort, below which one is nothing but rounding.
 _ROUNDING = 1e-12
-#: Parts of a step in which a motion turns round, and the share of its usual speed below which it only rests.
-_FINER, _RESTING = 16, 1e-3
-#: Share of a way below which a mean over it is that of a straight line.
-_SHORT = 1e-4
 #: Bins of a joint's travel in which periods are looked for: twenty in the shortest one.
 _BINS = 8192
 
@@ -81,7 +78,7 @@ class InMotion:
         """Return another view of the same motion with what was computed of it."""
         if "regressor" in self.__dict__:
             other.__dict__["regressor"] = self.regressor
-        other.__dict__["_shifts"] = self._shifts
+        other.__dict__["_shifts"], other.__dict__["_travels"] = self._shifts, self._travels
         return other
 
     @property
@@ -131,9 +128,19 @@ class InMotion:
         speed = self.speed(joint)
         return speed / np.hypot(speed, self.slow(joint))
 
+    def travel(self, joint: str) -> Travel:
+        """Return the travel of a joint [m or rad]."""
+        if joint not in self._travels:
+            self._travels[joint] = self.travel_of(self.position(joint))
+        return self._travels[joint]
+
+    def travel_of(self, position: Array) -> Travel:
+        """Return the travel of something at `position` (N,) [m or rad]."""
+        return Travel(position, self.motion.piece)
+
     def dragged(self, joint: str, way: float) -> Array:
         """Return the direction of a joint's dry friction (N,), which turns round on some way [m or rad]."""
-        return self.dragging(self.position(joint), way)
+        return self.travel(joint).direction(way)
 
     def rubbing(self, joint: str, values: Mapping[str, float]) -> Array:
         """Return how much of a joint's dry friction acts, and which way (N,).
@@ -146,17 +153,6 @@ class InMotion:
     def set_in(speed: Array, smoothing: float) -> Array:
         """Return the share of dry friction (N,) that acts at a speed (N,): all of it where nothing smooths its step."""
         return np.tanh(np.abs(speed) / smoothing) if smoothing > 0 else np.ones_like(speed)
-
-    def dragging(self, position: Array, way: float) -> Array:
-        """Return the direction of dry friction (N,) of something at `position` (N,): dz = (sign(dq) - z) |dq| / way.
-
-        Its mean over the step about each sample: a motion turns round between samples, and to count that from the next
-        one on would be to be late by half a step. A way of nothing is the sign itself.
-        """
-        out = np.empty(len(self))
-        for where in pieces(self.motion.piece):
-            out[where] = _direction(position[where], way)
-        return out
 
     def loose(self, joint: str, gap: float) -> Array:
         """Return 1 where a joint is on its way through a gap [m or rad] after the motion turned round, else 0, (N,)."""
@@ -268,6 +264,10 @@ class InMotion:
     def _shifts(self) -> dict[str, Array]:
         return {}
 
+    @cached_property
+    def _travels(self) -> dict[str, Travel]:
+        return {}
+
     def yielded(self, joint: str) -> Array:
         """Return d(rigid efforts)/dc (N, k) by the compliance c of one joint's gear, behind the encoder.
 
@@ -329,65 +329,3 @@ def _splines(motion: Motion, values: Array) -> list:
     if motion.standing:
         return []
     return [CubicSpline(motion.time[where], values[where], axis=0) for where in pieces(motion.piece)]
-
-
-def _direction(position: Array, way: float) -> Array:
-    """Return the direction of dry friction (n,), its mean over the step about each sample."""
-    n = len(position)
-    if n < 3:
-        return _dragged(np.diff(position, prepend=position[:1]), way)
-    time, path = _between(position)
-    passed = np.concatenate(([0.0], np.cumsum(_dragged(np.diff(path), way) * np.diff(time))))
-    edges = np.clip(np.arange(n + 1) - 0.5, 0, n - 1)
-    return np.diff(np.interp(edges, time, passed)) / np.diff(edges)
-
-
-def _between(position: Array) -> tuple[Array, Array]:
-    """Return times [steps] and positions of samples (n,), with more of them where the motion turns round."""
-    n, steps = len(position), np.diff(position)
-    slope = np.gradient(position)
-    turns = slope[:-1] * slope[1:] < 0
-    turns[:-1] |= steps[:-1] * steps[1:] < 0
-    turns &= np.maximum(np.abs(slope[:-1]), np.abs(slope[1:])) > _RESTING * np.sqrt(np.mean(slope**2))
-    near = turns.copy()
-    for lag in (-1, 1, 2):
-        near |= np.roll(turns, lag)
-    here = np.flatnonzero(near)
-    # cubics by the slopes at both ends
-    u = np.arange(1, _FINER) / _FINER
-    first, last = (2 * u**3 - 3 * u**2 + 1, u**3 - 2 * u**2 + u), (3 * u**2 - 2 * u**3, u**3 - u**2)
-    fine = sum(
-        np.outer(position[at], of_place) + np.outer(slope[at], of_slope)
-        for at, (of_place, of_slope) in ((here, first), (here + 1, last))
-    )
-    time = np.concatenate((np.arange(n, dtype=float), (here[:, None] + u).ravel()))
-    order = np.argsort(time, kind="stable")
-    return time[order], np.concatenate((position, np.ravel(fine)))[order]
-
-
-def _dragged(steps: Array, way: float) -> Array:
-    """Return the direction of dry friction over steps (n,), its mean over each: stretches of one direction in turn."""
-    towards = np.sign(steps)
-    moving = np.flatnonzero(towards)
-    if not len(moving):
-        return np.zeros(len(steps))
-    # at rest the direction is that of the step before; before the first step that of the first
-    last = np.maximum.accumulate(np.where(towards != 0, np.arange(len(steps)), moving[0]))
-    towards = towards[last]
-    starts = np.concatenate(([0], np.flatnonzero(np.diff(towards)) + 1))
-    length = np.abs(steps)
-    gone = np.cumsum(length)
-    before = np.concatenate(([0.0], gone))[starts]
-    along = gone - np.repeat(before, np.diff(np.append(starts, len(steps))))
-    ends = np.append(starts[1:], len(steps)) - 1
-    if not way > 0:
-        return towards
-    kept = np.exp(-along / way)
-    state, entering = float(towards[0]), np.empty(len(starts))
-    for index, (sign, keep) in enumerate(zip(towards[starts].tolist(), kept[ends].tolist(), strict=True)):
-        entering[index] = state
-        state = sign + (state - sign) * keep
-    share = length / way
-    fell = np.exp(-np.maximum(along - length, 0.0) / way) - kept
-    mean = np.where(share > _SHORT, fell / np.maximum(share, _SHORT), kept)
-    return towards + (np.repeat(entering, np.diff(np.append(starts, len(steps)))) - towards) * mean

@@ -28,6 +28,16 @@ def pieces(piece: np.ndarray) -> Iterator[slice]:
         yield slice(int(start), int(end))
 
 
+def _of_alike_length(piece: np.ndarray) -> Iterator[list[slice]]:
+    """Yield pieces that are worked on side by side: none of them is twice as long as another."""
+    every = sorted(pieces(piece), key=lambda where: where.stop - where.start)
+    while every:
+        longest = every[-1].stop - every[-1].start
+        together = [where for where in every if 2 * (where.stop - where.start) > longest]
+        every = every[: -len(together)]
+        yield together
+
+
 @dataclass(frozen=True)
 class LowPass:
     """A Butterworth filter run forwards and backwards, so that it delays nothing; `cutoff` and `rate` in Hz."""
@@ -45,24 +55,34 @@ class LowPass:
         rows = np.reshape(values, (len(values), -1)).T
         out = np.empty(rows.shape)
         longest = round(3 * self.rate / self.cutoff) + 3 * _ORDER
-        for where in pieces(piece):
-            here, padding = rows[:, where], min(longest, where.stop - where.start - 1)
-            # both ends turned about themselves, and settled there
-            before, after = 2 * here[:, :1] - here[:, padding:0:-1], 2 * here[:, -1:] - here[:, -2 : -padding - 2 : -1]
-            passed = np.concatenate((before, here, after), axis=1)
+        for together in _of_alike_length(piece):
+            parts = []
+            for where in together:
+                here, padding = rows[:, where], min(longest, where.stop - where.start - 1)
+                # both ends turned about themselves, and settled there
+                before = 2 * here[:, :1] - here[:, padding:0:-1]
+                after = 2 * here[:, -1:] - here[:, -2 : -padding - 2 : -1]
+                parts.append(np.concatenate((before, here, after), axis=1))
             for _ in range(2):
-                passed = sosfilt(sections, passed, axis=1, zi=settled * passed[:, :1])[0][:, ::-1]
-            out[:, where] = passed[:, padding : padding + here.shape[1]]
+                table = np.zeros((len(parts), len(rows), max(part.shape[1] for part in parts)))
+                for row, part in zip(table, parts, strict=True):
+                    row[:, : part.shape[1]] = part
+                passed = sosfilt(sections, table, zi=settled * table[:, :, :1])[0]
+                parts = [own[:, part.shape[1] - 1 :: -1] for own, part in zip(passed, parts, strict=True)]
+            for where, part in zip(together, parts, strict=True):
+                length = where.stop - where.start
+                padding = (part.shape[1] - length) // 2
+                out[:, where] = part[:, padding : padding + length]
         return out.T.reshape(np.shape(values))
 
 
 @lru_cache(maxsize=64)
 def _butterworth(cutoff: float, rate: float) -> tuple[Array, Array]:
-    """Return a filter's sections (s, 6), and its state (s, 1, 2) where one has stood for long."""
+    """Return a filter's sections (s, 6), and its state (s, 1, 1, 2) where one has stood for long."""
     from scipy.signal import butter, sosfilt_zi
 
     sections = butter(_ORDER, cutoff, fs=rate, output="sos")
-    return sections, sosfilt_zi(sections)[:, None]
+    return sections, sosfilt_zi(sections)[:, None, None]
 
 
 @dataclass(frozen=True)

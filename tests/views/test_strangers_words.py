@@ -1,6 +1,7 @@
 """What strangers stumbled over in the words of a diagnosis: each was a sentence that nobody understood."""
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from prup_pin.views.text.diagnosis_words import (
     _takes,
     alternative_text,
     diagnosis_text,
+    length_of,
     multiple_text,
     noise_text,
     parameter_texts,
@@ -236,3 +238,14 @@ def test_many_effects_of_a_model_are_counted_and_few_are_typed(capsys):
     assert "N m" not in said([*friction, *gains])
     assert "viscous_friction@elbow_joint:effort damping=2" in said(friction)
     assert "N m" in said(friction)
+
+
+def test_runs_whose_clocks_begin_anew_last_as_long_as_all_of_them():
+    time, run = np.tile(np.arange(101) * 0.1, 3), np.repeat([0, 1, 2], 101)
+
+    class Log(SimpleNamespace):
+        def __len__(self):
+            return len(self.time)
+
+    recording = Log(time=time, run=run, blocks=lambda: np.arange(303))
+    assert length_of(SimpleNamespace(efforts=object()), recording) == "30 s of motion"

@@ -112,7 +112,8 @@ class FinalState:
     def _impossible_bodies(self, x: Array) -> list[EffortCandidate]:
         """Return links whose parameters no body has, by a free fit x (p,): they imitate something else.
 
-        Where bodies that can exist leave as little, parameters beyond any body are the free fit's own error.
+        Where bodies that can exist leave as little, or take away all but a little of what these do, parameters beyond
+        any body are the free fit's own error.
         """
         bodies = [term for term in self.laws if term.law.body]
         if not bodies:
@@ -127,9 +128,10 @@ class FinalState:
         if not beyond:
             return []
         possible, _ = consistent_fit(self.model, self.efforts.bodies_within_tolerance)
-        columns, where = self.problem.columns, self.model.where
-        free, bound = (float((columns.residual(where, each) ** 2).sum()) for each in (x, possible))
-        return beyond if bound - free > GAIN * bound else []
+        without = self.model.without(*beyond)
+        fits = ((self.model, x), (self.model, possible), (without, fit(without)[0]))
+        free, bound, drawn = (float((model.problem.columns.residual(model.where, at) ** 2).sum()) for model, at in fits)
+        return beyond if bound - free > max(GAIN * bound, EFFORT_IMITATED * (drawn - bound)) else []
 
     def _imitates_impossible(self, term: EffortCandidate) -> bool:
         """Return whether a law is an impossible body, or hardly saves anything without one at its joint."""

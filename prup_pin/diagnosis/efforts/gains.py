@@ -227,7 +227,8 @@ def _own(at: InMotion, joint: str) -> Array:
     if at.mechanism.joint(joint).turns:
         own += [np.cos(position), np.sin(position)]
     for other in _coupled(at, joint):
-        both = [at.dragging(position + sign * at.position(other), usual_way(at, joint)) for sign in (1.0, -1.0)]
+        travels = [at.travel_of(position + sign * at.position(other)) for sign in (1.0, -1.0)]
+        both = [travel.direction(usual_way(at, joint)) for travel in travels]
         own += [at.speed(other), at.acceleration(other), *both]
     table = np.column_stack(own)
     return table / np.maximum(np.sqrt((table**2).mean(axis=0)), np.finfo(float).tiny)

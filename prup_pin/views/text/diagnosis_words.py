@@ -389,7 +389,8 @@ def length_of(diagnosis: Diagnosis, recording: Recording) -> str:
     poses = len(set(recording.blocks().tolist())) if len(recording) else 0
     if diagnosis.efforts is None or 2 * poses <= len(recording):
         return counted(poses, "pose")
-    return f"{number(float(np.ptp(diagnosis.efforts.time)), 3)} s of motion"
+    times = np.split(recording.time, np.flatnonzero(np.diff(recording.run)) + 1)
+    return f"{number(float(sum(np.ptp(own) for own in times)), 3)} s of motion"
 
 
 def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:

@@ -1,0 +1,145 @@
+"""Which way dry friction acts along a travel: it turns round on some way, and a motion turns round between samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..spatial import Array
+
+__all__ = ["Travel"]
+
+#: Parts of a step in which a motion turns round, and the share of its usual speed below which it only rests.
+_FINER, _RESTING = 16, 1e-3
+#: Share of a way below which a mean over it is that of a straight line.
+_SHORT = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Travel:
+    """Positions (N,) [m or rad] of something at the samples of pieces (N,) without a break, one after the other."""
+
+    position: Array
+    piece: np.ndarray
+
+    def direction(self, way: float) -> Array:
+        """Return the direction z of dry friction (N,): dz = (sign(dq) - z) |dq| / way.
+
+        Its mean over the step about each sample: a motion turns round between samples, and to count that from the next
+        one on would be to be late by half a step. A way of nothing is the sign itself.
+        """
+        if len(self.position) < 2:
+            return np.zeros(len(self.position))
+        passed = np.concatenate(([0.0], np.cumsum(self._dragged(way) * self._times)))
+        low, high = (passed[at] + share * (passed[at + 1] - passed[at]) for at, share in self._edges)
+        return np.divide(high - low, self._widths, out=np.zeros(len(low)), where=self._widths > 0)
+
+    def _dragged(self, way: float) -> Array:
+        """Return the mean direction over each fine step (m,): stretches of one direction in turn."""
+        towards, length, along, starts, fresh = self._stretches
+        if not way > 0:
+            return towards
+        kept = np.exp(-along / way)
+        ends = np.append(starts[1:], len(towards)) - 1
+        state, entering = 0.0, np.empty(len(starts))
+        table = zip(towards[starts].tolist(), kept[ends].tolist(), fresh.tolist(), strict=True)
+        for index, (sign, keep, first) in enumerate(table):
+            state = entering[index] = sign if first else state
+            state = sign + (state - sign) * keep
+        share = length / way
+        fell = np.exp(-np.maximum(along - length, 0.0) / way) - kept
+        mean = np.where(share > _SHORT, fell / np.maximum(share, _SHORT), kept)
+        return towards + (np.repeat(entering, ends + 1 - starts) - towards) * mean
+
+    @cached_property
+    def _first(self) -> np.ndarray:
+        """The first sample of each sample's piece (N,)."""
+        begins = np.diff(self.piece, prepend=self.piece[:1] - 1) != 0
+        return np.maximum.accumulate(np.where(begins, np.arange(len(begins)), 0))
+
+    @cached_property
+    def _last(self) -> np.ndarray:
+        """The last sample of each sample's piece (N,)."""
+        return np.searchsorted(self._first, self._first, side="right") - 1
+
+    @cached_property
+    def _fine(self) -> tuple[Array, Array]:
+        """Times [samples] and positions (m + 1,), with more of them where the motion turns round."""
+        position, number = self.position, np.arange(len(self.position))
+        before, after = np.maximum(number - 1, self._first), np.minimum(number + 1, self._last)
+        slope = (position[after] - position[before]) / np.maximum(after - before, 1)
+        usual = np.sqrt(np.bincount(self._first, slope**2) / np.maximum(np.bincount(self._first), 1))[self._first]
+        # intervals, each by the sample that it begins with; there is none at the end of a piece
+        inside, step = number < self._last, position[after] - position
+        turns = slope * slope[after] < 0
+        turns |= step * step[after] < 0
+        turns &= inside & (np.maximum(np.abs(slope), np.abs(slope[after])) > _RESTING * usual)
+        near = turns.copy()
+        for lag in (-1, 1, 2):
+            there = np.clip(number - lag, self._first, self._last)
+            near |= turns[there] & (there == number - lag)
+        here = np.flatnonzero(near & inside)
+        # cubics by the slopes at both ends
+        u = np.arange(1, _FINER) / _FINER
+        first, last = (2 * u**3 - 3 * u**2 + 1, u**3 - 2 * u**2 + u), (3 * u**2 - 2 * u**3, u**3 - u**2)
+        fine = sum(
+            np.outer(position[at], of_place) + np.outer(slope[at], of_slope)
+            for at, (of_place, of_slope) in ((here, first), (here + 1, last))
+        )
+        time = np.concatenate((number.astype(float), (here[:, None] + u).ravel()))
+        order = np.argsort(time, kind="stable")
+        return time[order], np.concatenate((position, np.ravel(fine)))[order]
+
+    @cached_property
+    def _broken(self) -> np.ndarray:
+        """The fine steps (m,) that lead from one piece to the next."""
+        return np.diff(self._first[self._fine[0].astype(int)]) != 0
+
+    @cached_property
+    def _times(self) -> Array:
+        """How long each fine step takes (m,) [samples]; nothing between pieces."""
+        return np.where(self._broken, 0.0, np.diff(self._fine[0]))
+
+    @cached_property
+    def _stretches(self) -> tuple[Array, Array, Array, np.ndarray, np.ndarray]:
+        """The direction and the length of each fine step (m,), and the way to its end in its stretch of one direction;
+        the first step of each stretch (s,), and whether a piece begins with it.
+        """
+        step = np.where(self._broken, 0.0, np.diff(self._fine[1]))
+        number, sign = np.arange(len(step)), np.sign(step)
+        begins = np.concatenate(([True], self._broken[:-1]))[: len(step)]
+        begins |= self._broken  # a step between pieces is a stretch of its own
+        part = np.cumsum(begins) - 1
+        # at rest the direction is that of the step before; before the first step that of the first
+        moving = np.flatnonzero(sign)
+        last = np.maximum.accumulate(np.where(sign != 0, number, -1))
+        following = moving[np.minimum(np.searchsorted(moving, number), len(moving) - 1)] if len(moving) else number
+        same = (last >= 0) & (part[last] == part)
+        source = np.where(same, last, following)
+        towards = np.where(part[source] == part, sign[source], 0.0)
+        turned = begins | (np.diff(towards, prepend=towards[:1]) != 0)
+        starts, length = np.flatnonzero(turned), np.abs(step)
+        gone = np.concatenate(([0.0], np.cumsum(length)))
+        along = gone[1:] - np.repeat(gone[starts], np.diff(np.append(starts, len(step))))
+        return towards, length, along, starts, begins[starts]
+
+    @cached_property
+    def _bounds(self) -> tuple[Array, Array]:
+        number = np.arange(len(self.position))
+        return np.maximum(number - 0.5, self._first), np.minimum(number + 0.5, self._last)
+
+    @cached_property
+    def _widths(self) -> Array:
+        """How long the step about each sample is (N,) [samples]."""
+        return self._bounds[1] - self._bounds[0]
+
+    @cached_property
+    def _edges(self) -> list[tuple[np.ndarray, Array]]:
+        """Where the step about each sample begins and ends: the fine step (N,) and the share (N,) of it."""
+        time, edges = self._fine[0], []
+        for bound in self._bounds:
+            at = np.clip(np.searchsorted(time, bound, side="right") - 1, 0, len(time) - 2)
+            edges.append((at, (bound - time[at]) / (time[at + 1] - time[at])))
+        return edges

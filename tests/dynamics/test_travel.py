@@ -1,0 +1,70 @@
+"""Dry friction along a travel, and the filter that efforts pass: each piece of a motion for itself."""
+
+import numpy as np
+import pytest
+
+from prup_pin.dynamics.smoothing import LowPass, pieces
+from prup_pin.dynamics.travel import Travel
+
+#: Lengths of pieces: alike, far apart, and too short to turn round in.
+LENGTHS = [(300,), (40, 41, 300, 1, 2, 3, 250, 1), (150,) * 5, (1,), (2, 2)]
+
+
+def motion(lengths):
+    piece = np.repeat(np.arange(len(lengths)), lengths)
+    random = np.random.default_rng(len(piece))
+    position = np.cumsum(random.normal(size=len(piece)) * (random.random(len(piece)) > 0.3)) * 0.01
+    return position + 5.0 * piece, piece
+
+
+@pytest.mark.parametrize("way", [0.0, 1e-3, 0.2])
+@pytest.mark.parametrize("lengths", LENGTHS)
+def test_friction_of_a_piece_knows_of_no_other(lengths, way):
+    position, piece = motion(lengths)
+    together = Travel(position, piece).direction(way)
+    alone = [Travel(position[where], piece[where]).direction(way) for where in pieces(piece)]
+    assert together == pytest.approx(np.concatenate(alone), abs=1e-9)
+    assert (np.abs(together) <= 1 + 1e-12).all()
+
+
+def test_what_never_moves_has_no_direction_and_what_moves_steadily_has_one():
+    piece = np.repeat([0, 1, 2], 50)
+    position = np.concatenate((np.full(50, 0.3), np.linspace(0, 1, 50), np.linspace(1, 0, 50)))
+    travel = Travel(position, piece)
+    for way in (0.0, 0.05):
+        assert travel.direction(way) == pytest.approx(np.repeat([0.0, 1.0, -1.0], 50), abs=1e-12)
+
+
+def test_friction_follows_dahls_equation_at_a_turn():
+    """Up by 1, then down by x: z = -1 + 2 exp(-x / way), the mean of it over each step."""
+    way, step = 0.05, 0.01
+    position = np.concatenate((np.arange(0.0, 1.0, step), np.arange(1.0, 0.5, -step)))
+    top = int(np.argmax(position))
+    found = Travel(position, np.zeros(len(position), int)).direction(way)
+    far = np.arange(top + 3, len(position) - 2)
+    edges = [position[top] - position[far] + sign * step / 2 for sign in (-1, 1)]
+    mean = -1 + 2 * way / step * (np.exp(-edges[0] / way) - np.exp(-edges[1] / way))
+    # the path between samples turns a little before or after the last one, by 0.03 of a step
+    assert found[far] + 1 == pytest.approx(mean + 1, rel=0.006)
+    assert np.diff(np.log(found[far] + 1)) == pytest.approx(-step / way, rel=1e-3)
+    assert found[:top] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("cutoff", [3.0, 30.0])
+@pytest.mark.parametrize("lengths", LENGTHS)
+def test_a_filtered_piece_knows_of_no_other_to_the_last_bit(lengths, cutoff):
+    _, piece = motion(lengths)
+    values = np.random.default_rng(1).normal(size=(len(piece), 3, 2))
+    filtered = LowPass(cutoff, 100.0)
+    alone = [filtered(values[where], piece[where]) for where in pieces(piece)]
+    assert np.array_equal(filtered(values, piece), np.concatenate(alone))
+
+
+def test_a_filter_that_delays_nothing_is_that_of_scipy():
+    """Against SciPy's filter forwards and backwards, away from the ends, which it turns about themselves too."""
+    from scipy.signal import butter, sosfiltfilt
+
+    values = np.cumsum(np.random.default_rng(2).normal(size=(2000, 2)), axis=0)
+    own = LowPass(5.0, 100.0)(values, np.zeros(2000, int))
+    theirs = sosfiltfilt(butter(4, 5.0, fs=100.0, output="sos"), values, axis=0, padlen=72)
+    assert own == pytest.approx(theirs, abs=1e-9 * np.ptp(values))
