@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -202,9 +203,9 @@ def test_bodies_of_a_corrected_model_can_exist():
 def test_a_payload_of_which_a_body_that_can_be_tells_all_but_a_hundredth_is_a_body(tmp_path):
     """Motors tremble by what their encoders do not tell: the free fit is of no body, one that can be is as good."""
     write(draw_elastic(310019, "kinova"), tmp_path, tmp_path, "device")
-    found = prup_pin.diagnosis.diagnose(prup_pin.load("kinova"), read_recording(tmp_path / "device.csv"))
+    found = diagnose(load("kinova"), read_recording(tmp_path / "device.csv"))
     assert {finding.physics for finding in found.told} <= {"payload", "inertial_parameters"}
     body = found.told[0]
     assert "j2s6s200_end_effector" in body.candidates
-    low, high = body.parameters["mass"].ci95
+    low, high = body.parameters["mass"].interval
     assert low < json.loads((tmp_path / "device.truth.json").read_text())["effects"][0]["parameters"]["mass"] < high
