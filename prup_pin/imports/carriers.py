@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from scipy import special
 from scipy.optimize import least_squares, linear_sum_assignment
 from scipy.spatial.transform import Rotation
-from scipy.stats import binom
 
 from ..mechanism.mechanism import Mechanism
 from ..numbers import number
@@ -229,7 +229,7 @@ def _further(best: Carried, other: Carried) -> bool:
     A test of signs: it asks nothing of how the distances scatter.
     """
     nearer = int(np.count_nonzero(best.apart < other.apart))
-    return bool(binom.sf(nearer - 1, len(best.apart), 0.5) < _CHANCE)
+    return bool(special.bdtrc(nearer - 1, len(best.apart), 0.5) < _CHANCE)
 
 
 def _frames(mechanism: Mechanism, carried: Mapping[str, Carried]) -> dict[str, str]:

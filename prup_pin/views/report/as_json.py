@@ -8,15 +8,10 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...diagnosis import Diagnosis, Finding
-from ...diagnosis.calibrate import CalibratedParameter
-from ...diagnosis.diagnosis import ByRecording
-from ...diagnosis.efforts import EffortCurve, EffortDiagnosis, effort_curve_of
-from ...diagnosis.locate import LocalCurve
 from ...errors import PrupPinError
 from ...laws.drawn import load_units
 from ...mechanism.tolerances import value_tolerances
@@ -27,6 +22,13 @@ from ...sensitivity import Sensitivity
 from ...spatial import TWIST_NAMES, WRENCH_NAMES
 from ..text.answer import Answer
 from ..text.values import coordinate_dimensions, dimension, joint_type, limits
+
+if TYPE_CHECKING:
+    from ...diagnosis import Diagnosis, Finding
+    from ...diagnosis.calibrate import CalibratedParameter
+    from ...diagnosis.diagnosis import ByRecording
+    from ...diagnosis.efforts import EffortCurve, EffortDiagnosis
+    from ...diagnosis.locate import LocalCurve
 
 _UNIT = {"length": "m", "angle": "rad", "number": ""}
 
@@ -265,6 +267,8 @@ def _effort_curve(curve: EffortCurve) -> dict[str, Any]:
 
 
 def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | None = None) -> dict[str, Any]:
+    from ...diagnosis.efforts import effort_curve_of
+
     value: dict[str, Any] = {
         "physics": finding.physics,
         "location": finding.location,
