@@ -80,15 +80,18 @@ class RobotFileError(PrupPinError):
 
 
 class RecordingFileError(PrupPinError):
-    """A recording, test plan or corrected model that cannot be used. `problems` lists all that was found."""
+    """A recording, test plan or corrected model that cannot be used. `problems` lists all that was found.
 
-    def __init__(self, path: str | Path, problems: Sequence[Problem]):
-        self.path = str(path)
+    advice: what else can be done with such a file, or ''; it ends the message.
+    """
+
+    def __init__(self, path: str | Path, problems: Sequence[Problem], advice: str = ""):
+        self.path, self.advice = str(path), advice
         self.problems = tuple(
             problem if problem.file else replace(problem, file=Path(path).name) for problem in problems
         )
         count = len(self.problems)
-        lines = "\n".join(f"  {problem}" for problem in self.problems)
+        lines = "\n".join([*(f"  {problem}" for problem in self.problems), *filter(None, [advice])])
         super().__init__(f"{path}: {count} problem{'s' if count != 1 else ''}\n{lines}")
 
 

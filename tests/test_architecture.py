@@ -59,6 +59,15 @@ def test_a_robot_is_loaded_without_what_is_behind_its_doors(loaded):
     assert not loaded & {room for _, room in DOORS}
 
 
+def test_the_command_line_begins_without_what_one_of_its_commands_needs():
+    """`--version` and `stiffness` do not wait for the diagnosis, readers of logs, or scipy's statistics."""
+    code = "import sys, prup_pin.cli; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    heavy = {"prup_pin.diagnosis", "prup_pin.imports", "scipy.stats"}
+    assert "prup_pin.cli.one_pose" in done.stdout.split()
+    assert not heavy & set(done.stdout.split())
+
+
 def test_a_robot_has_the_arguments_of_its_view():
     def arguments(function):
         return [str(parameter) for parameter in inspect.signature(function).parameters.values()][1:]

@@ -180,6 +180,25 @@ def test_changes_locks_and_variants(run):
     assert by_option["C"] == by_name["C"] != base["C"]
 
 
+def test_stiffness_along_a_load_is_told_beside_k(run, compliance):
+    """K's diagonal, all other directions held, is larger than what somebody measures who pulls at the tool."""
+    at = ("stiffness", "--at", POSE, "--wrench", "fx=300")
+    pulled = 300 / compliance.deflection({"fx": 300})[0]
+    assert pulled < 0.999 * compliance.K[0, 0]
+    flat = " ".join(run(*at).stdout.split())
+    assert "The diagonal of K is the stiffness in each direction while the other five are held" in flat
+    told = re.search(r"Stiffness along the load: ([\d.]+) N/mm; load over the displacement", flat)
+    assert float(told[1]) == pytest.approx(pulled / 1e3, rel=1e-3)
+    found = answer_as_json(run, *at[1:])["stiffness_along_load"]
+    assert found == {"force": pytest.approx(pulled), "moment": None}
+    turned = 1 / compliance.C[5, 5]
+    found = answer_as_json(run, "--at", POSE, "--wrench", "fx=300,mz=-4")["stiffness_along_load"]
+    assert found == {"force": pytest.approx(pulled), "moment": pytest.approx(turned)}
+    both = " ".join(run("stiffness", "--at", POSE, "--wrench", "fx=300,mz=-4").stdout.split())
+    assert "Stiffness along the force alone" in both
+    assert "Stiffness about the moment's axis alone" in both
+
+
 def test_stiffness_says_what_to_stiffen_first(run):
     at = ("--at", POSE, "--wrench", "fx=300")
     text = run("stiffness", *at, "--sensitivity").stdout

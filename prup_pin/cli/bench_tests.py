@@ -15,7 +15,7 @@ from ..errors import InputError, PrupPinError, SimulationStoppedError
 from ..export import export_model
 from ..laws import Effect
 from ..numbers import counted
-from ..recordings import Convention, Recording, add_noise, read_plan, read_recording, write_prediction, write_recording
+from ..recordings import Convention, Recording, add_noise, read_plan, write_prediction, write_recording
 from ..robot import Robot
 from ..simulation import CorrectedModel, Prediction, as_recorded, in_format, read_model
 from ..views.text import terminal
@@ -37,8 +37,8 @@ from .options import (
     TolerancesOption,
     Workers,
     recorded,
+    recording_typed,
     robot_beside,
-    with_conventions,
 )
 
 
@@ -73,7 +73,7 @@ def simulate(
     check_csv(out, recording, "recording")
     source = plan if recording is None else recording
     assert source is not None
-    read = with_conventions(read_recording(recording), convention) if recording is not None else None
+    read = recording_typed(recording, robot, convention) if recording is not None else None
     programme = read_plan(source) if read is None else None
     corrected = read_model(model) if model is not None else None
     named = read.robot if read is not None else programme.robot if programme is not None else None
@@ -114,7 +114,7 @@ def predict(
     """What a corrected model says that a recording should have measured."""
     check_csv(out, recording, "recording")
     corrected = read_model(model)
-    read = with_conventions(read_recording(recording), convention)
+    read = recording_typed(recording, None, convention)
     notes = []
     if corrected.conventions and not read.conventions:
         read = replace(read, conventions=corrected.conventions)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import fnmatch
 import inspect
 import json
+import shlex
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -18,11 +19,12 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from .. import loading
-from ..errors import InputError, JointLimitWarning, UnknownNameError, nearest_names
+from ..errors import InputError, JointLimitWarning, RecordingFileError, UnknownNameError, nearest_names
 from ..kinematics import ClosedPose
 from ..laws import Effect
 from ..numbers import some
 from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
+from ..recordings.reader import ROBOT
 from ..robot import Robot
 from ..robots import as_path, is_file
 from ..simulation import CorrectedModel
@@ -208,6 +210,18 @@ def robot_beside(named: str | None, source: Path) -> str:
     return str(beside) if is_path and is_file(beside) else named
 
 
+def recording_typed(path: Path, robot: str | None, conventions: Sequence[str] | None) -> Recording:
+    """Return the recording of a file, written as was typed; what an error advises to type has the robot typed."""
+    try:
+        read = read_recording(path)
+    except RecordingFileError as error:
+        if robot is None or not error.advice:
+            raise
+        advice = error.advice.replace(f"--robot {ROBOT}", f"--robot {shlex.quote(robot)}")
+        raise RecordingFileError(path, error.problems, advice) from None
+    return with_conventions(read, conventions)
+
+
 def robot_of_all(recordings: Sequence[Recording]) -> str:
     """Return the robot that the first of several recordings names that names one."""
     named = next((recording for recording in recordings if recording.robot is not None), recordings[0])
@@ -218,7 +232,7 @@ def recorded(
     paths: Sequence[Path], tolerances: str | None, robot: str | None, conventions: Sequence[str] | None = None
 ) -> tuple[list[Recording], str]:
     """Return recordings of one device within the tolerances that were typed, and the robot typed or named by them."""
-    read = [_with_tolerances(with_conventions(read_recording(path), conventions), tolerances) for path in paths]
+    read = [_with_tolerances(recording_typed(path, robot, conventions), tolerances) for path in paths]
     return read, robot or robot_of_all(read)
 
 

@@ -13,7 +13,6 @@ import typer
 from .. import __version__
 from ..errors import InputError, PrupPinError, SingularPoseError, UnknownNameError, UnreachablePoseError
 from ..modules import KINDS
-from ..recordings import read_recording
 from ..recordings.writer import write_whole
 from ..robots import packaged_names
 from ..views.report.as_json import dump, info_as_json
@@ -31,9 +30,9 @@ from .options import (
     RobotOption,
     TolerancesOption,
     limits_as_notes,
+    recording_typed,
     robot_of_all,
     tolerances_named,
-    with_conventions,
 )
 
 
@@ -127,7 +126,7 @@ def _recording(file: str, reading: Reading, robot: str | None, conventions: Sequ
     from ..diagnosis.prospects import prospects
     from ..views.text.robot_files import print_prospects
 
-    recording = with_conventions(read_recording(Path(file)), conventions)
+    recording = recording_typed(Path(file), robot, conventions)
     loaded = reading.load(robot or robot_of_all([recording]))
     with progress.stages() as tell:
         tell("what the recording could show", 0.1)
@@ -141,7 +140,7 @@ def _no_robot(file: str, reading: Reading, robot: str | None, conventions: Seque
 
 #: What is checked how, by the ending of its name; all else is a robot.
 _CHECKED: dict[str, Callable[[str, Reading, str | None, Sequence[str] | None], None]] = {
-    **dict.fromkeys((".csv", ".tsv", ".txt", ".xlsx", ".xls", ".ods"), _recording),
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".log", ".dat", ".xlsx", ".xls", ".ods"), _recording),
     ".json": _no_robot,
 }
 

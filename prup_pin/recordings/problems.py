@@ -51,12 +51,13 @@ class KeyProblem(Problem):
 
 
 class Problems:
-    """The problems found so far in one file."""
+    """The problems found so far in one file. advice: what else can be done with it, where they say what it is."""
 
     def __init__(self, path: Path):
         self.path = path
         self.found: list[Problem] = []
         self.more = 0
+        self.advice = ""
         self._per_column: Counter[tuple[str | None, str]] = Counter()
 
     def __len__(self) -> int:
@@ -106,7 +107,7 @@ class Problems:
             more = self.more + len(found) - (room - 1)
             found = found[: room - 1]
             rest.append(Problem(f"{more} more problems are not listed"))
-        return RecordingFileError(self.path, [*found, *rest])
+        return RecordingFileError(self.path, [*found, *rest], self.advice)
 
 
 def shown(text: object, limit: int = MAX_SHOWN) -> str:

@@ -6,6 +6,7 @@ import csv
 import io
 import itertools
 import re
+import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -63,6 +64,8 @@ _REPEATED, _ON_GRID = (10, 0.05), 1e-3
 _BLOCK = 2**25
 #: Columns that remarks name, of one kind.
 _REMARKED = 40
+#: Stands for the robot's name in an advice.
+ROBOT = "ROBOT"
 _EXPECTED = "a table of comma-separated values (.csv) with one header row"
 _SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
 _DECIMAL_COMMA = re.compile(r"[+-]?[\d.]*\d,\d+(?:[eE][+-]?\d+)?")
@@ -106,10 +109,11 @@ class _Form:
     coordinates: Mapping[str, str] = field(default_factory=dict)
     is_path: bool = False
 
-    @property
-    def otherwise(self) -> str:
-        """What else can be done with a table that is not written as a recording is."""
-        return "" if self.is_path else ", or let `prup-pin import` make a recording of it"
+    def is_log(self, problems: Problems) -> None:
+        """Note that a table is written as no recording is: what to type that makes one of a log."""
+        if not self.is_path:
+            command = f"prup-pin import {shlex.quote(str(problems.path))} --robot {ROBOT}"
+            problems.advice = f"Is it a log of another program? This makes a recording of it:\n  {command}"
 
     def knows(self, name: str) -> bool:
         """Return whether a column's name has a meaning."""
@@ -160,7 +164,7 @@ def _read(path: Path, form: _Form) -> tuple[Recording, dict[str, Array]]:
     labels: dict[str, int] = {}
     times: dict[int, tuple[float, int]] = {}
     for first, content in _blocks(path, problems, whole=form.is_path):
-        content = _text(content, problems, first)
+        content = _text(content, problems, form, first)
         if not parts:
             header = _header(content, problems, form)
         part = _fast(content, header, form, labels, first) or _careful(content, header, problems, form, labels, first)
@@ -216,7 +220,7 @@ def _end_of_rows(content: bytes) -> int:
     return end
 
 
-def _text(content: bytes, problems: Problems, first: int) -> bytes:
+def _text(content: bytes, problems: Problems, form: _Form, first: int) -> bytes:
     """Return the content as UTF-8 with plain line ends, or raise what makes it no table of text at all.
 
     first: the line of its first row.
@@ -227,6 +231,7 @@ def _text(content: bytes, problems: Problems, first: int) -> bytes:
         whole = "is a spreadsheet or an archive, not text; export the sheet as CSV (UTF-8)"
     elif content.startswith((b"\xff\xfe", b"\xfe\xff")):
         whole = "is UTF-16 text; save it as UTF-8"
+        form.is_log(problems)
     elif start in (b"{", b"["):
         whole = (
             f"looks like JSON; expected {_EXPECTED}, with its JSON file (same name, .json). A test plan is carried out "
@@ -236,6 +241,7 @@ def _text(content: bytes, problems: Problems, first: int) -> bytes:
         whole = f"looks like XML or HTML; expected {_EXPECTED}"
     elif b"\0" in content[:4096].partition(b"\n")[0]:
         whole = f"is not text (its first line holds zero bytes); expected {_EXPECTED}"
+        form.is_log(problems)
     if whole:
         raise problems.error(Problem(whole))
     content = content.removeprefix(b"\xef\xbb\xbf")
@@ -253,6 +259,7 @@ def _text(content: bytes, problems: Problems, first: int) -> bytes:
             marked = content.decode("utf-8", "surrogateescape").encode("utf-8", "surrogatepass")
             kind = f"is not UTF-8 text (byte 0x{content[error.start]:02x}); save the file as UTF-8"
             places[kind] = _lines_with(marked, rb"\xed[\xb2\xb3][\x80-\xbf]")
+            form.is_log(problems)
     if places:
         names = next(csv.reader([content.split(b"\n", 1)[0].decode("utf-8", "replace").replace("\0", "")]), [])
         for kind, found in places.items():
@@ -286,15 +293,12 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
     for separator, word in _SEPARATORS.items():
         if text.count(separator) > text.count(","):
             decimal = " and decimal points instead of decimal commas" if re.search(r"\d,\d", second) else ""
-            message = (
-                f"the columns are separated by {word}; export the table again with commas{decimal}{form.otherwise}"
-            )
+            message = f"the columns are separated by {word}; export the table again with commas{decimal}"
+            form.is_log(problems)
             raise problems.error(TableProblem(message, 1))
     if text.lstrip().startswith("#"):
-        message = (
-            "is a remark ('#'); expected the header: time, q.<joint>, … Remarks go to \"notes\" in its JSON file"
-            f"{form.otherwise}"
-        )
+        message = "is a remark ('#'); expected the header: time, q.<joint>, … Remarks go to \"notes\" in its JSON file"
+        form.is_log(problems)
         raise problems.error(TableProblem(message, 1))
     try:
         header = [name.strip() for name in next(csv.reader([text], strict=True), [])]
@@ -306,6 +310,7 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
     if not any(header):
         raise problems.error(TableProblem("the first row is blank; expected the header: time, q.<joint>, …", 1))
     if all(_NUMBER.fullmatch(name) for name in header if name):
+        form.is_log(problems)
         raise problems.error(TableProblem("the first row holds numbers; expected the header: time, q.<joint>, …", 1))
     if not re.compile(rb"\S").search(content, max(content.find(b"\n"), 0) or len(content)):
         problems.add(TableProblem("holds a header but no rows; expected one row per sample", 1))
@@ -322,13 +327,14 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
             message = f"is not a name of the format. Did you mean '{wanted}'? Expected exactly that{unit}"
             problems.add(TableProblem(message, 1, column=name))
     wanted_names = {meant(name) for name in header}
+    if not any(is_known(name) and name != "time" for name in {*header, *filter(None, wanted_names)}):
+        form.is_log(problems)
     there = ", ".join(shown(name, 30) for name in header[:12]) + (", …" if len(header) > 12 else "")
     if "time" not in header and "time" not in wanted_names:
         close = [name for name in header if name.lower() in ("t", "timestamp", "zeit", "tiem", "tmie")]
         hint = f" Is it column '{close[0]}'?" if close else ""
-        other = " `prup-pin import` makes a recording of a log whose columns are called otherwise."
         count = " Number poses at rest 1, 2, 3 …; of rows at an even rate `prup-pin import` makes it."
-        remedy = other if hint else count
+        remedy = "" if hint or problems.advice else count
         message = f"is missing: the seconds at which each row was measured.{hint}{remedy} The header has: {there}"
         problems.add(TableProblem(message, 1, column="time"))
     stated = any(name in form.coordinates for name in header)
@@ -433,9 +439,8 @@ def _careful(
     while chunk := list(itertools.islice(rows, _CHUNK)):
         chunk_lines = [line for line, _ in chunk]
         if not lines and first == 2 and _is_second_header([row for _, row in chunk[:2]], used):
-            message = (
-                f"is a row of words, such as units; expected one header row and then numbers. Remove it{form.otherwise}"
-            )
+            message = "is a row of words, such as units; expected one header row and then numbers. Remove it"
+            form.is_log(problems)
             problems.add(TableProblem(message, chunk_lines[0]))
             chunk, chunk_lines = chunk[1:], chunk_lines[1:]
         cells = list(zip(*(row for _, row in chunk), strict=True))

@@ -250,13 +250,36 @@ def test_unquoted_decimal_commas(write):
     assert "decimal commas" in problems[0][2]
 
 
+def advice(path):
+    """Return what the error about a table advises to type."""
+    with pytest.raises(RecordingFileError) as caught:
+        read_recording(path)
+    assert str(caught.value).endswith(caught.value.advice)
+    return caught.value.advice
+
+
+@pytest.mark.parametrize("encoding", ["cp932", "cp1252", "utf-16", "utf-8"])
+def test_a_log_of_another_program_is_told_how_it_becomes_a_recording(write, encoding):
+    heading = "時刻,第1軸角度" if encoding != "cp1252" else "Zeit [s],Winkel [°]"
+    told = advice(write(f"{heading}\n0,1\n1,2\n".encode(encoding)))
+    assert told.startswith("Is it a log of another program? This makes a recording of it:\n  prup-pin import ")
+    assert told.endswith(" --robot ROBOT")
+    assert advice(write("0,1\n1,2\n")) == told
+    assert advice(write("# of Monday\ntime,q.a\n0,1\n")) == told
+
+
+def test_a_recording_with_a_mistake_in_it_is_not_taken_for_a_log(write):
+    assert advice(write("time,q.a\n0,1\n0,x\n")) == ""
+    assert advice(write("Time,q.a,p.x\n0,1,1\n")) == ""
+
+
 @pytest.mark.parametrize(("separator", "word"), [(";", "semicolons"), ("\t", "tabs"), ("|", "vertical bars")])
 def test_other_separators(write, separator, word):
     line, _, message = only(write(TABLE.replace(",", separator)))
     assert line == 1
     assert f"separated by {word}; export the table again with commas" in message
     assert "decimal" not in message
-    assert message.endswith("or let `prup-pin import` make a recording of it")
+    assert "--robot ROBOT" in advice(write(TABLE.replace(",", separator)))
     commas = TABLE.replace(",", separator).replace(".", ",").replace("q,", "q.")
     assert "decimal points instead of decimal commas" in only(write(commas))[2]
 

@@ -8,15 +8,10 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...diagnosis import Diagnosis, Finding
-from ...diagnosis.calibrate import CalibratedParameter
-from ...diagnosis.diagnosis import ByRecording
-from ...diagnosis.efforts import EffortCurve, EffortDiagnosis, effort_curve_of
-from ...diagnosis.locate import LocalCurve
 from ...errors import PrupPinError
 from ...laws.drawn import load_units
 from ...mechanism.tolerances import value_tolerances
@@ -27,6 +22,13 @@ from ...sensitivity import Sensitivity
 from ...spatial import TWIST_NAMES, WRENCH_NAMES
 from ..text.answer import Answer
 from ..text.values import coordinate_dimensions, dimension, joint_type, limits
+
+if TYPE_CHECKING:
+    from ...diagnosis import Diagnosis, Finding
+    from ...diagnosis.calibrate import CalibratedParameter
+    from ...diagnosis.diagnosis import ByRecording
+    from ...diagnosis.efforts import EffortCurve, EffortDiagnosis
+    from ...diagnosis.locate import LocalCurve
 
 _UNIT = {"length": "m", "angle": "rad", "number": ""}
 
@@ -72,6 +74,7 @@ def answer_as_json(
             "K": [["N/m", "N/rad"], ["N m/m", "N m/rad"]],
             "wrench": ["N"] * 3 + ["N m"] * 3,
             "displacement": ["m"] * 3 + ["rad"] * 3,
+            "stiffness_along_load": {"force": "N/m", "moment": "N m/rad"},
             "task_coordinates": {name: _UNIT[kind] for name, kind in coordinate_dimensions(robot).items()},
             "joints": {name: _UNIT[dimension(mechanism, name)] for name in pose.joints},
             "share": "1",
@@ -93,6 +96,7 @@ def answer_as_json(
         "load": {"wrench": answer.load.wrench, "source": "given" if answer.load.given else "softest direction"},
         "linearised_at": compliance.load,
         "deflection": deflection,
+        "stiffness_along_load": {kind: answer.stiffness_along.get(kind) for kind in ("force", "moment")},
         "modules": modules,
         "legs": {leg: {"share": answer.share_of(part), "C": part} for leg, part in compliance.legs.items()},
         "bodies": {"share": answer.share_of(compliance.bodies), "C": compliance.bodies},
@@ -265,6 +269,8 @@ def _effort_curve(curve: EffortCurve) -> dict[str, Any]:
 
 
 def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | None = None) -> dict[str, Any]:
+    from ...diagnosis.efforts import effort_curve_of
+
     value: dict[str, Any] = {
         "physics": finding.physics,
         "location": finding.location,

@@ -25,7 +25,9 @@ from ...spatial import Array, as_wrench
 from ...statics import Compliance
 from ..scene.colours import share_colours
 from ..text.answer import (
+    ALONG,
     Answer,
+    along_texts,
     assumptions,
     compliance_table,
     displacement_cells,
@@ -168,9 +170,7 @@ def _facts(answer: Answer) -> list[tuple[str, str, str]]:
     else:
         first = (f"The tool moves{per}", moved, f"and turns {turned}" if radians else "and does not turn")
     facts = [first]
-    stiffness = _stiffness_along(answer)
-    if stiffness is not None:
-        facts.append(("Stiffness along the load", stiffness, "load over the displacement in its own direction"))
+    facts += [(title, text, ALONG) for title, text in along_texts(answer).items()]
     if answer.shares is not None:
         names = softest(answer.shares)
         which = "the softest part" if len(names) == 1 else f"each of the {len(names)} softest parts"
@@ -179,14 +179,6 @@ def _facts(answer: Answer) -> list[tuple[str, str, str]]:
         amount = quantity(float(np.linalg.norm(answer.sag[:3])), "m")
         facts.append(("Sag", amount, "the tool, under the robot's own weight"))
     return facts
-
-
-def _stiffness_along(answer: Answer) -> str | None:
-    """Return force over displacement along a pure force, or the same of a pure moment."""
-    wrench, work = answer.load.wrench, float(answer.load.wrench @ answer.deflection)
-    if work <= 0 or (wrench[:3].any() and wrench[3:].any()):
-        return None
-    return quantity(float(wrench @ wrench) / work, "N m/rad" if answer.load.turns else "N/m", 4)
 
 
 def _displacements(answer: Answer) -> dict[str, Any]:

@@ -6,14 +6,14 @@ First the numbers, then tables and phrases of them, where they get their units.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError, NoStiffnessError
-from ...numbers import finer_units, fixed, readable_unit
+from ...numbers import finer_units, fixed, quantity, readable_unit
 from ...review import yielding_beside
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, wrench_text
@@ -167,6 +167,23 @@ class Answer:
         return float(np.linalg.norm(self.deflection[self.motion[0]]))
 
     @cached_property
+    def stiffness_along(self) -> dict[str, float | None]:
+        """Stiffness along the load's force [N/m] and about its moment's axis [N m/rad], by "force" and "moment".
+
+        |F| / the displacement along F, under F alone, all other directions free: 1 / (n @ C @ n), n being its
+        direction. A load of force and moment has one of each, None where that part alone moves nothing along itself.
+        """
+        found: dict[str, float | None] = {}
+        for name, block in (("force", slice(0, 3)), ("moment", slice(3, 6))):
+            part = self.load.wrench[block]
+            if part.any():
+                along = part / np.linalg.norm(part)
+                yields = float(along @ self.compliance.C[block, block] @ along)
+                most = float(np.abs(self.compliance.C[block, block]).max())
+                found[name] = 1 / yields if yields > _ROUNDING * most else None
+        return found
+
+    @cached_property
     def contributions(self) -> dict[str, float]:
         """Each module's part of `amount`, along the direction in which the tool moves; they sum to it."""
         block, _ = self.motion
@@ -186,20 +203,30 @@ class Answer:
 
 @dataclass(frozen=True)
 class MatrixTable:
-    """A square matrix in words: `cells` by row; rows and columns carry units."""
+    """A square matrix in words: `cells` by row; rows and columns carry units. note: how its diagonal is meant."""
 
     title: str
     detail: str
     rows: tuple[str, ...]
     columns: tuple[str, ...]
     cells: tuple[tuple[str, ...], ...]
+    note: str = ""
+
+
+#: What the stiffness along a load is.
+ALONG = "load over the displacement in its own direction, all other directions free"
+#: What K's diagonal is; most people take it for the stiffness along a load.
+_DIAGONAL = (
+    "The diagonal of K is the stiffness in each direction while the other five are held; along a load they are free, "
+    "and it is no larger."
+)
 
 
 def stiffness_table(answer: Answer) -> MatrixTable | None:
     """Return K in N/mm and N m/mrad, or finer where it is very stiff; None where it does not exist."""
     if answer.stiffness is None:
         return None
-    return _stiffness("Stiffness K", f"at '{answer.tool}', base axes", answer.stiffness)
+    return replace(_stiffness("Stiffness K", f"at '{answer.tool}', base axes", answer.stiffness), note=_DIAGONAL)
 
 
 def task_table(answer: Answer) -> MatrixTable | None:
@@ -331,6 +358,17 @@ def load_text(answer: Answer) -> str:
     block = slice(3, 6) if answer.load.turns else slice(0, 3)
     unit, motion = ("N m", "rotation") if answer.load.turns else ("N", "translation")
     return f"per {unit} along the softest {motion}, {direction_text(answer.load.wrench[block])}"
+
+
+def along_texts(answer: Answer) -> dict[str, str]:
+    """Return the stiffness along the load by what it is called, that of a force beside a moment; {} without a load."""
+    found = {}
+    for name, value in answer.stiffness_along.items():
+        alone = {"force": "along the force alone", "moment": "about the moment's axis alone"}[name]
+        which = alone if len(answer.stiffness_along) > 1 else "along the load"
+        unit = "N/m" if name == "force" else "N m/rad"
+        found[f"Stiffness {which}"] = "rigid" if value is None else quantity(value, unit, 4)
+    return found
 
 
 def displacements(answer: Answer) -> tuple[tuple[str, ...], dict[str, list[str]], Units]:

@@ -5,18 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from ...diagnosis import Diagnosis, Finding
-from ...diagnosis.calibration import Calibration
-from ...diagnosis.diagnosis import Detectable
-from ...diagnosis.efforts.conventions import gains_apart
-from ...imports import Conversion, Log, LogMap
-from ...imports.map import Column
-from ...imports.units import SI_WORDS, dimension_of
 from ...laws import Effect
 from ...laws.efforts.effort_sensor import EffortUnit
 from ...numbers import counted, number, readable_unit, some
@@ -41,6 +35,13 @@ from .diagnosis_words import (
     verdict_text,
 )
 from .terminal import bullets, heading, lines_of, listed, make_table, paragraph, print_table
+
+if TYPE_CHECKING:  # the command line begins without them
+    from ...diagnosis import Diagnosis, Finding
+    from ...diagnosis.calibration import Calibration
+    from ...diagnosis.diagnosis import Detectable
+    from ...imports import Conversion, Log, LogMap
+    from ...imports.map import Column
 
 
 def print_log(out: Console, log: Log) -> None:
@@ -80,6 +81,8 @@ def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> 
 
 def _si_of(name: str, column: Column) -> str:
     """Return the SI unit of a column of the recording."""
+    from ...imports.units import SI_WORDS, dimension_of
+
     dimension = dimension_of(column.unit.name)
     return SI_WORDS[dimension] if dimension is not None else unit_of(name)
 
@@ -147,6 +150,8 @@ def _effects_told(effects: Sequence[Effect], source: str) -> list[str]:
 
 def _in_own_units(effects: Sequence[Effect]) -> frozenset[str]:
     """Return the joints whose drives report efforts in a unit of their own, where none does in N m or N."""
+    from ...diagnosis.efforts.conventions import gains_apart
+
     gains = {e.place.name: 1 + e.values["gain"] for e in effects if isinstance(e.law, EffortUnit)}
     return frozenset(gains) if gains_apart(gains) else frozenset()
 

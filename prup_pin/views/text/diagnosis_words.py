@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...diagnosis import Diagnosis, Finding
-from ...diagnosis.diagnosis import Detectable, FittedParameter
 from ...laws.efforts import EFFORT
 from ...numbers import counted, number, quantity, readable_unit
 from ...recordings import Convention, Recording
 from ...recordings.columns import AS_LOGGED
+
+if TYPE_CHECKING:
+    from ...diagnosis import Diagnosis, Finding
+    from ...diagnosis.diagnosis import Detectable, FittedParameter
 
 #: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
 _ABSURD = 1e9

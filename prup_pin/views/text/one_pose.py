@@ -13,8 +13,10 @@ from ...robot import Robot
 from ...sensitivity import Sensitivity
 from ...spatial import TWIST_NAMES, wrench_text
 from .answer import (
+    ALONG,
     Answer,
     MatrixTable,
+    along_texts,
     assumptions,
     compliance_table,
     displacements,
@@ -53,6 +55,7 @@ def print_answer(
     for table in (*stiffness_tables(answer), compliance_table(answer)):
         _print_matrix(out, table)
     _print_deflection(out, answer)
+    _print_along(out, answer)
     _print_shares(out, answer)
     _print_sag(out, answer)
     bullets(out, "Assumed", assumptions(robot, answer))
@@ -107,6 +110,11 @@ def _print_deflection(out: Console, answer: Answer) -> None:
         shown = [column.replace(" ", f" {cell} ", 1) for column, cell in zip(columns, own, strict=True)]
         listed(out, "moves", shown[:4])
         listed(out, "turns", shown[4:])
+
+
+def _print_along(out: Console, answer: Answer) -> None:
+    for title, text in along_texts(answer).items():
+        heading(out, f"{title}:", f"{text}; {ALONG}")
 
 
 def _print_shares(out: Console, answer: Answer) -> None:
@@ -169,10 +177,12 @@ def _print_matrix(out: Console, matrix: MatrixTable) -> None:
     whole = _matrix_table(matrix, *((slice(0, 3), slice(3, 6)) if six else (slice(None),)))
     if not six or fits(out, whole):
         print_table(out, whole)
-        return
-    print_table(out, _matrix_table(matrix, slice(0, 3)))
-    out.print()
-    print_table(out, _matrix_table(matrix, slice(3, 6)))
+    else:
+        print_table(out, _matrix_table(matrix, slice(0, 3)))
+        out.print()
+        print_table(out, _matrix_table(matrix, slice(3, 6)))
+    if matrix.note:
+        paragraph(out, matrix.note)
 
 
 def _matrix_table(matrix: MatrixTable, *blocks: slice) -> Table:

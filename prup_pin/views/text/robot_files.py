@@ -5,13 +5,13 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
 from rich.text import Text
 
 from ... import robots
-from ...diagnosis.prospects import Prospects
 from ...errors import MissingExtraError, PrupPinError, UnknownNameError
 from ...laws import LAWS, Law, Place
 from ...laws.efforts import EFFORT_LAWS, EffortLaw
@@ -37,6 +37,9 @@ from .values import (
     pose_text,
     value_text,
 )
+
+if TYPE_CHECKING:
+    from ...diagnosis.prospects import Prospects
 
 
 def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None) -> None:
