@@ -66,7 +66,8 @@ MOST: Final = 0.5
 ALIKE: Final = 0.95
 #: A law is doubtful that gains less than so many times what is left.
 IMITATED: Final = 100.0
-#: A law at the same joint imitates a curve where the curve saves more than this share of what the law does.
+#: A law at the same joint imitates a curve where the curve saves more than this share of what the law does; a body, one
+#: that cannot exist where that one saves so much more than one that can.
 EFFORT_IMITATED = 0.03
 #: What leaves so many times as much as the best does is as good; what leaves more than so many times the noise lacks
 #: something: of efforts, and while parameters are calibrated, whose last digits are not looked for then.

@@ -109,16 +109,13 @@ class Travel:
         """
         step = np.where(self._broken, 0.0, np.diff(self._fine[1]))
         number, sign = np.arange(len(step)), np.sign(step)
-        begins = np.concatenate(([True], self._broken[:-1]))[: len(step)]
-        begins |= self._broken  # a step between pieces is a stretch of its own
-        part = np.cumsum(begins) - 1
+        begins = np.append(True, self._broken[:-1]) | self._broken  # a step between pieces is a stretch of its own
         # at rest the direction is that of the step before; before the first step that of the first
-        moving = np.flatnonzero(sign)
-        last = np.maximum.accumulate(np.where(sign != 0, number, -1))
-        following = moving[np.minimum(np.searchsorted(moving, number), len(moving) - 1)] if len(moving) else number
-        same = (last >= 0) & (part[last] == part)
-        source = np.where(same, last, following)
-        towards = np.where(part[source] == part, sign[source], 0.0)
+        parts = np.flatnonzero(begins)
+        first = np.append(np.flatnonzero(sign), len(step))[np.searchsorted(np.flatnonzero(sign), parts)]
+        last = np.where(sign != 0, number, 0)
+        last[parts] = np.where(first < np.append(parts[1:], len(step)), first, parts)
+        towards = sign[np.maximum.accumulate(last)]
         turned = begins | (np.diff(towards, prepend=towards[:1]) != 0)
         starts, length = np.flatnonzero(turned), np.abs(step)
         gone = np.concatenate(([0.0], np.cumsum(length)))

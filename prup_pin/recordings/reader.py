@@ -109,8 +109,8 @@ class _Form:
     coordinates: Mapping[str, str] = field(default_factory=dict)
     is_path: bool = False
 
-    def is_log(self, problems: Problems) -> None:
-        """Note that a table is written as no recording is: what to type that makes one of a log."""
+    def advise_import(self, problems: Problems) -> None:
+        """Add to the problems of a table that is written as no recording is what to type that makes one of a log."""
         if not self.is_path:
             command = f"prup-pin import {shlex.quote(str(problems.path))} --robot {ROBOT}"
             problems.advice = f"Is it a log of another program? This makes a recording of it:\n  {command}"
@@ -231,7 +231,7 @@ def _text(content: bytes, problems: Problems, form: _Form, first: int) -> bytes:
         whole = "is a spreadsheet or an archive, not text; export the sheet as CSV (UTF-8)"
     elif content.startswith((b"\xff\xfe", b"\xfe\xff")):
         whole = "is UTF-16 text; save it as UTF-8"
-        form.is_log(problems)
+        form.advise_import(problems)
     elif start in (b"{", b"["):
         whole = (
             f"looks like JSON; expected {_EXPECTED}, with its JSON file (same name, .json). A test plan is carried out "
@@ -241,7 +241,7 @@ def _text(content: bytes, problems: Problems, form: _Form, first: int) -> bytes:
         whole = f"looks like XML or HTML; expected {_EXPECTED}"
     elif b"\0" in content[:4096].partition(b"\n")[0]:
         whole = f"is not text (its first line holds zero bytes); expected {_EXPECTED}"
-        form.is_log(problems)
+        form.advise_import(problems)
     if whole:
         raise problems.error(Problem(whole))
     content = content.removeprefix(b"\xef\xbb\xbf")
@@ -259,7 +259,7 @@ def _text(content: bytes, problems: Problems, form: _Form, first: int) -> bytes:
             marked = content.decode("utf-8", "surrogateescape").encode("utf-8", "surrogatepass")
             kind = f"is not UTF-8 text (byte 0x{content[error.start]:02x}); save the file as UTF-8"
             places[kind] = _lines_with(marked, rb"\xed[\xb2\xb3][\x80-\xbf]")
-            form.is_log(problems)
+            form.advise_import(problems)
     if places:
         names = next(csv.reader([content.split(b"\n", 1)[0].decode("utf-8", "replace").replace("\0", "")]), [])
         for kind, found in places.items():
@@ -294,11 +294,11 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
         if text.count(separator) > text.count(","):
             decimal = " and decimal points instead of decimal commas" if re.search(r"\d,\d", second) else ""
             message = f"the columns are separated by {word}; export the table again with commas{decimal}"
-            form.is_log(problems)
+            form.advise_import(problems)
             raise problems.error(TableProblem(message, 1))
     if text.lstrip().startswith("#"):
         message = "is a remark ('#'); expected the header: time, q.<joint>, … Remarks go to \"notes\" in its JSON file"
-        form.is_log(problems)
+        form.advise_import(problems)
         raise problems.error(TableProblem(message, 1))
     try:
         header = [name.strip() for name in next(csv.reader([text], strict=True), [])]
@@ -310,7 +310,7 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
     if not any(header):
         raise problems.error(TableProblem("the first row is blank; expected the header: time, q.<joint>, …", 1))
     if all(_NUMBER.fullmatch(name) for name in header if name):
-        form.is_log(problems)
+        form.advise_import(problems)
         raise problems.error(TableProblem("the first row holds numbers; expected the header: time, q.<joint>, …", 1))
     if not re.compile(rb"\S").search(content, max(content.find(b"\n"), 0) or len(content)):
         problems.add(TableProblem("holds a header but no rows; expected one row per sample", 1))
@@ -328,7 +328,7 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
             problems.add(TableProblem(message, 1, column=name))
     wanted_names = {meant(name) for name in header}
     if not any(is_known(name) and name != "time" for name in {*header, *filter(None, wanted_names)}):
-        form.is_log(problems)
+        form.advise_import(problems)
     there = ", ".join(shown(name, 30) for name in header[:12]) + (", …" if len(header) > 12 else "")
     if "time" not in header and "time" not in wanted_names:
         close = [name for name in header if name.lower() in ("t", "timestamp", "zeit", "tiem", "tmie")]
@@ -440,7 +440,7 @@ def _careful(
         chunk_lines = [line for line, _ in chunk]
         if not lines and first == 2 and _is_second_header([row for _, row in chunk[:2]], used):
             message = "is a row of words, such as units; expected one header row and then numbers. Remove it"
-            form.is_log(problems)
+            form.advise_import(problems)
             problems.add(TableProblem(message, chunk_lines[0]))
             chunk, chunk_lines = chunk[1:], chunk_lines[1:]
         cells = list(zip(*(row for _, row in chunk), strict=True))

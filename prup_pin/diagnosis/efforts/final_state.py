@@ -24,7 +24,7 @@ from .inertial import BaseParameters, consistent_fit
 from .noise import EffortNoise, true_sizes
 from .outliers import OutlierInterval
 from .prepare import PreparedEfforts
-from .problem import EffortCandidate, EffortModel, fit
+from .problem import EffortCandidate, EffortModel, block_squares, fit
 from .search import squared_strain, sure_of_all
 
 __all__ = ["FinalState", "shows"]
@@ -130,7 +130,7 @@ class FinalState:
         possible, _ = consistent_fit(self.model, self.efforts.bodies_within_tolerance)
         without = self.model.without(*beyond)
         fits = ((self.model, x), (self.model, possible), (without, fit(without)[0]))
-        free, bound, drawn = (float((model.problem.columns.residual(model.where, at) ** 2).sum()) for model, at in fits)
+        free, bound, drawn = (float(block_squares(model, at).sum()) for model, at in fits)
         return beyond if bound - free > max(GAIN * bound, EFFORT_IMITATED * (drawn - bound)) else []
 
     def _imitates_impossible(self, term: EffortCandidate) -> bool:

@@ -18,6 +18,7 @@ from ...review import yielding_beside
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, wrench_text
 from ...statics import Compliance
+from ...sweep import indices
 from .values import direction_text, percent_text
 
 #: Units of translations and of rotations, each with how many of them one SI unit is.
@@ -170,17 +171,16 @@ class Answer:
     def stiffness_along(self) -> dict[str, float | None]:
         """Stiffness along the load's force [N/m] and about its moment's axis [N m/rad], by "force" and "moment".
 
-        |F| / the displacement along F, under F alone, all other directions free: 1 / (n @ C @ n), n being its
-        direction. A load of force and moment has one of each, None where that part alone moves nothing along itself.
+        |F| / the displacement along F, under F alone, all other directions free. A load of force and moment has one of
+        each, None where that part alone moves nothing along itself.
         """
         found: dict[str, float | None] = {}
         for name, block in (("force", slice(0, 3)), ("moment", slice(3, 6))):
             part = self.load.wrench[block]
             if part.any():
-                along = part / np.linalg.norm(part)
-                yields = float(along @ self.compliance.C[block, block] @ along)
-                most = float(np.abs(self.compliance.C[block, block]).max())
-                found[name] = 1 / yields if yields > _ROUNDING * most else None
+                c = self.compliance.C[block, block]
+                stiffness, most = float(indices.along(c, part / np.linalg.norm(part))), float(np.abs(c).max())
+                found[name] = stiffness if 0 < stiffness * _ROUNDING * most < 1 else None
         return found
 
     @cached_property

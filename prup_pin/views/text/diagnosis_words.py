@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...dynamics.smoothing import pieces
 from ...laws.efforts import EFFORT
 from ...numbers import counted, number, quantity, readable_unit
 from ...recordings import Convention, Recording
@@ -392,8 +393,8 @@ def length_of(diagnosis: Diagnosis, recording: Recording) -> str:
     poses = len(set(recording.blocks().tolist())) if len(recording) else 0
     if diagnosis.efforts is None or 2 * poses <= len(recording):
         return counted(poses, "pose")
-    times = np.split(recording.time, np.flatnonzero(np.diff(recording.run)) + 1)
-    return f"{number(float(sum(np.ptp(own) for own in times)), 3)} s of motion"
+    lasted = sum(float(np.ptp(recording.time[run])) for run in pieces(recording.run))
+    return f"{number(lasted, 3)} s of motion"
 
 
 def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
