@@ -266,8 +266,19 @@ def _decoded(content: bytes) -> tuple[str, str]:
         else:
             text, encoding = content.decode("utf-8-sig"), "utf-8-sig"
     except UnicodeDecodeError:
-        text, encoding = content.decode("latin-1"), "latin-1"
+        text, encoding = _older(content)
     return text.replace("\r\n", "\n").replace("\r", "\n"), encoding
+
+
+def _older(content: bytes) -> tuple[str, str]:
+    """Return text that is no Unicode: Japanese where bytes stand in it that are no letters of Western Europe."""
+    japanese = ("cp932",) if re.search(rb"[\x81-\x9f]", content) else ()
+    for encoding in (*japanese, "cp1252"):
+        try:
+            return content.decode(encoding), encoding
+        except UnicodeDecodeError:
+            continue
+    return content.decode("latin-1"), "latin-1"
 
 
 def _marks(lines: list[str]) -> tuple[str, str]:
