@@ -59,7 +59,8 @@ def triples_of(stream: Stream) -> list[dict[str, str]]:
             if letter in "xyzXYZ":
                 stem = f"{name[:place]}\0{name[place + 1 :]}", "x" if letter.islower() else "X"
                 found.setdefault(stem, {})[letter.lower()] = name
-    out, used = [], set()
+    out: list[dict[str, str]] = []
+    used: set[str] = set()
     for triple in found.values():
         if set(triple) == set("xyz") and not used & set(triple.values()):
             out.append({axis: triple[axis] for axis in "xyz"})

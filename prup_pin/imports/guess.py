@@ -187,7 +187,7 @@ def written(
         lines += ["", "# Not used:", *(f"#   {name}" for name in (*unused, *log.left_out))]
     angles = [name for name in unused if dimension_of(log.stream_of(name).unit_of(name) or "") == "angle"]
     if len(angles) == 3 and not seen.turns and any(line.target == "p.x" for line in chosen):
-        unit = log.stream_of(angles[0]).unit_of(angles[0])
+        unit = log.stream_of(angles[0]).unit_of(angles[0]) or "rad"
         turn = f"r: {{from: [{', '.join(map(_text, angles))}], as: euler_ZYX, unit: {unit}}}"
         lines += ["# Where these angles turn the tool, in the order in which your log turns it:"]
         lines += [f"# rotations: {{{turn}}}  # or euler_XYZ, euler_xyz, rotation_vector"]
