@@ -69,11 +69,7 @@ def triples_of(stream: Stream) -> list[dict[str, str]]:
 
 
 def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Body]:
-    """Return the bodies of a stream in the order of their columns; those that are `taken` are something else.
-
-    Where nothing is, plain X, Y and Z are a place too: a list of points.
-    """
-    alone = not taken & set(stream.columns)
+    """Return the bodies of a stream in the order of their columns; those that are `taken` are something else."""
     places: dict[str, dict[str, str]] = {}
     turns: dict[str, dict[str, str]] = {}
     matrices: dict[str, dict[int, str]] = {}
@@ -110,7 +106,7 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
             or dimension_of(said) == "length"
             or spoken & {*_PLACE, "tcp"}
             or frame_of(body, frames)
-            or (alone and not body)
+            or not body
         ):
             places.setdefault(body, {})[axis] = name
     spoken_for = {name for each in (*places.values(), *turns.values()) for name in each.values()}

@@ -273,7 +273,7 @@ def _named(kind: str, members: Sequence[tuple[int, str, str]], mechanism, stream
         slides = {item.name: item.slides for item in mechanism.joints} if mechanism is not None else {}
         wanted = JOINT_DIMENSIONS[kind][slides.get(target, False)]
         if target in slides and dimension_of(unit or "") not in (None, wanted):
-            doubt = f"in {unit}, which is no {wanted}: is it this joint's?"
+            continue  # a force is no effort of a joint that turns
         if kind == "tau" and unit is None and set(words_of(source)) & set(CURRENT):
             unit = "A"
         lines.append(Line(f"{kind}.{target}", source, unit, reason=reason, doubt=doubt))

@@ -271,9 +271,15 @@ def _decoded(content: bytes) -> tuple[str, str]:
 
 
 def _older(content: bytes) -> tuple[str, str]:
-    """Return text that is no Unicode: Japanese where bytes stand in it that are no letters of Western Europe."""
-    japanese = ("cp932",) if re.search(rb"[\x81-\x9f]", content) else ()
-    for encoding in (*japanese, "cp1252"):
+    """Return text that is no Unicode, and its encoding.
+
+    Japanese where bytes stand in it that are no letters of Western Europe; Chinese where what is no ASCII comes in
+    pairs, several of them in a row somewhere.
+    """
+    pairs = [len(run) for run in re.findall(rb"[\xa1-\xfe]+", content)]
+    likely = ["cp932"] if re.search(rb"[\x81-\x9f]", content) else []
+    likely += ["gb18030"] if max(pairs, default=0) >= 4 and not any(size % 2 for size in pairs) else []
+    for encoding in (*likely, "cp1252"):
         try:
             return content.decode(encoding), encoding
         except UnicodeDecodeError:

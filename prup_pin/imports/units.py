@@ -76,9 +76,14 @@ class Unit:
     needs_scale: bool = False
 
 
+def narrow(text: str) -> str:
+    """Return a text with plain characters in the place of wide ones: 'mm' of '㎜' and 'N' of 'Ｎ'."""
+    return "".join(normalize("NFKC", c) if "\u3300" <= c <= "\u33ff" or "\uff01" <= c <= "\uff9f" else c for c in text)
+
+
 def spelled(text: str) -> str | None:
     """Return the unit that a text means, or None."""
-    plain = re.sub(r"\s+", " ", normalize("NFKC", text).strip().strip("[]()").strip())
+    plain = re.sub(r"\s+", " ", narrow(text).strip().strip("[]()").strip())
     known = [unit for units in UNITS.values() for unit in units] + list(UNSCALED)
     if plain in known:
         return plain
@@ -139,7 +144,7 @@ TIME = ("time", "t", "timestamp", "stamp", "timestamps", "sec", "seconds", "tout
 
 def words_of(name: str) -> list[str]:
     """Return the words of a column's name in lower case, numbers apart: 'TorqueJ3 [Nm]' -> torque, j, 3."""
-    name = normalize("NFKC", name)
+    name = narrow(name)
     tail = re.search(r"[\[(]([^\[\]()]*[A-Za-z°%][^\[\]()]*)[\])]\s*$", name)
     plain = name[: tail.start()] if tail is not None and spelled(tail.group(1)) else name
     plain = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", plain)
@@ -171,7 +176,7 @@ def without_unit(name: str) -> str:
 
 def _parted(name: str) -> tuple[str, str | None]:
     """Return a column's name without its unit, wide characters as plain ones, and that unit, None where it has none."""
-    plain = normalize("NFKC", name)
+    plain = narrow(name)
     for pattern in (_IN_BRACKETS, _AFTER):
         found = pattern.search(plain)
         unit = spelled(found[1].replace("_", "/")) if found is not None and not found[1].strip().isdigit() else None

@@ -183,6 +183,7 @@ def test_names_that_yaml_would_misread_come_back(tmp_path, ur5):
         ("fx_N", ["fx", "n"], "N"),
         ("tau_m", ["tau", "m"], None),
         ("x [mm] (2)", ["x", "mm", "2"], "mm"),
+        ("½ Ø¹ q1 (deg)", ["q", "1"], "deg"),
     ],
 )
 def test_names_are_read_word_by_word(name, words, unit):
@@ -461,3 +462,19 @@ def test_what_nothing_is_made_of_and_what_is_told_twice_is_asked(scara):
     amperes = {"t": t} | {f"A{k} [deg]": table["q"][:, 0] for k in (1, 2, 4)} | {f"I{k} [A]": t for k in range(1, 5)}
     text = guess(log_of(amperes), mechanism).text
     assert "tau.lift: {from: 'I3 [A]', unit: A}  # CHECK: in A: write how much SI one A is" in text
+
+
+def test_a_unit_that_is_none_of_its_joint_is_asked_about(scara):
+    mechanism, t, _, table = scara
+    columns = {"t": t} | {f"A{k}[deg]": table["q"][:, 0] for k in (1, 2, 4)} | {f"F{k}[N]": t for k in (1, 2, 3)}
+    made = guess(log_of(columns | {"A3[mm]": table["q"][:, 2]}), mechanism)
+    assert not any(line.startswith("tau.") for line in yaml.safe_load(made.text)["columns"])
+    assert any("in N, and nothing is made of it: F1[N], F2[N], F3[N]" in doubt for doubt in made.doubts)
+
+
+def test_three_columns_x_y_z_beside_joints_are_the_tool_where_they_move_as_it_does(scara):
+    mechanism, t, q, table = scara
+    columns = {"time": t} | dict(zip(AXES, q.T, strict=True)) | dict(zip("xyz", 1e-3 * table["p"].T, strict=True))
+    made = guess(log_of(columns), mechanism)
+    assert made.doubts == ()
+    assert "p.x: {from: x, unit: m}" in made.text

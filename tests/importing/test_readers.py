@@ -234,6 +234,8 @@ def test_a_reader_that_is_not_installed_says_what_to_install(tmp_path, monkeypat
         ("utf-16", "第1軸角度[deg]"),
         ("latin-1", "Größe är [°]"),
         ("cp1252", "Weg – äußerer [mm]"),
+        ("cp1252", "Größe [mm]"),
+        ("gbk", "关节1角度(deg)"),
     ],
 )
 def test_headings_of_other_encodings_are_read(tmp_path, encoding, name):

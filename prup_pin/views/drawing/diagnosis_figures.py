@@ -349,6 +349,7 @@ def histogram_figure(found: Residuals, *, narrow: bool = False) -> Figure:
         axes.set_yticks([])
         plain_axes(axes, 8.5, None, ("top", "right", "left"))
     grid[0].legend(frameon=False, fontsize=9, loc="upper left")
+    grid[0].set_ylim(top=1.45 * grid[0].get_ylim()[1])  # room for the legend above the curve
     for axes in grid[len(groups) :]:
         axes.set_visible(False)
     return figure
