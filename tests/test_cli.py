@@ -317,6 +317,40 @@ def test_info_shows_sprung_joints(run):
     assert "sprung" in run("info", "double_pendulum", "--joint-stiffness", "1e4").stdout
 
 
+@pytest.mark.parametrize(
+    ("typed", "value"),
+    [("2e4", 2e4), ("2e4 N m/rad", 2e4), ("2e7 Nmm/rad", 2e4), ("20kNm/rad", 2e4), ("350Nm/deg", 350 * 180 / np.pi)],
+)
+def test_a_stiffness_may_be_typed_with_its_unit(run, typed, value):
+    name = "elbow_joint.stiffness"
+    at = (
+        "ur5",
+        "--joint-stiffness",
+        "1e4",
+        "--actuators",
+        "0,-1,1,0,1,0",
+        "--wrench",
+        "fx=10",
+        "--set",
+        f"{name}={typed}",
+    )
+    assert answer_as_json(run, *at)["robot"]["changed_parameters"] == {name: pytest.approx(value)}
+    sprung = run("info", "ur5", "--joint-stiffness", f"elbow_joint={typed}", "--json", "-")
+    assert sprung.exit_code == 0, sprung.output
+
+
+def test_a_stiffness_in_a_unit_that_its_joint_has_not_is_refused(run):
+    springs = ("info", "ur5", "--joint-stiffness")
+    flat = " ".join(run(*springs, "elbow_joint=2e6N/m").stderr.split())
+    assert "'N/m' is a unit of a stiffness; expected an angular stiffness in Nm/rad, Nm/mrad, Nm/deg" in flat
+    assert "--joint-stiffness of shoulder_pan_joint: 'N/mm' is a unit of a stiffness" in " ".join(
+        run(*springs, "2 N/mm").stderr.split()
+    )
+    gantry = str(Path(__file__).parents[1] / "examples" / "gantry.urdf")
+    flat = " ".join(run("stiffness", gantry, "--set", "left/belt.stiffness=3Nm/rad").stderr.split())
+    assert "'Nm/rad' is a unit of an angular stiffness; expected a stiffness in N/m, N/mm, N/µm" in flat
+
+
 def test_a_springs_stiffness_has_the_unit_of_its_joint():
     gantry = prup_pin.load(Path(__file__).parents[1] / "examples" / "gantry.urdf")
     assert gantry.parameters["left/belt.stiffness"].unit == "N/m"

@@ -37,6 +37,9 @@ def test_a_map_is_guessed_corrected_and_carried_out(run):
     assert "#   note (text)" in text
     lines = [line.replace("unit: A}", "unit: A, scale: 5}") for line in text.splitlines()]
     Path("run.map.yaml").write_text("\n".join(lines))
+    asked = run("run.csv", "--map", "run.map.yaml", "--out", "bench.csv")
+    assert asked.exit_code == 2  # the word still stands there
+    Path("run.map.yaml").write_text("\n".join(line.partition("  # CHECK")[0] for line in lines))
     second = run("run.csv", "--map", "run.map.yaml", "--out", "bench.csv")
     assert second.exit_code == 0, second.output
     recording = read_recording("bench.csv")
@@ -65,9 +68,23 @@ def test_where_something_is_doubtful_no_recording_is_made_of_it(run):
     logs.csv(Path("run.csv"), RECORDED)
     done = run("run.csv", "--robot", "ur5", "--map", "m.yaml", "--out", "bench.csv")
     assert done.exit_code == 2
-    assert "a map was guessed and written: m.yaml. 6 lines in it must be looked at" in " ".join(done.stderr.split())
-    assert Path("m.yaml").exists()
+    assert "the map 'm.yaml' was guessed and written. 6 lines in it must be looked at" in " ".join(done.stderr.split())
+    assert "tau.elbow_joint: in A: write how much SI one A is" in " ".join(done.stderr.split())
+    guessed = Path("m.yaml").read_text()
+    for _ in range(2):  # nothing was answered, so the same is asked
+        again = run("run.csv", "--robot", "ur5", "--map", "m.yaml", "--out", "bench.csv")
+        assert again.exit_code == 2
+        asked = [" ".join(text.split()).partition("must be")[2] for text in (done.stderr, again.stderr)]
+        assert asked[0] == asked[1]
+    assert Path("m.yaml").read_text() == guessed
     assert not Path("bench.csv").exists()
+
+
+def test_a_column_called_like_the_word_of_a_doubt_asks_nothing(run):
+    odd = {f"q{k} # CHECK: no [deg]": np.degrees(Q[:, k]) for k in range(6)}
+    logs.csv(Path("run.csv"), {"t": logs.T} | odd)
+    done = run("run.csv", "--robot", "ur5", "--map", "m.yaml", "--out", "bench.csv")
+    assert done.exit_code == 0, done.output
 
 
 @pytest.mark.parametrize(
@@ -105,7 +122,8 @@ def test_three_angles_beside_a_place_are_offered_as_what_turns_the_tool(run):
     text = Path("a.yaml").read_text()
     offered = "# rotations: {r: {from: ['A [deg]', 'B [deg]', 'C [deg]'], as: euler_ZYX, unit: deg}}"
     assert offered in text
-    Path("a.yaml").write_text(text.replace(offered, offered[2:].replace("euler_ZYX", "euler_xyz")))
+    text = text.replace(offered, offered[2:].replace("euler_ZYX", "euler_xyz"))
+    Path("a.yaml").write_text("\n".join(line.partition("  # CHECK")[0] for line in text.splitlines()))
     done = run("run.csv", "--map", "a.yaml", "--out", "bench.csv")
     assert done.exit_code == 0, done.output
     found = Rotation.from_rotvec(read_recording("bench.csv").rotation.copy())

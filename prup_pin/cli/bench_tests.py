@@ -330,7 +330,7 @@ def import_(
     reading: Reading,
 ) -> None:
     """Somebody's log as a recording: units, signs, motors to joints, one clock; docs/import.md."""
-    from ..imports import convert, guess, read_logs, read_map, robot_named
+    from ..imports import convert, guess, read_logs, read_map, robot_named, unanswered
     from ..imports.guess import write_text
     from ..views.text.bench_tests import print_conversion, print_log
 
@@ -353,12 +353,15 @@ def import_(
             _tell(first.doubts)
             list_written((plan,))
             return
-        if first.doubts:
-            lines = "\n".join(f"  {doubt}" for doubt in first.doubts)
-            raise InputError(
-                f"a map was guessed and written: {plan}. {counted(len(first.doubts), 'line')} in it must be looked at "
-                f"before a recording is made of it:\n{lines}\nCorrect the lines, then give the same command again"
-            )
+    open_ = unanswered(plan) if out is not None else []
+    if open_:
+        lines = "\n".join(f"  {problem}" for problem in open_)
+        whose = "is there already" if there else "was guessed and written"
+        raise InputError(
+            f"the map '{plan}' {whose}. {counted(len(open_), 'line')} in it must be looked at (CHECK) before a "
+            f"recording is made of it:\n{lines}\nCorrect each line, or leave it where it is right, and take its word "
+            "CHECK away; then give the same command again"
+        )
     understood = read_map(plan, content, mechanism)
     if out is None:
         raise InputError(

@@ -31,7 +31,7 @@ from ..simulation import CorrectedModel
 from ..spatial import Array, as_wrench
 from ..statics import Compliance
 from ..views.text.values import coordinate_dimensions, dimension
-from .typed import UNITS, WRENCH_DIMENSIONS, parse_assignments, parse_effect, parse_list, parse_quantity
+from .typed import WRENCH_DIMENSIONS, dimension_of, parse_assignments, parse_effect, parse_list, parse_quantity
 
 RobotName = Annotated[str, typer.Argument(metavar="ROBOT", help="A name of `prup-pin robots`, or a URDF or MJCF file.")]
 RobotOption = Annotated[
@@ -89,6 +89,9 @@ SetParameters = Annotated[
 Stop = Annotated[bool, typer.Option("--stop", help="Stop at the first row without an answer.")]
 
 
+_SPRINGS = "--joint-stiffness"
+
+
 @dataclass(frozen=True)
 class Reading:
     """How a robot's file is read: what it leaves open, or what is meant otherwise."""
@@ -96,7 +99,11 @@ class Reading:
     variant: Variant = None
     tool: Annotated[str | None, typer.Option(metavar="FRAME", help="Frame of the tool.")] = None
     joint_stiffness: Annotated[
-        str | None, typer.Option(metavar="1e4|J=1e4,…", help="Springs on actuated joints, N m/rad or N/m.")
+        str | None,
+        typer.Option(
+            metavar="1e4|J=200Nm/deg,…",
+            help="Springs on actuated joints [N m/rad, N/m], or with units.",
+        ),
     ] = None
     actuated: Annotated[
         str | None, typer.Option(metavar="J,J,…", help="Actuated joints, if the file does not say.")
@@ -109,12 +116,28 @@ class Reading:
 
     def load(self, name: str) -> Robot:
         """Return the robot of that name or file, read so."""
-        return self.understood().load(name)
+        return self.checked(self.understood().load(name))
+
+    def checked(self, robot: Robot) -> Robot:
+        """Return the robot. Raises InputError where a spring was typed in a unit that its joint does not have."""
+        typed = self.joint_stiffness or ""
+        joints = [robot.mechanism.joint(name) for name in robot.mechanism.actuated]
+        kinds = {joint.name: "stiffness" if joint.slides else "angular stiffness" for joint in joints}
+        if "=" in typed:
+            parse_assignments(typed, kinds, _SPRINGS, "joint", default_dimension="joint stiffness")
+        elif typed:
+            for name, kind in kinds.items():
+                try:
+                    parse_quantity(typed, kind, f"{_SPRINGS} of {name}")
+                except InputError as error:
+                    each = (f"{j}={'2e6N/m' if of == 'stiffness' else '1e4Nm/rad'}" for j, of in kinds.items())
+                    raise InputError(f"{error}\nGive each joint its own: {_SPRINGS} {','.join(each)}") from None
+        return robot
 
     def changed(self, name: str, settings: Sequence[str] | None) -> tuple[Robot, loading.Reading]:
         """Return the robot of that name or file with parameters changed as typed, and how it was read."""
         understood = self.understood()
-        robot = understood.load(name)
+        robot = self.checked(understood.load(name))
         changes = changes_of(robot, settings or ())
         if not changes:
             return robot, understood
@@ -125,6 +148,7 @@ class Reading:
         typed = self.understood()
         options = {item.name: getattr(typed, item.name) for item in fields(typed)}
         robot = replace(model.read, **{name: value for name, value in options.items() if value}).load(model.robot)
+        self.checked(robot)
         return robot.with_parameters(changes_of(robot, settings or ()))
 
     def modelled(
@@ -149,9 +173,9 @@ class Reading:
         springs: Any = None
         if self.joint_stiffness is not None:
             if "=" in self.joint_stiffness:
-                springs = _joint_values(self.joint_stiffness, "--joint-stiffness", "number")
+                springs = _joint_values(self.joint_stiffness, _SPRINGS, "joint stiffness")
             else:
-                springs = parse_quantity(self.joint_stiffness, "number", "--joint-stiffness")
+                springs = parse_quantity(self.joint_stiffness, "joint stiffness", _SPRINGS)
         actuated = None
         if self.actuated is not None:
             actuated = [joint.strip() for joint in self.actuated.split(",") if joint.strip()]
@@ -193,8 +217,7 @@ def _parameter_value(robot: Robot, name: str, value: str, setting: str) -> Any:
         except json.JSONDecodeError as error:
             raise InputError(f"--set {setting}: not a list of numbers ({error})") from None
     unit = robot.parameters[name].unit if name in robot.parameters else ""
-    kind = next((known for known, units in UNITS.items() if unit in units), "number")
-    return parse_quantity(value, kind, "--set", setting, len(setting) - len(value))
+    return parse_quantity(value, dimension_of(unit), "--set", setting, len(setting) - len(value), unit)
 
 
 def _joint_values(text: str, option: str, dimension: str) -> dict[str, float]:

@@ -15,6 +15,15 @@ from ..spatial import WRENCH_NAMES
 
 _LENGTH = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6}
 _ANGLE = {"rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3, "°": math.pi / 180}
+_STIFFNESS = {"N/m": 1.0, "N/mm": 1e3, "N/um": 1e6, "N/µm": 1e6, "N/μm": 1e6, "kN/m": 1e3, "kN/mm": 1e6}
+_ANGULAR_STIFFNESS = {
+    "Nm/rad": 1.0,
+    "Nm/mrad": 1e3,
+    "Nm/deg": 180 / math.pi,
+    "Nm/°": 180 / math.pi,
+    "Nmm/rad": 1e-3,
+    "kNm/rad": 1e3,
+}
 #: SI value of each unit that may be typed, by dimension; SI is meant where no unit is given. A "joint" is one whose
 #: type is not known yet.
 UNITS: Mapping[str, Mapping[str, float]] = {
@@ -22,8 +31,11 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "angle": _ANGLE,
     "force": {"N": 1.0, "kN": 1e3},
     "moment": {"Nm": 1.0, "kNm": 1e3, "Nmm": 1e-3},
+    "stiffness": _STIFFNESS,
+    "angular stiffness": _ANGULAR_STIFFNESS,
     "number": {},
     "joint": {**_LENGTH, **_ANGLE},
+    "joint stiffness": {**_STIFFNESS, **_ANGULAR_STIFFNESS},
 }
 #: Without a unit larger values are taken for a slip: the largest, the unit that they would have, the one meant.
 _LARGEST_BARE = {"angle": (7.0, "rad", "deg"), "length": (20.0, "m", "mm")}
@@ -38,6 +50,9 @@ _ARTICLE = {
     "moment": "a moment",
     "number": "a number",
     "joint": "a joint value",
+    "stiffness": "a stiffness",
+    "angular stiffness": "an angular stiffness",
+    "joint stiffness": "the stiffness of a joint",
 }
 _WINDOW = 72
 
@@ -53,15 +68,19 @@ def _refuse(option: str, text: str, position: int, message: str) -> InputError:
     return InputError(f"{option}: {message}, at character {position + 1}:\n{mark_position(text, position)}")
 
 
-def _units_in_words(dimension: str) -> str:
-    units = [unit for unit in UNITS[dimension] if unit not in ("um", "μm")]
+def _units_in_words(dimension: str, si: str = "") -> str:
+    units = [unit for unit in UNITS[dimension] if not re.search("um|μm|/°", unit)]
     if not units:
-        return f"{_ARTICLE[dimension]} without unit"
+        return f"{_ARTICLE[dimension]} without unit{si and f', in {si}'}"
     return f"{_ARTICLE[dimension]} in {', '.join(units[:-1])} or {units[-1]}"
 
 
-def parse_quantity(text: str, dimension: str, option: str, whole: str | None = None, offset: int = 0) -> float:
+def parse_quantity(
+    text: str, dimension: str, option: str, whole: str | None = None, offset: int = 0, si: str = ""
+) -> float:
     """Return the SI value of '25deg'. `whole` and `offset` place the text in what the user typed.
+
+    si: the unit of a number that takes none.
 
     Raises InputError with the position of the fault and the units that fit, also for an angle above 7 or a length above
     20 without a unit: degrees or millimetres were meant.
@@ -72,7 +91,7 @@ def parse_quantity(text: str, dimension: str, option: str, whole: str | None = N
     match = _NUMBER.match(stripped)
     if match is None:
         given = f"'{stripped}' is not a number" if stripped else "a value is missing"
-        raise _refuse(option, whole, offset, f"{given}; expected {_units_in_words(dimension)}")
+        raise _refuse(option, whole, offset, f"{given}; expected {_units_in_words(dimension, si)}")
     unit = re.sub(r"[\s*·]", "", stripped[match.end() :])
     at = offset + match.end()
     if unit.startswith(","):
@@ -95,11 +114,11 @@ def parse_quantity(text: str, dimension: str, option: str, whole: str | None = N
         other = next((name for name, known in UNITS.items() if unit in known), None)
         if other is not None:
             raise _refuse(
-                option, whole, at, f"'{unit}' is a unit of {_ARTICLE[other]}; expected {_units_in_words(dimension)}"
+                option, whole, at, f"'{unit}' is a unit of {_ARTICLE[other]}; expected {_units_in_words(dimension, si)}"
             )
         near = nearest_names(unit, list(units)) if units else ""
         hint = f" ({near.rstrip('.')})" if near.startswith("Did") else ""
-        raise _refuse(option, whole, at, f"unknown unit '{unit}'; expected {_units_in_words(dimension)}{hint}")
+        raise _refuse(option, whole, at, f"unknown unit '{unit}'; expected {_units_in_words(dimension, si)}{hint}")
     if not math.isfinite(value):
         raise _refuse(option, whole, offset, f"'{stripped}' is too large; expected a finite number")
     return value
@@ -187,7 +206,8 @@ def parse_effect(text: str, mechanism: Mechanism, option: str = "--effect") -> E
                 raise UnknownNameError(f"parameter of {physics}", key, list(quantities))
             if key in values:
                 raise InputError(f"{key} is given twice")
-            values[key] = parse_quantity(value, _dimension(quantities[key].unit), option, text, text.index(assignment))
+            unit = quantities[key].unit
+            values[key] = parse_quantity(value, dimension_of(unit), option, text, text.index(assignment), unit)
         missing = [item for item in quantities.values() if item.name not in {*values, *law.optional}]
         if missing:
             usual = law.starts(place, mechanism)[0]
@@ -211,6 +231,7 @@ def _split(typed: str, physics: str, mechanism: Mechanism) -> tuple[str, str, st
         return (name.strip(), colon, aspect.strip()) if colon else (typed, "", "")
 
 
-def _dimension(unit: str) -> str:
+def dimension_of(unit: str) -> str:
+    """Return the dimension of an SI unit, "number" of one that nobody types."""
     plain = unit.replace(" ", "")
     return next((name for name, units in UNITS.items() if plain in units), "number")

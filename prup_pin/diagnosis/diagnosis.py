@@ -34,6 +34,9 @@ _REMEDIES = {
     "unknown": "look at {place} itself, record more there, and trust the corrected model only near what was recorded",
 }
 
+#: What is no fault of a robot and has no law: large deflections are a matter of how one simulates.
+_NO_FAULT = ("finite_deflection",)
+
 VERDICTS = ("nothing_missing", "explained", "unexplained")
 
 
@@ -98,6 +101,12 @@ class Finding:
         said = known.get(self.physics, "") if self.law is None else self.law.remedy
         here = "the robot" if self.location == "robot" else self.location
         return said.format(place="each of these places" if self.at_each else here)
+
+    @property
+    def is_fault(self) -> bool:
+        """False for what every robot has and a simulation may lack: its weight, equilibrium deformed by its loads."""
+        law = self.law if self.effect is None else self.effect.law
+        return self.physics not in _NO_FAULT and (law is None or not law.weighs)
 
     @property
     def at_each(self) -> tuple[str, ...]:
@@ -169,6 +178,7 @@ class Diagnosis:
     conventions: tuple[tuple[Convention, ...], ...] = ()
     efforts: EffortDiagnosis | None = None  # of drives in motion, where there were any
     own_by_run: tuple[str, ...] = ()  # sensors that were set up anew for each run, declared or found
+    premises: tuple[str, ...] = ()  # what was taken for granted where nothing was recorded, and everything rests on it
 
     @property
     def explained(self) -> bool:
@@ -177,8 +187,18 @@ class Diagnosis:
 
     @property
     def told(self) -> tuple[Finding, ...]:
-        """The findings as people are told them: what is unknown comes before what would leave little more."""
-        return tuple(sorted(self.findings, key=lambda item: item.physics != "unknown" and item.cost < NOISE_LIKE))
+        """The findings as people are told them.
+
+        First how the log is read, for all else depends on it; then faults, those first without which most would be
+        left, and what is unknown; then what is no fault, the robot's weight; at the end what would leave little more.
+        """
+
+        def place(item: Finding) -> tuple[bool, bool, bool, bool, float]:
+            unknown = item.physics == "unknown"
+            little = not unknown and not item.conventions and item.cost < NOISE_LIKE
+            return not item.conventions, little, not item.is_fault, unknown, 0.0 if unknown else -item.heldout_gain
+
+        return tuple(sorted(self.findings, key=place))
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `prup-pin diagnose` writes as diagnosis.json; docs/diagnosis.md explains its keys."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..numbers import counted, number
+from ..numbers import counted, number, quantity
 from ..spatial import WRENCH_NAMES, Array
 from .criteria import (
     CERTAIN,
@@ -262,10 +262,11 @@ class _Outcome:
         groups: dict[str, dict[str, list[str]]] = {}
         unit = " times the noise"
         for pair, times in told[:MOST_LISTED]:
-            physics, at, place = _words(pair.rival).partition(" at ")
+            ours, theirs = _apart(pair.term, pair.rival)
+            physics, at, place = theirs.partition(" at ")
             size = "" if times is None else f" ({number(times, 2)}{unit})"
             unit = unit if times is None else ""
-            groups.setdefault(_words(pair.term), {}).setdefault(physics + at, []).append(place + size)
+            groups.setdefault(ours, {}).setdefault(physics + at, []).append(place + size)
         sentences = [
             f"{'it' if again and alone else term} from "
             + ", or from ".join(physics + _listed(places) for physics, places in rivals.items())
@@ -361,6 +362,19 @@ def _words(term: Term) -> str:
     return f"{physics.replace('_', ' ')}{at}{place}"
 
 
+def _apart(term: Term, rival: Term) -> tuple[str, str]:
+    """Return both in words that differ: where law and place are the same, with their values."""
+    ours, theirs = _words(term), _words(rival)
+    if ours != theirs:
+        return ours, theirs
+    return f"{ours} ({_values(term)})", f"{theirs} ({_values(rival)})"
+
+
+def _values(term: Term) -> str:
+    units = {item.name: item.unit for item in term.candidate.quantities}
+    return ", ".join(f"{name.replace('_', ' ')} {quantity(x, units[name])}" for name, x in term.effect.values.items())
+
+
 def _listed(words: Sequence[str]) -> str:
     return " or ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
 
@@ -371,7 +385,12 @@ def _indistinct_pairs(selection: Selection) -> list[Pair]:
     for term, rivals in zip(selection.last.terms, selection.rivals, strict=True):
         for rival in rivals:
             other = rival.term
-            if _holds(other, term) or other is term or rival.chi2 - selection.last.chi2 > MUCH * INDISTINCT:
+            if (
+                _holds(other, term)
+                or other is term
+                or len({*_apart(term, other)}) == 1
+                or rival.chi2 - selection.last.chi2 > MUCH * INDISTINCT
+            ):
                 continue
             pairs.append(Pair(term, other, rival.whole))
     return pairs

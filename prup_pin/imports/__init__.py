@@ -3,7 +3,7 @@
 from .convert import Conversion, convert
 from .guess import Guess, guess
 from .log import Log, Stream, read_log, read_logs
-from .map import LogMap, read_map, robot_named
+from .map import LogMap, read_map, robot_named, unanswered
 
 __all__ = [
     "Conversion",
@@ -17,4 +17,5 @@ __all__ = [
     "read_logs",
     "read_map",
     "robot_named",
+    "unanswered",
 ]

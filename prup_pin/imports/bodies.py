@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from .log import Stream
-from .units import WISHED, dimension_of, spelled, words_of
+from .units import WISHED, dimension_of, without_unit, words_of
 
 #: What stands last in the name of a column: an axis, and perhaps its unit or a number for a name that stands twice.
 _AXIS = re.compile(
@@ -51,12 +51,25 @@ def numbered_places(stream: Stream) -> dict[str, dict[str, str]]:
     return {number: place for number, place in found.items() if set(place) == set("xyz")}
 
 
-def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Body]:
-    """Return the bodies of a stream in the order of their columns; those that are `taken` are something else.
+def triples_of(stream: Stream) -> list[dict[str, str]]:
+    """Return three columns at a time whose names differ in x, y and z alone: axis -> column; each column once."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for name in stream.columns:
+        for place, letter in enumerate(name):
+            if letter in "xyzXYZ":
+                stem = f"{name[:place]}\0{name[place + 1 :]}", "x" if letter.islower() else "X"
+                found.setdefault(stem, {})[letter.lower()] = name
+    out: list[dict[str, str]] = []
+    used: set[str] = set()
+    for triple in found.values():
+        if set(triple) == set("xyz") and not used & set(triple.values()):
+            out.append({axis: triple[axis] for axis in "xyz"})
+            used |= set(triple.values())
+    return out
 
-    Where nothing is, plain X, Y and Z are a place too: a list of points.
-    """
-    alone = not taken & set(stream.columns)
+
+def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Body]:
+    """Return the bodies of a stream in the order of their columns; those that are `taken` are something else."""
     places: dict[str, dict[str, str]] = {}
     turns: dict[str, dict[str, str]] = {}
     matrices: dict[str, dict[int, str]] = {}
@@ -80,7 +93,7 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
         if found is None:
             continue
         kind, axis = (found["kind"] or "").lower(), found["axis"].lower()
-        said = _unit_of(stream, name)
+        said = stream.unit_of(name) or ""
         spoken = set(words_of(found["body"]))
         body = f"{_plain(found['body'])}{found['twice'] or ''}"
         if kind == "q" or (spoken & set(_TURNED) and not spoken & set(_PLACE)):
@@ -93,9 +106,19 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
             or dimension_of(said) == "length"
             or spoken & {*_PLACE, "tcp"}
             or frame_of(body, frames)
-            or (alone and not body)
+            or not body
         ):
             places.setdefault(body, {})[axis] = name
+    spoken_for = {name for each in (*places.values(), *turns.values()) for name in each.values()}
+    for triple in triples_of(stream):
+        names = set(triple.values())
+        lengths = all(dimension_of(stream.unit_of(name) or "") == "length" for name in names)
+        if (
+            lengths
+            and not names & (taken | spoken_for)
+            and not any({*words_of(n)} & {*_NEITHER, *WISHED} for n in names)
+        ):
+            places[_plain(_stem(triple))] = triple
     bodies = {}
     for called, place in places.items():
         if set(place) == set("xyz"):
@@ -111,7 +134,7 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
             order = stream.labels.get("rotation type", "XYZ").upper()
             home.turn, home.manner = tuple(parts[axis.lower()] for axis in order), f"euler_{order}"
             home.doubt = "Euler angles in this order, and about the body's own axes?"
-        home.unit = _unit_of(stream, home.turn[0]) if home.turn else None
+        home.unit = stream.unit_of(home.turn[0]) or "" if home.turn else None
         if home.manner.startswith("euler"):
             home.unit = home.unit or "deg"
     for called, cells in matrices.items():
@@ -121,6 +144,12 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
             owner.doubt = "" if stream.labels.get("data_included") == "6D" else "column by column, or matrix_rows?"
             owner.unit = None
     return [body for body in bodies.values() if body.place or body.turn]
+
+
+def _stem(triple: dict[str, str]) -> str:
+    """Return what the names of three columns have in common, without their unit."""
+    first, second = (without_unit(triple[axis]) for axis in "xy")
+    return "".join(a for a, b in zip(first, second, strict=False) if a == b).strip(" ._-/:")
 
 
 def frame_of(body: str, frames: Sequence[str]) -> str:
@@ -139,13 +168,3 @@ def _plain(body: str) -> str:
         parts.pop()
     kept = body[: body.rfind(parts[-1]) + len(parts[-1])] if parts else body
     return "" if kept.lower() in _SAYING else kept
-
-
-def _unit_of(stream: Stream, name: str) -> str:
-    """Return the unit that a log or the heading of a column says, or ''."""
-    return spelled(stream.units.get(name) or _bracket(name) or "") or ""
-
-
-def _bracket(name: str) -> str | None:
-    found = re.search(r"[\[(]([^\[\]()]+)[\])](?: \(\d+\))?\s*$|_(mm|cm|deg|rad)$", name)
-    return (found[1] or found[2]) if found is not None else None

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from .columns import OF_THE_TOOL
 from .draft import Guessing, Line
 from .log import Log
-from .map import NamedRobot, driven
-from .units import WISHED, dimension_of, spelled, unit_in_name, words_of
-
-#: What each kind of column is measured in, of joints that turn and of those that slide.
-_DIMENSIONS = {
-    "q": ("angle", "length"),
-    "qd": ("angular velocity", "velocity"),
-    "qdd": ("angular acceleration", "acceleration"),
-    "tau": ("moment", "force"),
-}
+from .map import JOINT_DIMENSIONS, NamedRobot, driven
+from .units import WISHED, dimension_of, without_unit, words_of
 
 
 def add_by_unit(log: Log, taken: set[str], mechanism: NamedRobot, found: Guessing) -> None:
@@ -28,13 +22,13 @@ def add_by_unit(log: Log, taken: set[str], mechanism: NamedRobot, found: Guessin
     joints = [joint for joint in driven(mechanism) if f"q.{joint}" not in placed]
     for sliding in (False, True):
         alike = [joint for joint in joints if slides[joint] is sliding]
-        places = _in(log, taken, _DIMENSIONS["q"][sliding])
+        places = _in(log, taken, JOINT_DIMENSIONS["q"][sliding])
         if alike and places and len(places) != len(alike):
             found.open |= dict.fromkeys(alike, tuple(places))
         if not places or len(places) != len(alike):
             continue
         doubt = "by its unit" + ", in the order of the robot's joints" * (len(alike) > 1) + ": is it this joint's?"
-        for kind, dimensions in _DIMENSIONS.items():
+        for kind, dimensions in JOINT_DIMENSIONS.items():
             open_ = [joint for joint in alike if f"{kind}.{joint}" not in placed]
             columns = _in(log, taken, dimensions[sliding])
             if len(columns) == len(open_):
@@ -45,14 +39,24 @@ def add_by_unit(log: Log, taken: set[str], mechanism: NamedRobot, found: Guessin
 
 
 def _in(log: Log, taken: set[str], dimension: str) -> dict[str, str]:
-    """Return the columns that nothing has taken yet, and that are in a unit of some dimension, with that unit."""
+    """Return the columns that nothing has taken yet, and that are in a unit of some dimension, with that unit.
+
+    Left out are the tool's, and what is called as an axis beside others: x and y of a camera, A, B and C.
+    """
     found = {}
     for stream in log.streams:
         for name in stream.columns:
-            words = words_of(name)
-            if name in taken or {*words} & {*WISHED, *OF_THE_TOOL} or words[-1:] in [[c] for c in "xyzabc"]:
+            unit = stream.unit_of(name)
+            if name in taken or {*words_of(name)} & {*WISHED, *OF_THE_TOOL} or _has_siblings(name, stream.columns):
                 continue
-            unit = spelled(stream.units.get(name) or unit_in_name(name) or "")
             if unit is not None and dimension_of(unit) == dimension:
                 found[name] = unit
     return found
+
+
+def _has_siblings(name: str, names: Collection[str]) -> bool:
+    """Return whether another column is called like this one, but for x, y, z or a, b, c at its end."""
+    plain = without_unit(name).lower()
+    axes = next((axes for axes in ("xyz", "abc") if plain and plain[-1] in axes), "")
+    alike = {plain[:-1] + axis for axis in axes} - {plain}
+    return any(without_unit(other).lower() in alike for other in names)

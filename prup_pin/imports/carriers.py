@@ -21,7 +21,7 @@ from ..spatial import Array
 from .bodies import Body
 from .columns import Clocks, place_line
 from .draft import Guessing, Seen, in_si
-from .log import Log
+from .log import Log, Stream
 from .map import NamedRobot
 from .units import UNITS
 
@@ -35,23 +35,47 @@ _CHANCE = 0.01
 _COMPUTED = 1e-6
 #: A direction that changes what is seen by less than this share of what another one does is not determined.
 _UNDETERMINED = 1e-6
+#: A robot that works is nearer to its file than that [m]: what is seen as near to its tool is the tool.
+_NEAR = 5e-3
 #: A marker sits no further from its frame than the next larger of these [m]; a tolerance holds no more than the last.
 _REACHES = (0.05, 0.1, 0.2, 0.5, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """A body as the joints have it, row by row: position (n, 3) [m] and rotation (n, 3, 3) in base axes."""
+
+    position: Array
+    rotation: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Carried:
     """A marker on a body of the robot, by its joint, as a tracker on another body (None: on the floor) sees it.
 
-    offset (3,): in the body's axes [m]. apart (n,): how far it was seen from there [m]. share: their median, as a share
-    of its way.
+    offset (3,): in the body's axes [m]; along the rows of free (k, 3) no row tells it. apart (n,): how far it was seen
+    from there [m]. share: their median, as a share of its way. body: how that moved, and seen (n, 3): where the marker
+    was [m].
     """
 
     joint: str
     seen_from: str | None
     offset: Array
+    free: Array
     apart: Array
     share: float
+    body: _Path
+    seen: Array
+
+    def distance(self, place: Array) -> float:
+        """Return how far a place (3,) on the body is from the marker's [m], in the directions that are told."""
+        less = place - self.offset
+        return float(np.linalg.norm(less - self.free.T @ np.linalg.lstsq(self.free.T, less, rcond=None)[0]))
+
+    def beside(self, place: Array) -> float:
+        """Return how far the marker was seen from a place (3,) on the body [m], were the tracker's axes the base's."""
+        there = self.body.position + self.body.rotation @ place
+        return float(np.median(np.linalg.norm(self.seen - there, axis=1)))
 
 
 def carry(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: NamedRobot | None) -> None:
@@ -65,10 +89,12 @@ def carry(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: Name
     if not isinstance(mechanism, Mechanism) or mechanism.loops or len(homes) != 1:
         return
     home = next(stream for stream in log.streams if stream.name in homes)
+    values = {name: in_si(log, line) for name, line in joints.items()}
+    _doubt_named(mechanism, home, values, seen)
     bodies = [body for body in seen.unnamed if body.stream is home and body.place]
     seen.copies |= _copies(bodies)
     single = [body for body in bodies if body.called not in seen.copies]
-    told = _told(mechanism, single, {name: in_si(log, line) for name, line in joints.items()}) if single else {}
+    told = _told(mechanism, single, values) if single else {}
     if not told:
         return
     frames = _frames(mechanism, {name: best for name, (best, _) in told.items() if best.seen_from is None})
@@ -95,8 +121,9 @@ def carry(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: Name
             seen.movers[body.called] = f"{words}{where}"
             continue
         frame = frames[body.called]
-        # the only body in the table, on the tool: it is the tool's pose, not a marker
-        of_tool = len(single) == 1 and mechanism.tool is not None and frame == mechanism.tool.name
+        # the only body in the table, on the tool, or the one at its place: it is the tool's pose, not a marker
+        at_tool = mechanism.tool is not None and frame == mechanism.tool.name
+        of_tool = at_tool and (len(single) == 1 or best.distance(mechanism.tip.placement[:3, 3]) < _NEAR)
         suffix = "" if of_tool else f".{frame}"
         for axis, source in body.place.items():
             line = place_line(f"p{suffix}.{axis}", source, home, True)
@@ -104,7 +131,8 @@ def carry(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: Name
             line.reason = words if axis == "x" and not doubt else ""
             found.lines.append(line)
         seen.turns |= {f"r{suffix}": body for other in turned.values() if other is body}
-        seen.carried[body.called] = _reach(mechanism, frame, best)
+        if best.beside(mechanism.frame(frame).placement[:3, 3]) > _NEAR:
+            seen.carried[body.called] = _reach(mechanism, frame, best)
     if sure:
         for line in joints.values():
             line.doubt = ""
@@ -119,10 +147,7 @@ def _told(
 
     Where no body does as seen from the floor, trackers that the robot carries are tried too.
     """
-    values = np.column_stack(list(joints.values()))
-    rows = np.flatnonzero(np.isfinite(values).all(axis=1))
-    rows = rows[:: max(1, -(-len(rows) // _ROWS))]
-    paths = _paths(mechanism, list(joints), values[rows])
+    rows, paths = _some_rows(mechanism, joints)
     told: dict[str, tuple[Carried, list[Carried]]] = {}
     for body in bodies:
         places = _points(body)[rows]
@@ -131,8 +156,49 @@ def _told(
             every += [one for base in paths for one in _fits(paths, places, base)]
         every.sort(key=lambda one: float(np.median(one.apart)))
         if every:
-            told[body.called] = every[0], [one for one in every[1:] if not _further(every[0], one)]
+            best, rivals = every[0], [one for one in every[1:] if not _further(every[0], one)]
+            tools = [one for one in (best, *rivals) if _at_the_tip(mechanism, one)]
+            told[body.called] = (tools[0], []) if tools else (best, rivals)
     return told
+
+
+def _at_the_tip(mechanism: Mechanism, one: Carried) -> bool:
+    """Return whether a marker is where the robot's tool is, or where it ends; then it is no other body's."""
+    tip = mechanism.tip
+    same = one.seen_from is None and mechanism.joint_id(one.joint) == tip.joint
+    return same and one.share < _LEFT and one.distance(tip.placement[:3, 3]) < _NEAR
+
+
+def _some_rows(mechanism: Mechanism, joints: Mapping[str, Array]) -> tuple[np.ndarray, dict[str, _Path]]:
+    """Return some rows in which all joints (N,) are known, and the paths of the bodies behind them there."""
+    values = np.column_stack(list(joints.values()))
+    rows = np.flatnonzero(np.isfinite(values).all(axis=1))
+    rows = rows[:: max(1, -(-len(rows) // _ROWS))]
+    return rows, _paths(mechanism, list(joints), values[rows])
+
+
+def _doubt_named(mechanism: Mechanism, home: Stream, joints: Mapping[str, Array], seen: Seen) -> None:
+    """Note on places of bodies that are called like a frame, in the joints' rows, that they are not where it is."""
+    named = [target for target, line in seen.lines.items() if target.startswith("p.") and line.source in home.columns]
+    frames = dict.fromkeys(target[2:-2] for target in named if target.count(".") > 1)
+    if not frames:
+        return
+    rows, paths = _some_rows(mechanism, joints)
+    for frame in frames:
+        lines = [seen.lines[f"p.{frame}.{axis}"] for axis in "xyz"]
+        placed = mechanism.frame(frame)
+        carrying = {name: path for name, path in paths.items() if mechanism.joint_id(name) == placed.joint}
+        factors = [UNITS["length"].get(line.unit or "m", 1.0) for line in lines]
+        places = np.column_stack([home.columns[line.source] * f for line, f in zip(lines, factors, strict=True)])
+        for best in _fits(carrying, places[rows], None):
+            beside = best.distance(placed.placement[:3, 3])
+            if best.share > _LEFT or float(np.median(best.apart)) > _NEAR:
+                lines[0].doubt = _doubt(mechanism, best, [])
+            elif beside > _NEAR:
+                lines[0].doubt = (
+                    f"{_in_words(mechanism, best, [])}, but {number(1e3 * beside, 3)} mm beside {frame}: is it another "
+                    "point of it?"
+                )
 
 
 def _copies(bodies: Sequence[Body]) -> dict[str, str]:
@@ -154,14 +220,6 @@ def _points(body: Body) -> Array:
     """Return the places (N, 3) [m] of a marker."""
     lines = {axis: place_line("", name, body.stream, True) for axis, name in body.place.items()}
     return np.column_stack([_column(body, a) * UNITS["length"].get(lines[a].unit or "m", 1.0) for a in "xyz"])
-
-
-@dataclass(frozen=True, eq=False)
-class _Path:
-    """A body as the joints have it, row by row: position (n, 3) [m] and rotation (n, 3, 3) in base axes."""
-
-    position: Array
-    rotation: Array
 
 
 def _paths(mechanism: Mechanism, joints: Sequence[str], values: Array) -> dict[str, _Path]:
@@ -190,13 +248,15 @@ def _fits(paths: Mapping[str, _Path], seen: Array, base: str | None) -> Iterator
             turned = paths[base].rotation[known].transpose(0, 2, 1)
             position = np.einsum("nij,nj->ni", turned, position - paths[base].position[known])
             rotation = turned @ rotation
-        offset, apart = _rigid(position, rotation, seen[known])
+        offset, free, apart = _rigid(position, rotation, seen[known])
         way = float(np.median(np.linalg.norm(seen[known] - np.median(seen[known], axis=0), axis=1)))
-        yield Carried(joint, base, offset, apart, float(np.median(apart)) / max(way, np.finfo(float).tiny))
+        share = float(np.median(apart)) / max(way, np.finfo(float).tiny)
+        yield Carried(joint, base, offset, free, apart, share, _Path(position, rotation), seen[known])
 
 
-def _rigid(position: Array, rotation: Array, seen: Array) -> tuple[Array, Array]:
-    """Return where on a body a marker sits (3,) [m], and how far from there (n,) [m] it was seen.
+def _rigid(position: Array, rotation: Array, seen: Array) -> tuple[Array, Array, Array]:
+    """Return where on a body a marker sits (3,) [m], along which directions (k, 3) no row tells that, and how far from
+    there (n,) [m] it was seen.
 
     It starts from B^-1 s = t + R o + B^-1 b, which is linear where B may be any matrix. Along what no row tells, as
     along the axes of a robot whose axes are all parallel, the marker sits as near to its body's joint as it can.
@@ -220,7 +280,9 @@ def _rigid(position: Array, rotation: Array, seen: Array) -> tuple[Array, Array]
     free = directions[sizes < _UNDETERMINED * sizes[0]]
     nearest = fitted.x - free.T @ np.linalg.lstsq(free[:, 6:].T, fitted.x[6:], rcond=None)[0]
     apart, there = (np.linalg.norm(left(x), axis=1) for x in (fitted.x, nearest))
-    return (nearest[6:], there) if np.allclose(there, apart, rtol=1e-3, atol=_COMPUTED) else (fitted.x[6:], apart)
+    if np.allclose(there, apart, rtol=1e-3, atol=_COMPUTED):
+        return nearest[6:], free[:, 6:], there
+    return fitted.x[6:], np.zeros((0, 3)), apart
 
 
 def _further(best: Carried, other: Carried) -> bool:
@@ -242,8 +304,12 @@ def _frames(mechanism: Mechanism, carried: Mapping[str, Carried]) -> dict[str, s
         links = [frame.name for frame in mechanism.model.frames if frame.type == pin.FrameType.BODY]
         own_links = [name for name in frames if name in links]
         frames = own_links if len(own_links) >= len(own) else frames  # a fixed joint says the same as its link
-        places = np.array([mechanism.frame(name).placement[:3, 3] for name in frames]).reshape(-1, 3)
-        far = np.array([np.linalg.norm(places - carried[name].offset, axis=1) for name in own])
+        far = np.zeros((len(own), len(frames)))
+        for row, name in enumerate(own):
+            for column, frame in enumerate(frames):
+                # of places that the rows do not tell apart, the tool's
+                near = carried[name].distance(mechanism.frame(frame).placement[:3, 3])
+                far[row, column] = max(near, _NEAR) - _COMPUTED * (frame == mechanism.tip.name)
         for row, column in zip(*linear_sum_assignment(far), strict=True):
             out[own[row]] = frames[column]
     return out
@@ -251,7 +317,7 @@ def _frames(mechanism: Mechanism, carried: Mapping[str, Carried]) -> dict[str, s
 
 def _reach(mechanism: Mechanism, frame: str, best: Carried) -> float:
     """Return how far a marker may sit from its frame [m], a round number."""
-    far = float(np.linalg.norm(mechanism.frame(frame).placement[:3, 3] - best.offset))
+    far = best.distance(mechanism.frame(frame).placement[:3, 3])
     return next((reach for reach in _REACHES if far < reach), _REACHES[-1])
 
 
@@ -262,6 +328,8 @@ def _doubt(mechanism: Mechanism, best: Carried, rivals: Sequence[Carried]) -> st
         return f"{words}: do these rows belong to these joints?"
     if best.share > _LEFT:
         return f"{words}: markers that were taken for one another, or another robot?"
+    if float(np.median(best.apart)) > _NEAR:
+        return f"{words}: more than a robot is beside its file: is it this robot, and are these its joints and units?"
     if float(np.median(best.apart)) < _COMPUTED:
         return f"{words}: measured from outside, or computed from the joints?"
     return f"{words}: which one carries it?" if rivals else ""

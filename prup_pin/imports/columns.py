@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..spatial import Array
-from .bodies import bodies_of, frame_of, numbered_places
+from .bodies import bodies_of, frame_of, numbered_places, triples_of
 from .draft import Guessing, Line, Seen
 from .log import Log, Stream
-from .map import NamedRobot, driven
-from .units import CURRENT, IN_OUT, KIND, MEASURED, TIME, UNITS, WISHED, dimension_of, spelled, unit_in_name, words_of
+from .map import JOINT_DIMENSIONS, NamedRobot, driven
+from .units import CURRENT, DRIVING, IN_OUT, KIND, MEASURED, TIME, UNITS, WISHED, dimension_of, without_unit, words_of
 
 # -- the time ----------------------------------------------------------------------------------------------------------
 
@@ -41,8 +41,7 @@ def time_column(stream: Stream) -> TimeColumn:
         return "", "s", "no column is a time: write how many rows a second there are; 1 will do for poses at rest"
     name = (named or rising)[0]
     doubt = "" if named else "no column has a name of time; this one rises from row to row"
-    said = stream.units.get(name) or unit_in_name(name)
-    unit = spelled(said) if said else None
+    unit = stream.unit_of(name)
     if unit is None or dimension_of(unit) != "time":
         words = words_of(name)
         unit = next((u for u in ("ns", "us", "ms") if u in words), "ms" if "ipoc" in words else None)
@@ -62,16 +61,14 @@ def time_column(stream: Stream) -> TimeColumn:
 def _is_time(stream: Stream, name: str) -> bool:
     """Return whether a column's name or unit is that of a time."""
     words = set(words_of(name))
-    unit = stream.units.get(name) or unit_in_name(name)
-    timed = unit is not None and dimension_of(spelled(unit) or "") == "time"
+    timed = dimension_of(stream.unit_of(name) or "") == "time"
     return bool(words & set(TIME) or timed) and not words & set(WISHED)
 
 
 def _may_be_time(stream: Stream, name: str) -> bool:
     """Return whether a column that rises may be the time by its name: no joint, no place, no count of rows."""
     words, values = words_of(name), stream.columns[name]
-    said = stream.units.get(name) or unit_in_name(name)
-    other = said is not None and dimension_of(spelled(said) or "s") != "time"
+    other = dimension_of(stream.unit_of(name) or "s") != "time"
     spoken = set(words) & set(KIND) or (any(word.isdigit() for word in words) and name != "column 1")
     return not (other or spoken or words[-1:] in (["x"], ["y"], ["z"]) or (np.diff(values) == 1).all())
 
@@ -102,12 +99,16 @@ def add_joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, fo
     labels = _labels(stream, mechanism)
     alone = mechanism is not None and len(driven(mechanism)) == 1
     markers = {name for place in numbered_places(stream).values() for name in place.values()}
+    markers |= {name for triple in triples_of(stream) for name in triple.values() if stream.unit_of(name)}
     for name in stream.columns:
-        if name in markers and not _joint_in(name, mechanism):
+        joint = _joint_in(name, mechanism)
+        if name in markers and not joint:
             continue
         words = words_of(name)
-        kinds = [KIND[word] for word in words if word in KIND]
-        joint = _joint_in(name, mechanism)
+        measured = measured_by(stream.unit_of(name), mechanism)
+        if measured == "":
+            continue  # no joint of this robot has anything in such a unit
+        kinds = [measured] if measured else [KIND[word] for word in words if word in KIND]
         numbers = [word for word in words if word.isdigit()]
         if kinds and numbers and not joint and labels:
             joint = labels.get(int(numbers[-1]), "")
@@ -122,9 +123,12 @@ def add_joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, fo
             continue
         kind = "tau" if "tau" in kinds else kinds[-1] if kinds else "q"
         number = int(numbers[-1]) if numbers else 0
-        key = name.replace(joint, "#") if joint and joint in name else name
-        if numbers and key == name:
-            key = re.sub(rf"{numbers[-1]}(?!.*{numbers[-1]})", "#", name)
+        plain = without_unit(name)  # joints of one group may turn and slide
+        key = plain.replace(joint, "#") if joint and joint in plain else plain
+        if numbers and key == plain:
+            key = re.sub(rf"{numbers[-1]}(?!.*{numbers[-1]})", "#", plain)
+        if any((number, joint) == (other, own) for other, _, own in groups.get((kind, key), ())):
+            key = f"{key} {stream.unit_of(name)}"
         groups.setdefault((kind, key), []).append((number, name, joint))
     if mechanism is not None:
         # some of them may have a number besides: base, shoulder, elbow, wrist 1
@@ -135,21 +139,55 @@ def add_joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, fo
     for kind, key in groups:
         spoken = set(words_of(key))
         score = len(groups[kind, key]) + 20 * bool(spoken & set(MEASURED)) - 50 * bool(spoken & set(WISHED))
-        score -= 30 * bool(spoken & set(CURRENT)) + 5 * ("motor" in spoken) + 2 * len(spoken & set(_ASIDE))
+        amperes = any(stream.unit_of(name) in DRIVING for _, name, _ in groups[kind, key])
+        score -= 30 * (amperes or bool(spoken & set(CURRENT))) + 5 * ("motor" in spoken) + 2 * len(spoken & set(_ASIDE))
         by_kind.setdefault(kind, []).append((score, key))
     already = {line.target for line in found.lines}
     if not by_kind and mechanism is not None:
         found.lines += _blocks(stream, times, mechanism)
         return
     for kind, scored in by_kind.items():
-        _, key = max(scored, key=lambda item: item[0])
+        best, key = max(scored, key=lambda item: item[0])
         if set(words_of(key)) & set(WISHED):
             continue
         lines = _named(kind, sorted(groups[kind, key]), mechanism, stream)
+        _doubt_rivals(lines, [groups[kind, other] for score, other in scored if other != key and score == best], stream)
         if "motor" in words_of(key) and mechanism is not None:
             for line in lines:
                 line.doubt = line.doubt or "named after a motor: is it the joint's? Else tell `motors` and their matrix"
-        found.lines += [line for line in lines if line.target not in already]
+        named = {line.target: line for line in lines}
+        for _, other in sorted(scored, key=lambda item: -item[0]):  # a joint that has a name of its own beside numbers
+            own = [member for member in groups[kind, other] if member[2]]
+            if own and not set(words_of(other)) & {*WISHED, *_ASIDE}:
+                named = {line.target: line for line in _named(kind, sorted(own), mechanism, stream)} | named
+        found.lines += [line for line in named.values() if line.target not in already]
+
+
+def measured_by(unit: str | None, mechanism: NamedRobot | None) -> str | None:
+    """Return what of a joint is measured in a unit: q, qd, qdd or tau; '' in one of no joint that the robot drives.
+
+    None where the unit leaves it open: there is none, or it takes a scale.
+    """
+    dimension = dimension_of(unit or "")
+    if unit in DRIVING:
+        return "tau"
+    if dimension in (None, "label"):
+        return None
+    slides = {joint.slides for joint in mechanism.joints} if mechanism is not None else {False, True}
+    kinds = (kind for kind, two in JOINT_DIMENSIONS.items() for slide in slides if two[slide] == dimension)
+    return next(kinds, "")
+
+
+def _doubt_rivals(lines: Sequence[Line], rivals: Sequence[Sequence[tuple[int, str, str]]], stream: Stream) -> None:
+    """Note on the first of a group's lines that another group is as good, where its numbers are others."""
+    own = {line.source for line in lines}
+    for group in rivals:
+        names = [name for _, name, _ in group if name not in own]
+        other = [
+            name for name in names if not any(np.array_equal(stream.columns[name], stream.columns[k]) for k in own)
+        ]
+        if lines and len(other) == len(lines):
+            lines[0].rival = lines[0].rival or f"or {other[0]} and those like it: which were measured?"
 
 
 def _spoken(
@@ -162,7 +200,8 @@ def _spoken(
     groups: dict[tuple[str, str], list[tuple[int, str, str]]] = {}
     for name in stream.columns:
         words = words_of(name)
-        kinds = [KIND[word] for word in words if word in KIND]
+        measured = measured_by(stream.unit_of(name), mechanism)
+        kinds = [KIND[word] for word in words if word in KIND and measured != ""]
         if name in times or not kinds or set(words) & set(OF_THE_TOOL) or _joint_in(name, mechanism):
             continue
         manner = " ".join(word for word in words if word in {*KIND, *WISHED, *MEASURED, *_ASIDE})
@@ -230,8 +269,11 @@ def _named(kind: str, members: Sequence[tuple[int, str, str]], mechanism, stream
                     doubt = f"{len(members)} columns for {len(order)} actuated joints"
             else:
                 continue
-        said = stream.units.get(source) or unit_in_name(source)
-        unit = spelled(said) if said else None
+        unit = stream.unit_of(source)
+        slides = {item.name: item.slides for item in mechanism.joints} if mechanism is not None else {}
+        wanted = JOINT_DIMENSIONS[kind][slides.get(target, False)]
+        if target in slides and dimension_of(unit or "") not in (None, wanted):
+            continue  # a force is no effort of a joint that turns
         if kind == "tau" and unit is None and set(words_of(source)) & set(CURRENT):
             unit = "A"
         lines.append(Line(f"{kind}.{target}", source, unit, reason=reason, doubt=doubt))
@@ -252,15 +294,16 @@ def _in_order(mechanism: NamedRobot | None, count: int) -> list[str]:
 
 #: What forces and moments are called, in English, German, French, Spanish and Italian.
 _FORCES = ("force", "kraft", "fuerza", "forza")
+_ON_THE_TOOL = "is it what acts on the tool point, in base axes?"
 _MOMENTS = ("torque", "moment", "drehmoment", "couple", "momento", "coppia")
 
 
 def wrench_lines(log: Log, taken: set[str]) -> list[Line]:
-    """Return the lines of a wrench: fx … mz, or force.x … torque.z."""
+    """Return the lines of a wrench: fx … mz, or force.x … torque.z; else three columns x y z in units of force."""
     lines: dict[str, Line] = {}
     for stream in log.streams:
         for name in stream.columns:
-            words = words_of(name)
+            words = words_of(without_unit(name))
             if name in taken or not words or set(words) & set(WISHED):
                 continue
             last = words[-1]
@@ -270,13 +313,23 @@ def wrench_lines(log: Log, taken: set[str]) -> list[Line]:
                 component = ("f" if words[-2] in _FORCES else "m") + last
             else:
                 continue
-            said = stream.units.get(name) or unit_in_name(name)
-            if said and dimension_of(spelled(said) or "N") not in (None, "force", "moment"):
+            unit = stream.unit_of(name)
+            if dimension_of(unit or "") not in (None, "force", "moment"):
                 continue  # TX in mm is a translation
             # the recording's own name says what it is
-            doubt = "" if name == f"w.{component}" else "is it what acts on the tool point, in base axes?"
-            unit = (spelled(said) if said else None) or ("N" if component[0] == "f" else "N m")
+            doubt = "" if name == f"w.{component}" else _ON_THE_TOOL
+            unit = unit or ("N" if component[0] == "f" else "N m")
             lines.setdefault(f"w.{component}", Line(f"w.{component}", name, unit, doubt=doubt))
+    for stream in log.streams:
+        for triple in triples_of(stream):
+            kinds = {dimension_of(stream.unit_of(name) or "") for name in triple.values()}
+            kind = {"force": "f", "moment": "m"}.get(kinds.pop() or "") if len(kinds) == 1 else None
+            wished = any(set(words_of(name)) & set(WISHED) or name in taken for name in triple.values())
+            if kind is None or wished or any(f"w.{kind}{axis}" in lines for axis in "xyz"):
+                continue
+            for axis, name in triple.items():
+                target = f"w.{kind}{axis}"
+                lines[target] = Line(target, name, stream.unit_of(name), doubt=_ON_THE_TOOL)
     return list(lines.values())
 
 
@@ -306,8 +359,7 @@ def seen_poses(log: Log, taken: set[str], mechanism: NamedRobot | None) -> Seen:
 
 def place_line(target: str, name: str, stream: Stream, framed: bool) -> Line:
     """Return the line of one coordinate of a body: of a frame of the robot (`framed`), or of who knows what."""
-    said = stream.units.get(name) or unit_in_name(name)
-    unit = spelled(said) if said else None
+    unit = stream.unit_of(name)
     doubt = "" if framed else "is it the tool point, measured from outside, in base axes? Else p.<frame>"
     if unit is None:
         reach = float(np.nanmax(np.abs(stream.columns[name]), initial=0.0))

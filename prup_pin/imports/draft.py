@@ -12,7 +12,10 @@ from .units import UNITS, dimension_of
 
 @dataclass
 class Line:
-    """One line of the map to be; `sign` and `unit` are open until numbers were compared."""
+    """One line of the map to be; `sign` and `unit` are open until numbers were compared.
+
+    rival: another column that may as well be meant, in words; what proves units and order does not settle that.
+    """
 
     target: str
     source: str
@@ -22,6 +25,7 @@ class Line:
     offset: float = 0.0
     reason: str = ""
     doubt: str = ""
+    rival: str = ""
 
 
 @dataclass

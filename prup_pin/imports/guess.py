@@ -10,7 +10,7 @@ proof is a doubt, and says so in the map.
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,8 @@ import numpy as np
 import yaml
 
 from ..errors import InputError
+from ..mechanism.mechanism import Mechanism
+from ..numbers import some
 from ..recordings.columns import is_known, joint_of, unit_of
 from ..recordings.problems import shown
 from ..recordings.writer import write_whole
@@ -27,9 +29,9 @@ from .clocks import set_beside
 from .columns import Clocks, add_joints, place_line, seen_poses, time_column, wrench_lines
 from .draft import Guessing, Line, Seen
 from .log import Log
-from .map import NamedRobot
+from .map import CHECK, NamedRobot, driven
 from .unit_by_numbers import settle_units
-from .units import UNSCALED, dimension_of, unit_in_name
+from .units import DRIVING, UNSCALED, WISHED, dimension_of, words_of
 from .weight import doubt_efforts
 
 
@@ -93,7 +95,7 @@ def written(
     def told(text: str, doubt: str, what: str) -> str:
         if doubt:
             doubts.append(f"{what}: {doubt}")
-            return f"{text}  # CHECK: {doubt}"
+            return f"{text}  {CHECK}{doubt}"
         return text
 
     lines = [
@@ -128,11 +130,12 @@ def written(
         parts += [f"sign: {line.sign}"] * (line.sign != 1) + ["unwrap: true"] * line.unwrap
         parts += [f"offset: {line.offset:.12g}"] * (line.offset != 0)
         text = f"  {_text(line.target)}: {{{', '.join(parts)}}}"
-        reason = f"  # {line.reason}" if line.reason and not line.doubt else ""
-        lines.append(told(text, line.doubt, line.target) + reason)
+        doubt = "; ".join(filter(None, (line.doubt, line.rival)))
+        reason = f"  # {line.reason}" if line.reason and not doubt else ""
+        lines.append(told(text, doubt, line.target) + reason)
     if not any(line.target.startswith("q.") for line in chosen):
-        lines.append("  # q.<joint>: {from: NAME, unit: rad}")
-        doubts.append("no column was found that is the position of a joint; write lines q.<joint>")
+        none = "no column was found that is the position of a joint; write lines q.<joint>"
+        lines.append(told("  # q.<joint>: {from: NAME, unit: rad}", none, "columns"))
     if any(line.target.startswith("q.") for line in chosen):
         lines += _without(found, mechanism, told)
     lines += _of_others(seen, mechanism, doubts)
@@ -175,11 +178,17 @@ def written(
     sources = {line.source for line in chosen} | {name for body in seen.turns.values() for name in body.turn}
     sources |= {name for name, _, _ in clocks.values() if name}
     unused = [name for name in log.names if name not in sources]
+    asked = _left(log, unused, found, mechanism)
+    for unit, names in asked.items():
+        which = ", ".join(some(names, 6))
+        doubt = f"in {unit}, and nothing is made of it: {which}. tau.<joint>, or w.fx … w.mz at the tool? Else none"
+        lines.append(told("", doubt, unit).strip())
     if unused or log.left_out:
         lines += ["", "# Not used:", *(f"#   {name}" for name in (*unused, *log.left_out))]
-    angles = [name for name in unused if dimension_of(unit_in_name(name) or "") == "angle"]
+    angles = [name for name in unused if dimension_of(log.stream_of(name).unit_of(name) or "") == "angle"]
     if len(angles) == 3 and not seen.turns and any(line.target == "p.x" for line in chosen):
-        turn = f"r: {{from: [{', '.join(map(_text, angles))}], as: euler_ZYX, unit: {unit_in_name(angles[0])}}}"
+        unit = log.stream_of(angles[0]).unit_of(angles[0]) or "rad"
+        turn = f"r: {{from: [{', '.join(map(_text, angles))}], as: euler_ZYX, unit: {unit}}}"
         lines += ["# Where these angles turn the tool, in the order in which your log turns it:"]
         lines += [f"# rotations: {{{turn}}}  # or euler_XYZ, euler_xyz, rotation_vector"]
     return Guess("\n".join(lines) + "\n", tuple(doubts))
@@ -187,33 +196,63 @@ def written(
 
 #: Joints without a column that have a line each; of more, such as a hand's, the names are listed.
 _LISTED = 4
+_AT_HOME = "no column is its position; it is taken to stand at home"
 
 
 def _without(found: Guessing, mechanism: NamedRobot | None, told: Callable[[str, str, str], str]) -> list[str]:
-    """Return lines of comment for driven joints whose position no column is; `told` notes what is not sure of one."""
-    each = {joint: _open(joint, found, mechanism) for joint in found.open}
-    sure = [joint for joint, (_, doubt) in each.items() if not doubt]
-    if len(sure) <= _LISTED:
-        return [told(*each[joint], f"q.{joint}") for joint in each]
-    names = textwrap.wrap(", ".join(sure), 110, initial_indent="  #   ", subsequent_indent="  #   ")
-    lines = [told(*each[joint], f"q.{joint}") for joint in each if joint not in sure]
-    return [*lines, f"  # {len(sure)} joints are without a column, and taken to stand at home:", *names]
+    """Return lines of comment for driven joints whose position no column is; `told` notes what is not sure of one.
 
-
-def _open(joint: str, found: Guessing, mechanism: NamedRobot | None) -> tuple[str, str]:
-    """Return the line of comment for a driven joint whose position no column is, and what is not sure of it.
-
-    Where columns are left that may be it, or where another column is this joint's, it hardly stood at home.
+    Where such a joint stood decides where the tool is, but for one that carries no tool, such as a finger.
     """
-    columns = found.open[joint]
-    slides = mechanism is not None and any(item.slides for item in mechanism.joints if item.name == joint)
-    text = f"  # q.{joint}: {{from: NAME, unit: {'m' if slides else 'rad'}}}"
-    without = "no column is its position; it is taken to stand at home"
-    if columns:
-        return text, f"{without}. Is it {' or '.join(columns[:6])}?"
-    if any(line.target.endswith(f".{joint}") for line in found.lines):
-        return text, without
-    return f"{text}  # {without}", ""
+    lines, many, beside = [], [], []
+    for joint, columns in found.open.items():
+        slides = mechanism is not None and any(item.slides for item in mechanism.joints if item.name == joint)
+        text = f"  # q.{joint}: {{from: NAME, unit: {'m' if slides else 'rad'}}}"
+        own = any(line.target.endswith(f".{joint}") for line in found.lines)
+        if columns or own:
+            lines.append(told(text, f"{_AT_HOME}{_is_it(columns)}", f"q.{joint}"))
+        elif _carries_the_tool(joint, mechanism):
+            many.append((joint, text))
+        else:
+            beside.append((joint, text))
+    if len(many) > _LISTED:
+        doubt = f"{len(many)} joints are without a column, and taken to stand at home: {', '.join(j for j, _ in many)}"
+        lines.append(told("  # q.JOINT: {from: NAME, unit: rad}", doubt, "q.JOINT"))
+    else:
+        lines += [told(text, _AT_HOME, f"q.{joint}") for joint, text in many]
+    if len(beside) > _LISTED:
+        names = textwrap.wrap(", ".join(j for j, _ in beside), 110, initial_indent="  #   ", subsequent_indent="  #   ")
+        lines += [f"  # {len(beside)} joints are without a column, and taken to stand at home:", *names]
+    else:
+        lines += [f"{text}  # {_AT_HOME}" for _, text in beside]
+    return lines
+
+
+def _is_it(columns: Sequence[str]) -> str:
+    return f". Is it {' or '.join(columns[:6])}?" if columns else ""
+
+
+def _carries_the_tool(joint: str, mechanism: NamedRobot | None) -> bool:
+    """Return whether a joint may be on the way from the base to the tool."""
+    if not isinstance(mechanism, Mechanism) or mechanism.tool is None:
+        return True
+    return mechanism.joint_id(joint) not in mechanism.load_paths.idle
+
+
+def _left(log: Log, unused: Sequence[str], found: Guessing, mechanism: NamedRobot | None) -> dict[str, list[str]]:
+    """Return columns of forces, moments and currents that nothing is made of, by their unit.
+
+    Currents are asked for where a drive is without an effort. What a controller wishes was not measured.
+    """
+    efforts = {line.target for line in found.lines}
+    lacking = mechanism is None or any(f"tau.{joint}" not in efforts for joint in driven(mechanism))
+    left: dict[str, list[str]] = {}
+    for name in unused:
+        unit = log.stream_of(name).unit_of(name) or ""
+        loads = dimension_of(unit) in ("force", "moment") or (lacking and unit in DRIVING)
+        if loads and not {*words_of(name)} & {*WISHED}:
+            left.setdefault(unit, []).append(name)
+    return left
 
 
 def _of_others(seen: Seen, mechanism: NamedRobot | None, doubts: list[str]) -> list[str]:
@@ -221,7 +260,7 @@ def _of_others(seen: Seen, mechanism: NamedRobot | None, doubts: list[str]) -> l
     lines = [f"  # marker {again} is marker {first} again, number by number" for again, first in seen.copies.items()]
     for called, moves in seen.movers.items():
         moving = f"marker {called or 'without a name'} {moves}"
-        lines.append(f"  # CHECK: {moving}")
+        lines.append(f"  {CHECK}{moving}")
         doubts.append(moving)
     if not seen.others:
         return lines
@@ -234,6 +273,7 @@ def _of_others(seen: Seen, mechanism: NamedRobot | None, doubts: list[str]) -> l
         called = ", ".join(body.called or "a body without a name" for body in seen.others[:6])
         there = f": {', '.join(list(mechanism.frame_names)[-8:])} …" if mechanism is not None else ""
         doubts.append(f"seen were {called}, and no frame of the robot is called like one; write lines p.FRAME.x{there}")
+        lines.append(f"  {CHECK}{doubts[-1]}")
     return lines
 
 

@@ -20,6 +20,7 @@ from ..numbers import number
 from ..recordings.problems import MAX_NAMES, shown
 from ..spatial import Array
 from .headings import unique_names
+from .units import spelled, unit_in_name
 
 #: Longer vectors in one message are pictures or clouds, not signals.
 MAX_VECTOR = 64
@@ -48,6 +49,10 @@ class Stream:
     clock: Array | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     labels: Mapping[str, str] = field(default_factory=dict)
+
+    def unit_of(self, column: str) -> str | None:
+        """Return the unit of a column as UNITS spells it, None where neither the file nor its heading says one."""
+        return (spelled(self.units[column]) if column in self.units else None) or unit_in_name(column)
 
     def __len__(self) -> int:
         if self.clock is not None:

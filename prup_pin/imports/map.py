@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 import yaml
 
-from ..errors import nearest_names
+from ..errors import Problem, nearest_names
 from ..recordings import Noise, Tolerances
 from ..recordings.columns import NOISE_KEYS, joint_of, marker_of
 from ..recordings.columns import UNITS as COLUMNS
@@ -268,7 +268,7 @@ class KeyReader:
 
 
 #: Prefix of a joint's column -> what it measures, of joints that turn and of joints that slide.
-_JOINT = {
+JOINT_DIMENSIONS = {
     "q": ("angle", "length"),
     "qd": ("angular velocity", "velocity"),
     "qdd": ("angular acceleration", "acceleration"),
@@ -286,6 +286,33 @@ def robot_named(path: str | Path) -> str | None:
     problems.raise_all()
     named = content.get("robot")
     return named if isinstance(named, str) else None
+
+
+#: What stands before the doubt of a line that was guessed.
+CHECK = "# CHECK: "
+
+
+def unanswered(path: str | Path) -> list[Problem]:
+    """Return the lines of a map that still ask to be looked at, each with what is not sure of it.
+
+    A line is answered when the word is gone from it, with the line or without. Raises RecordingFileError for what is
+    no map.
+    """
+    path = Path(path)
+    problems = Problems(path)
+    load_yaml(path, problems, KEYS)
+    problems.raise_all()
+    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    ends: dict[int, int] = {}  # of each line's last value: what follows it is a comment
+    for token in yaml.scan(text, _Loader):
+        ends[token.end_mark.line] = max(ends.get(token.end_mark.line, 0), token.end_mark.column)
+    found = []
+    for number, line in enumerate(text.split("\n")):
+        _, asked, doubt = line[ends.get(number, 0) :].partition(CHECK)
+        if asked:
+            key = line[: line.rindex(CHECK)].partition(": {")[0].strip(" #'\"")
+            found.append(Problem(f"{key}: {doubt.strip()}" if key else doubt.strip(), number + 1, path.name))
+    return found
 
 
 def read_map(path: str | Path, log: Log, mechanism: NamedRobot | None = None) -> LogMap:
@@ -440,7 +467,7 @@ class _Reader(KeyReader):
             self.wrong("is told under the key `time`, not among the columns", "columns", name)
             return None
         if name not in COLUMNS:
-            valid = [*COLUMNS, *(f"{prefix}.<joint>" for prefix in _JOINT), "p.<frame>.x"]
+            valid = [*COLUMNS, *(f"{prefix}.<joint>" for prefix in JOINT_DIMENSIONS), "p.<frame>.x"]
             self.wrong(f"is no column of a recording. {nearest_names(name, valid)}", "columns", name)
             return None
         return {
@@ -449,7 +476,7 @@ class _Reader(KeyReader):
         }[name[:3] if name.startswith("w.") else name.partition(".")[0]]  # fmt: skip
 
     def joint_dimensions(self, name: str, joint: str, moved: set[str]) -> tuple[str, ...]:
-        turning, sliding = _JOINT[name.partition(".")[0]]
+        turning, sliding = JOINT_DIMENSIONS[name.partition(".")[0]]
         if joint in moved or self.mechanism is None:
             return turning, sliding
         known = {item.name: item for item in self.mechanism.joints}
@@ -541,7 +568,7 @@ class _Reader(KeyReader):
 
     def complete(self, group: Motors, columns: Mapping[str, Column]) -> None:
         """A joint's value needs that of every motor of its group."""
-        for prefix in _JOINT:
+        for prefix in JOINT_DIMENSIONS:
             there = [name for name in group.names if f"{prefix}.{name}" in columns]
             if there and len(there) < len(group.names):
                 lacking = [f"{prefix}.{name}" for name in group.names if name not in there]

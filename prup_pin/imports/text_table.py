@@ -266,8 +266,25 @@ def _decoded(content: bytes) -> tuple[str, str]:
         else:
             text, encoding = content.decode("utf-8-sig"), "utf-8-sig"
     except UnicodeDecodeError:
-        text, encoding = content.decode("latin-1"), "latin-1"
+        text, encoding = _older(content)
     return text.replace("\r\n", "\n").replace("\r", "\n"), encoding
+
+
+def _older(content: bytes) -> tuple[str, str]:
+    """Return text that is no Unicode, and its encoding.
+
+    Japanese where bytes stand in it that are no letters of Western Europe; Chinese where what is no ASCII comes in
+    pairs, several of them in a row somewhere.
+    """
+    pairs = [len(run) for run in re.findall(rb"[\xa1-\xfe]+", content)]
+    likely = ["cp932"] if re.search(rb"[\x81-\x9f]", content) else []
+    likely += ["gb18030"] if max(pairs, default=0) >= 4 and not any(size % 2 for size in pairs) else []
+    for encoding in (*likely, "cp1252"):
+        try:
+            return content.decode(encoding), encoding
+        except UnicodeDecodeError:
+            continue
+    return content.decode("latin-1"), "latin-1"
 
 
 def _marks(lines: list[str]) -> tuple[str, str]:

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from unicodedata import normalize
 
 _TURN = 2 * math.pi
 _LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "inch": 0.0254}
@@ -31,6 +32,8 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 }
 #: What a driver may say instead of an effort or a position; it takes a `scale` to SI.
 UNSCALED = ("A", "mA", "V", "%", "counts", "raw")
+#: ... and of it what a drive takes.
+DRIVING = ("A", "mA")
 #: What stands for no unit at all.
 SI_WORDS: Mapping[str, str] = {
     "time": "s",
@@ -59,6 +62,7 @@ _SPELLED = {
     "meter": "m", "meters": "m", "metre": "m", "metres": "m", "millimeter": "mm", "millimeters": "mm",
     "millimetre": "mm", "millimetres": "mm", "centimeter": "cm", "centimeters": "cm", "inches": "inch",
     "°/s²": "deg/s^2", "u/s": "rps", "newtonmeter": "N m", "newton-meters": "N m", "μm": "um", "μs": "us", "c": "degC",
+    "度": "deg", "秒": "s", "ミリ秒": "ms", "n・m": "N m",
 }  # fmt: skip
 
 
@@ -72,9 +76,14 @@ class Unit:
     needs_scale: bool = False
 
 
+def narrow(text: str) -> str:
+    """Return a text with plain characters in the place of wide ones: 'mm' of '㎜' and 'N' of 'Ｎ'."""
+    return "".join(normalize("NFKC", c) if "\u3300" <= c <= "\u33ff" or "\uff01" <= c <= "\uff9f" else c for c in text)
+
+
 def spelled(text: str) -> str | None:
     """Return the unit that a text means, or None."""
-    plain = re.sub(r"\s+", " ", text.strip().strip("[]()").strip())
+    plain = re.sub(r"\s+", " ", narrow(text).strip().strip("[]()").strip())
     known = [unit for units in UNITS.values() for unit in units] + list(UNSCALED)
     if plain in known:
         return plain
@@ -135,6 +144,7 @@ TIME = ("time", "t", "timestamp", "stamp", "timestamps", "sec", "seconds", "tout
 
 def words_of(name: str) -> list[str]:
     """Return the words of a column's name in lower case, numbers apart: 'TorqueJ3 [Nm]' -> torque, j, 3."""
+    name = narrow(name)
     tail = re.search(r"[\[(]([^\[\]()]*[A-Za-z°%][^\[\]()]*)[\])]\s*$", name)
     plain = name[: tail.start()] if tail is not None and spelled(tail.group(1)) else name
     plain = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", plain)
@@ -148,10 +158,30 @@ def _halves(word: str) -> list[str]:
     return [word.removesuffix(rest), rest] if rest != word and rest in KIND else [word]
 
 
+#: A unit at the end of a column's name: in brackets, perhaps before a number for a name that stands twice; or after an
+#: underscore, of one letter where that is hardly anything else.
+_IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])](?= \(\d+\)$|\s*$)")
+_AFTER = re.compile(r"[_\s.]((?:(?i:deg|rad|mm|cm|rpm|nm|ms|us|ns|dps)(?:[_/]s)?)|N|(?<=[\dxyzXYZ]_)[mA])$")
+
+
 def unit_in_name(name: str) -> str | None:
     """Return the unit that a column's name ends with, in brackets or after an underscore: 'q1_deg', 'x [mm]'."""
-    bracket = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", name)
-    if bracket is not None and not bracket.group(1).strip().isdigit():
-        return spelled(bracket.group(1))
-    tail = re.search(r"[_\s.]((?:deg|rad|mm|rpm|nm|ms|us|ns|dps)(?:[_/]s)?)$", name, re.I)
-    return spelled(tail.group(1).replace("_", "/")) if tail is not None else None
+    return _parted(name)[1]
+
+
+def without_unit(name: str) -> str:
+    """Return a column's name without the unit that it ends with: 'fx_N' -> 'fx'."""
+    return _parted(name)[0]
+
+
+def _parted(name: str) -> tuple[str, str | None]:
+    """Return a column's name without its unit, wide characters as plain ones, and that unit, None where it has none."""
+    plain = narrow(name)
+    for pattern in (_IN_BRACKETS, _AFTER):
+        found = pattern.search(plain)
+        unit = spelled(found[1].replace("_", "/")) if found is not None and not found[1].strip().isdigit() else None
+        if found is not None and unit is not None:
+            return plain[: found.start()].rstrip() + plain[found.end() :], unit
+        if found is not None and pattern is _IN_BRACKETS and not found[1].strip().isdigit():
+            break
+    return plain, None

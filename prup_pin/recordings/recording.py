@@ -197,7 +197,8 @@ class Recording:
         if missing:
             also = f" Also missing: {', '.join(f'q.{name}' for name in missing[1:])}." if missing[1:] else ""
             there = ", ".join(f"q.{name}" for name in self.positions) or "no q. column at all"
-            hint = f"{self.path or 'The recording'} has: {there}.{also}"
+            where = f"Where {missing[0]} stood is not known: add the column, constant where the joint was held."
+            hint = f"{self.path or 'The recording'} has: {there}.{also} {where}"
             raise UnknownNameError("column", f"q.{missing[0]}", [f"q.{name}" for name in self.positions], hint)
         if not names:
             return np.zeros((len(self), 0))

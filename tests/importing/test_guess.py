@@ -178,6 +178,12 @@ def test_names_that_yaml_would_misread_come_back(tmp_path, ur5):
         ("q[2]", ["q", "2"], None),
         ("jointVelocity5_deg_s", ["joint", "velocity", "5", "deg", "s"], "deg/s"),
         ("Pos A1 (°)", ["pos", "a", "1"], "deg"),
+        ("第１軸角度［度］", ["1"], "deg"),
+        ("第1軸トルク[N・m]", ["1"], "N m"),
+        ("fx_N", ["fx", "n"], "N"),
+        ("tau_m", ["tau", "m"], None),
+        ("x [mm] (2)", ["x", "mm", "2"], "mm"),
+        ("½ Ø¹ q1 (deg)", ["q", "1"], "deg"),
     ],
 )
 def test_names_are_read_word_by_word(name, words, unit):
@@ -228,23 +234,26 @@ def test_a_driven_joint_without_a_position_is_told():
     two = {"Hub [mm]": 300 + Q[:, 0], "Abstand [mm]": Q[:, 1], "Kraft Hub [N]": TAU[:, 0]}
     made = guess(log_of(arm_columns() | two), LiftAndArm())
     assert "tau.lift" not in yaml.safe_load(made.text)["columns"]
-    assert len(made.doubts) == 1
+    assert len(made.doubts) == 2
     assert "q.lift: no column is its position" in made.doubts[0]
+    assert "in N, and nothing is made of it: Kraft Hub [N]" in made.doubts[1]
     assert "Is it Hub [mm] or Abstand [mm]?" in made.doubts[0]
     rate = guess(log_of(arm_columns() | {"speed lift": Q[:, 0]}), LiftAndArm())
     assert any("q.lift: no column is its position" in doubt for doubt in rate.doubts)
     none = guess(log_of(arm_columns()), LiftAndArm())
-    assert "# q.lift: {from: NAME, unit: m}  # no column is its position" in none.text
-    assert none.doubts == ()
+    assert "# q.lift: {from: NAME, unit: m}  # CHECK: no column is its position" in none.text
+    assert len(none.doubts) == 1
 
 
 def test_many_joints_without_a_column_are_listed_not_told_one_by_one():
     robot = LiftAndArm()
     made = Guessing(open={f"finger_{k}": () for k in range(9)})
-    told = _without(made, robot, lambda text, doubt, what: pytest.fail(text))
-    assert told[0] == "  # 9 joints are without a column, and taken to stand at home:"
-    assert len(told) == 2
-    assert all(f"finger_{k}" in told[1] for k in range(9))
+    (told,) = _without(made, robot, lambda text, doubt, what: doubt)
+    assert told.startswith("9 joints are without a column, and taken to stand at home: finger_0, ")
+    hand = prup_pin.load("panda").mechanism
+    made = Guessing(open={"panda_finger_joint1": ()})
+    (told,) = _without(made, hand, lambda text, doubt, what: pytest.fail(text))  # it carries no tool
+    assert told.endswith("# no column is its position; it is taken to stand at home")
 
 
 def test_a_recording_with_other_separators_is_one(tmp_path):
@@ -319,10 +328,10 @@ def test_the_only_body_of_a_table_is_the_tool_where_it_moves_as_the_tool(planar)
     assert not done.recording.markers
 
 
-def test_where_a_planar_robot_leaves_a_place_open_the_marker_is_the_nearest_one(planar):
-    """Along the hinges' axes any place moves alike; a tolerance of metres is refused by a recording."""
+def test_where_a_planar_robot_leaves_a_place_open_it_may_be_the_tool(planar):
+    """Along the hinges' axes any place moves alike; seen in base axes at the tool, it needs no tolerance."""
     text, *_ = planar
-    assert "target_position: 0.05}" in text
+    assert "tolerances" not in text
 
 
 def test_rows_that_are_seconds_apart_are_not_taken_for_motion_between_them(planar):
@@ -335,3 +344,137 @@ def test_at_rest_keeps_rows_far_apart_that_stand_to_one_side():
     time, steps = 5.0 * np.arange(6), np.array([0.0, 0.0, 1.0, 1.0, 2.0, 3.0])
     assert at_rest(time, [steps]).tolist() == [True, True, True, True, False, False]
     assert not at_rest(0.1 * np.arange(6), [steps])[1:].any()
+
+
+SCARA = """<robot name="scara">
+  <link name="base"/><link name="arm"/><link name="fore"/><link name="quill"/><link name="wrist"/><link name="tool0"/>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0 0 0.4"/>
+    <axis xyz="0 0 1"/><limit lower="-2.4" upper="2.4" effort="1" velocity="1"/></joint>
+  <joint name="elbow" type="revolute"><parent link="arm"/><child link="fore"/><origin xyz="0.3 0 0"/>
+    <axis xyz="0 0 1"/><limit lower="-2.6" upper="2.6" effort="1" velocity="1"/></joint>
+  <joint name="lift" type="prismatic"><parent link="fore"/><child link="quill"/><origin xyz="0.25 0 0"/>
+    <axis xyz="0 0 1"/><limit lower="-0.2" upper="0.05" effort="1" velocity="1"/></joint>
+  <joint name="spin" type="revolute"><parent link="quill"/><child link="wrist"/><origin xyz="0 0 -0.15"/>
+    <axis xyz="0 0 1"/><limit lower="-6" upper="6" effort="1" velocity="1"/></joint>
+  <joint name="mount" type="fixed"><parent link="wrist"/><child link="tool0"/><origin xyz="{x} 0 -0.08"/></joint>
+  <prup_pin version="1"><tool frame="tool0"/><actuated joints="shoulder elbow lift spin"/></prup_pin>
+</robot>"""
+AXES = ("shoulder", "elbow", "lift", "spin")
+
+
+@pytest.fixture(scope="module", params=[0.03, 0.0], ids=["beside the last axis", "on the last axis"])
+def scara(request, tmp_path_factory):
+    """A SCARA, its joints [rad, m], what it measured by name [mm, deg, N, N m], its tool seen to 20 micrometres."""
+    path = tmp_path_factory.mktemp("scara") / "scara.urdf"
+    path.write_text(SCARA.format(x=request.param))
+    robot = prup_pin.load(path)
+    rng, t = np.random.default_rng(3), np.arange(0, 8, 0.04)
+    q = np.column_stack(
+        [1.1 * np.sin(0.7 * t), -0.6 + 0.9 * np.cos(0.9 * t), -0.08 + 0.07 * np.sin(1.3 * t), 1.2 * np.sin(0.5 * t)]
+    )
+    tool = [robot.pose_from_actuators(dict(zip(AXES, row, strict=True))).base_from_tool[:3, 3] for row in q]
+    efforts = np.column_stack([np.sin(t), np.cos(t), 9 + np.sin(2 * t), 0.1 * np.cos(t)])
+    force = np.column_stack([np.sin(0.4 * t), np.cos(0.3 * t), -15 + np.sin(0.6 * t)])
+    place = 1e3 * np.array(tool) + 0.02 * rng.standard_normal((len(t), 3))
+    return robot.mechanism, t, q, {"q": q * [180 / np.pi, 180 / np.pi, 1e3, 180 / np.pi], "tau": efforts,
+                                   "p": place, "w": force}  # fmt: skip
+
+
+HEADINGS = {
+    "Japanese": ("時刻[s]", ("第1軸角度[deg]", "第2軸角度[deg]", "昇降軸位置[mm]", "第4軸角度[deg]"),
+                 ("第1軸トルク[Nm]", "第2軸トルク[Nm]", "昇降軸推力[N]", "第4軸トルク[Nm]"), "手先{}[mm]", "力{}[N]"),
+    "wide characters": ("時間（秒）", ("第１軸角度［度］", "第２軸角度［度］", "第３軸位置［㎜］", "第４軸角度［度］"),
+                        ("第１軸トルク［Ｎ・ｍ］", "第２軸トルク［Ｎ・ｍ］", "第３軸推力［Ｎ］",
+                         "第４軸トルク［Ｎ・ｍ］"),
+                        "手先{}座標［㎜］", "荷重{}［Ｎ］"),
+    "German": ("Zeit [s]", ("Winkel A1 [°]", "Winkel A2 [°]", "Hub [mm]", "Winkel A4 [°]"),
+               ("Moment A1 [Nm]", "Moment A2 [Nm]", "Hubkraft [N]", "Moment A4 [Nm]"), "Werkzeug {} [mm]",
+               "Kraft {} [N]"),
+    "ASCII": ("t", ("j1_deg", "j2_deg", "lift_mm", "j4_deg"), ("trq1_Nm", "trq2_Nm", "lift_force_N", "trq4_Nm"),
+              "TCP_{}_mm", "F{}_N"),
+    "numbers alone": ("t", ("j1_deg", "j2_deg", "j3_mm", "j4_deg"), ("e1 [Nm]", "e2 [Nm]", "e3 [N]", "e4 [Nm]"),
+                      "{} [mm]", "load {} [N]"),
+}  # fmt: skip
+
+
+def scara_columns(scara, headings, **other):
+    _, t, _, table = scara
+    time, joints, efforts, place, force = HEADINGS[headings]
+    columns = {time: t} | dict(zip(joints, table["q"].T, strict=True)) | dict(zip(efforts, table["tau"].T, strict=True))
+    for form, kind in ((place, "p"), (force, "w")):
+        columns |= {form.format(axis): (table | other)[kind][:, k] for k, axis in enumerate("XYZ")}
+    return columns
+
+
+@pytest.mark.parametrize("headings", HEADINGS)
+def test_units_and_the_robot_say_what_columns_are_whatever_they_are_called(tmp_path, scara, headings):
+    mechanism, _, q, table = scara
+    made, recording = imported(tmp_path, log_of(scara_columns(scara, headings)), mechanism)
+    assert "# Not used" not in made.text
+    assert np.abs(np.column_stack([recording.positions[joint] for joint in AXES]) - q).max() < 1e-9
+    assert np.abs(np.column_stack([recording.efforts[joint] for joint in AXES]) - table["tau"]).max() < 1e-9
+    assert np.abs(recording.position - 1e-3 * table["p"]).max() < 1e-9  # the tool's, no marker's on a link
+    assert not recording.markers
+    assert np.abs(recording.wrench[:, :3] - table["w"]).max() < 1e-9
+    assert {doubt.partition(".")[0] for doubt in made.doubts} <= {"tau", "w"}
+    assert "tolerances" not in made.text  # it was seen in base axes
+
+
+def test_a_tool_that_a_tracker_somewhere_else_saw_is_the_tool(scara):
+    mechanism, *_, table = scara
+    turned = table["p"] @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]]) + [1000, 2000, 300]
+    made = guess(log_of(scara_columns(scara, "Japanese", p=turned)), mechanism)
+    assert "p.x: {from: '手先X[mm]', unit: mm}  # moves as wrist" in made.text
+    assert "tolerances: {frame_position: 10" in made.text
+
+
+@pytest.mark.parametrize(("called", "place"), [("手先{}[mm]", "p."), ("tool0_{}_mm", "p.tool0.x")])
+def test_places_that_go_with_no_body_to_less_than_many_millimetres_are_doubted(scara, called, place):
+    mechanism, t, _, table = scara
+    off = table["p"] + np.column_stack([12 * np.sin(3 * t), 12 * np.cos(2.5 * t), 0 * t])
+    columns = scara_columns(scara, "ASCII")
+    columns = {name: values for name, values in columns.items() if "TCP" not in name}
+    columns |= {called.format(axis): off[:, k] for k, axis in enumerate("xyz")}
+    doubts = [doubt for doubt in guess(log_of(columns), mechanism).doubts if doubt.startswith(place)]
+    assert len(doubts) == 1
+    assert "mm" in doubts[0]
+
+
+def test_places_called_like_a_frame_that_are_those_of_another_point_are_doubted(scara):
+    mechanism, *_, q, table = scara
+    angle = q[:, [0, 1, 3]].sum(axis=1)
+    beside = table["p"] + 50 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    columns = {name: v for name, v in scara_columns(scara, "ASCII").items() if "TCP" not in name}
+    columns |= {f"tool0_{axis}_mm": beside[:, k] for k, axis in enumerate("xyz")}
+    (doubt,) = (doubt for doubt in guess(log_of(columns), mechanism).doubts if doubt.startswith("p.tool0.x"))
+    assert "but 50 mm beside tool0: is it another point of it?" in doubt
+
+
+def test_what_nothing_is_made_of_and_what_is_told_twice_is_asked(scara):
+    mechanism, t, _, table = scara
+    columns = {name: values for name, values in scara_columns(scara, "Japanese").items() if "昇降" not in name}
+    doubts = guess(log_of(columns | {"張力1[N]": t, "張力2[N]": t}), mechanism).doubts
+    assert any(doubt.startswith("q.lift: no column is its position") for doubt in doubts)
+    assert any("in N, and nothing is made of it: 張力1[N], 張力2[N]" in doubt for doubt in doubts)
+    twice = {f"第{k}軸指令角度[deg]": table["q"][:, k - 1] + 0.1 for k in (1, 2, 4)}
+    doubts = guess(log_of(twice | scara_columns(scara, "Japanese")), mechanism).doubts
+    assert any("or 第1軸角度[deg] and those like it: which were measured?" in doubt for doubt in doubts)
+    amperes = {"t": t} | {f"A{k} [deg]": table["q"][:, 0] for k in (1, 2, 4)} | {f"I{k} [A]": t for k in range(1, 5)}
+    text = guess(log_of(amperes), mechanism).text
+    assert "tau.lift: {from: 'I3 [A]', unit: A}  # CHECK: in A: write how much SI one A is" in text
+
+
+def test_a_unit_that_is_none_of_its_joint_is_asked_about(scara):
+    mechanism, t, _, table = scara
+    columns = {"t": t} | {f"A{k}[deg]": table["q"][:, 0] for k in (1, 2, 4)} | {f"F{k}[N]": t for k in (1, 2, 3)}
+    made = guess(log_of(columns | {"A3[mm]": table["q"][:, 2]}), mechanism)
+    assert not any(line.startswith("tau.") for line in yaml.safe_load(made.text)["columns"])
+    assert any("in N, and nothing is made of it: F1[N], F2[N], F3[N]" in doubt for doubt in made.doubts)
+
+
+def test_three_columns_x_y_z_beside_joints_are_the_tool_where_they_move_as_it_does(scara):
+    mechanism, t, q, table = scara
+    columns = {"time": t} | dict(zip(AXES, q.T, strict=True)) | dict(zip("xyz", 1e-3 * table["p"].T, strict=True))
+    made = guess(log_of(columns), mechanism)
+    assert made.doubts == ()
+    assert "p.x: {from: x, unit: m}" in made.text

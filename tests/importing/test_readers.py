@@ -225,3 +225,22 @@ def test_a_reader_that_is_not_installed_says_what_to_install(tmp_path, monkeypat
     monkeypatch.setitem(__import__("sys").modules, "mcap.stream_reader", None)
     with pytest.raises(MissingExtraError, match=r"pip install mcap.*extra 'bags'"):
         read_log(tmp_path / "log.mcap")
+
+
+@pytest.mark.parametrize(
+    ("encoding", "name"),
+    [
+        ("cp932", "第1軸角度[deg]"),
+        ("utf-16", "第1軸角度[deg]"),
+        ("latin-1", "Größe är [°]"),
+        ("cp1252", "Weg – äußerer [mm]"),
+        ("cp1252", "Größe [mm]"),
+        ("gbk", "关节1角度(deg)"),
+    ],
+)
+def test_headings_of_other_encodings_are_read(tmp_path, encoding, name):
+    path = tmp_path / "log.csv"
+    path.write_bytes(f"t;{name}\n0;1,5\n1;2,5\n2;3,5\n".encode(encoding))
+    columns = read_log(path).streams[0].columns
+    assert list(columns)[1] == name
+    assert columns[name].tolist() == [1.5, 2.5, 3.5]

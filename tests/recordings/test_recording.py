@@ -44,6 +44,7 @@ def test_actuator_positions():
     message = str(caught.value)
     assert "no column named 'q.leg3_slide'" in message
     assert "has: q.a, q.b." in message
+    assert "stood is not known: add the column, constant where the joint was held" in message
     assert "Also missing: q.c." in message
     with pytest.raises(UnknownNameError, match=r"no q\. column at all"):
         Recording(time=[0.0]).actuator_positions(["a"])

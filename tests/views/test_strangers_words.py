@@ -8,16 +8,20 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.candidates import Candidate
 from prup_pin.diagnosis.diagnosis import Finding, FittedParameter
+from prup_pin.diagnosis.next_experiment import _apart
 from prup_pin.diagnosis.prepare import _not_simulated
 from prup_pin.diagnosis.prospects import prospects
 from prup_pin.errors import InputError
 from prup_pin.imports.columns import wrench_lines
 from prup_pin.imports.log import Log, Stream
+from prup_pin.laws import LAWS, Effect, Place
+from prup_pin.laws.stiffness_changed import StiffnessChanged
 from prup_pin.numbers import counted, quantity
 from prup_pin.recordings import Convention, Noise, Recording, Tolerances, add_noise
 from prup_pin.simulation import effect_named, simulate
-from prup_pin.views.text.bench_tests import print_failures, print_simulation
+from prup_pin.views.text.bench_tests import print_diagnosis, print_failures, print_simulation
 from prup_pin.views.text.diagnosis_words import (
     _takes,
     alternative_text,
@@ -97,6 +101,43 @@ def test_what_is_unknown_is_told_before_what_hardly_matters(diagnosed):
     text = diagnosis_text(found)
     assert text.index("2  unknown at elbow") < text.index("3  inertial parameters at forearm")
     assert replace(found, findings=found.findings[:2]).told == found.findings[:2]
+
+
+def test_a_fault_is_told_before_what_every_robot_has(diagnosed):
+    """The robot's weight takes more of the residual than a nut's play, and a mechanic can do nothing about it."""
+    robot, _, diagnosis = diagnosed
+    fault = replace(diagnosis.findings[0], heldout_gain=0.4)
+    law = next(law for law in LAWS if law.weighs)
+    (place, *_), values = law.places(robot.mechanism), {"scale": 1.0}
+    weight = replace(fault, physics=law.physics, location="robot", candidates=("robot",), heldout_gain=0.9,
+                     statement="the robot sags", effect=Effect(law, place, values))  # fmt: skip
+    worse = replace(fault, location="leg9/nut", heldout_gain=0.6)
+    found = replace(diagnosis, findings=(weight, fault, worse))
+    assert found.told == (worse, fault, weight)
+    assert "Explained: with backlash at leg9/nut, " in verdict_text(found)
+    assert " and self weight " in verdict_text(found)
+    assert f"To do first: {worse.remedy}." in summary_text(found)
+    little = replace(fault, heldout_gain=0.01)
+    assert replace(diagnosis, findings=(weight, little)).told == (weight, little)
+
+
+def test_what_was_taken_for_granted_is_the_first_line(diagnosed, capsys):
+    robot, recording, diagnosis = diagnosed
+    taken = replace(diagnosis, premises=("No position was recorded of lift (no column q.lift).",))
+    assert diagnosis_text(taken).startswith("No position was recorded of lift")
+    print_diagnosis(console(), robot, recording, taken)
+    assert capsys.readouterr().out.startswith("No position was recorded of lift")
+    assert taken.to_dict()["premises"] == list(taken.premises)
+
+
+def test_no_sentence_has_the_same_words_on_both_sides():
+    law, words = StiffnessChanged(), "stiffness changed at leg1/linear_rod"
+    stiff = Candidate(law, Place("leg1/linear_rod"), prup_pin.load("3prup").mechanism)
+    half, more, same = (stiff.term(stiff.coordinates_of(np.array([factor]))) for factor in (0.5, 1.6, 0.5))
+    assert _apart(half, more) == (f"{words} (factor 0.5)", f"{words} (factor 1.6)")
+    assert len(set(_apart(half, same))) == 1  # no pair: nothing is said of it
+    other = Candidate(law, Place("leg2/linear_rod"), stiff.mechanism).term(half.coordinates)
+    assert _apart(half, other) == (words, words.replace("leg1", "leg2"))
 
 
 @dataclass

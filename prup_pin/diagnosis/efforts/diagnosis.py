@@ -70,6 +70,7 @@ class EffortDiagnosis:
     rows: np.ndarray
     standing: bool = False
     sliding: tuple[str, ...] = ()
+    premises: tuple[str, ...] = ()
 
     @property
     def declared(self) -> bool:

@@ -73,6 +73,7 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
         rows=motion.rows[efforts.kept],
         standing=motion.standing,
         sliding=tuple(name for name in driven if final.mechanism.joint(name).slides),
+        premises=_premises_of(final),
     )
 
 
@@ -129,10 +130,19 @@ def _remarks_of(final: FinalState) -> list[str]:
         if term.law.body is Body.ALL_LINKS:
             untold = _by_link(efforts.base_parameters(term.law).silent)
             remarks.append(f"this motion says nothing about {untold}: they stay as in the robot file")
-    silent = [name for name in final.mechanism.actuated if name not in motion.names]
-    if silent:
-        remarks.append(f"no position was recorded of {', '.join(silent)}: taken to stand at home")
     return remarks
+
+
+def _premises_of(final: FinalState) -> tuple[str, ...]:
+    """Return what was taken for granted of drives whose position was not recorded; loops tell it."""
+    silent = [name for name in final.mechanism.actuated if name not in final.motion.names]
+    if not silent or final.mechanism.loops:
+        return ()
+    columns, stood = ", ".join(f"q.{name}" for name in silent), "it" if len(silent) == 1 else "each of them"
+    return (
+        f"No position was recorded of {', '.join(silent)} (no column {columns}): all that follows takes {stood} to "
+        "have stood at home.",
+    )
 
 
 def _by_link(names: Sequence[str]) -> str:

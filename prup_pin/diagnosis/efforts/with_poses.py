@@ -110,6 +110,7 @@ def diagnosis_of_efforts(efforts: EffortDiagnosis, recordings: Sequence[Recordin
         residual_before=np.zeros((len(efforts.rows), 0)),
         residual_after=np.zeros((len(efforts.rows), 0)),
         efforts=efforts,
+        premises=efforts.premises,
     )
 
 
@@ -149,6 +150,7 @@ def joined(poses: Diagnosis, efforts: EffortDiagnosis) -> Diagnosis:
         unused_columns=tuple(name for name in poses.unused_columns if not name.startswith(_OWN)),
         effects=(*poses.effects, *efforts.effects),
         efforts=efforts,
+        premises=(*poses.premises, *efforts.premises),
     )
 
 

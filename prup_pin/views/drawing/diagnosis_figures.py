@@ -338,16 +338,18 @@ def histogram_figure(found: Residuals, *, narrow: bool = False) -> Figure:
     for axes, (name, block) in zip(grid, groups, strict=False):
         there = found.exists[:, block]
         before, after = (np.clip(values[:, block][there], -5.99, 5.99) for values in (found.before, found.after))
-        axes.hist(before, color=BEFORE, alpha=0.55, label="before", zorder=2, bins=edges, density=True)
-        axes.hist(after, histtype="step", color=AFTER, lw=1.8, label="after", zorder=3, bins=edges, density=True)
+        bars = {"bins": edges, "density": True}
+        axes.hist(before, color=BEFORE, alpha=0.55, label="filled: with the robot file", zorder=2, **bars)
+        axes.hist(after, histtype="step", color=AFTER, lw=1.8, label="outline: corrected model", zorder=3, **bars)
         density = np.exp(-0.5 * normal**2) / np.sqrt(2 * np.pi)
-        axes.plot(normal, density, "--", color=INK, lw=1.2, label="noise alone", zorder=4)
+        axes.plot(normal, density, "--", color=INK, lw=1.2, label="dashed: noise alone", zorder=4)
         axes.set_xlim(-6, 6)
         axes.set_title(name, fontsize=11, loc="left", color=INK)
         axes.set_xlabel("multiples of the noise (beyond ± 6: in the outermost bars)", fontsize=8.5)
         axes.set_yticks([])
         plain_axes(axes, 8.5, None, ("top", "right", "left"))
     grid[0].legend(frameon=False, fontsize=9, loc="upper left")
+    grid[0].set_ylim(top=1.45 * grid[0].get_ylim()[1])  # room for the legend above the curve
     for axes in grid[len(groups) :]:
         axes.set_visible(False)
     return figure

@@ -210,6 +210,7 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
         **(
             {"recordings": [_recording(part) for part in diagnosis.recordings]} if len(diagnosis.recordings) > 1 else {}
         ),
+        "premises": list(diagnosis.premises),
         "remarks": list(diagnosis.remarks),
         "unused_columns": list(diagnosis.unused_columns),
     }

@@ -58,6 +58,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         recording=", ".join(Path(item.path).name or "the recording" for item in recordings),
         many=len(recordings) > 1,
         verdict=diagnosis.verdict,
+        premises=diagnosis.premises,
         sentence=verdict_text(diagnosis),
         summary=summary_text(diagnosis),
         facts=_facts(diagnosis),

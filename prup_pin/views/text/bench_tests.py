@@ -205,6 +205,8 @@ def print_diagnosis(
     out: Console, robot: Robot, recording: Recording | Sequence[Recording], diagnosis: Diagnosis
 ) -> None:
     """Print the verdict, the findings with intervals, the residuals before and after, doubts and remarks."""
+    for premise in diagnosis.premises:
+        _verdict(out, premise)
     _verdict(out, verdict_text(diagnosis))
     out.print()
     listed(out, "robot", [robot.name])

@@ -61,7 +61,7 @@ def verdict_text(diagnosis: Diagnosis) -> str:
     left = "" if diagnosis.efforts is None else f"{_percent(diagnosis.efforts.shares['all']['heldout'])} of the efforts"
     if diagnosis.verdict == "nothing_missing":
         return _nothing_missing(diagnosis, left)
-    named = [item for item in diagnosis.findings if item.physics != "unknown" and not item.conventions]
+    named = [item for item in diagnosis.told if item.physics != "unknown" and not item.conventions]
     told = _joined(_all_told(named))
     efforts = None if diagnosis.columns else diagnosis.efforts
     if efforts is not None and not efforts.declared and math.isfinite(after):
@@ -189,7 +189,7 @@ def finding_text(finding: Finding) -> str:
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
     """Return the verdict, and a paragraph for each finding."""
-    lines = [verdict_text(diagnosis)]
+    lines = [*diagnosis.premises, verdict_text(diagnosis)]
     for index, finding in enumerate(diagnosis.told, 1):
         lines += ["", f"{index}  {finding_text(finding)}", f"   {finding.statement}"]
         lines += [f"   {text}" for text in (cost_text(finding), f"to do: {finding.remedy}") if text]
@@ -206,7 +206,7 @@ def summary_text(diagnosis: Diagnosis) -> str:
     if not first:
         return ""
     logs = [finding for finding in diagnosis.findings if finding.conventions]
-    every = [finding for finding in diagnosis.findings if finding.physics != "unknown"]
+    every = [finding for finding in diagnosis.told if finding.physics != "unknown"]
     every = [finding for finding in every if finding not in logs]
     # large deflections are no fault
     named = [finding for finding in every if finding.physics != "finite_deflection"]

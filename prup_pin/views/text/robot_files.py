@@ -323,6 +323,8 @@ def _alike(pairs: Sequence[tuple[str, str]]) -> list[str]:
     """Return what cannot be told apart, pairs of 'law at place': a sentence for each two laws, with their places."""
     groups: dict[tuple[str, str], list[tuple[str, str]]] = {}
     for pair in pairs:
+        if pair[0] == pair[1]:
+            continue
         (one, _, here), (other, _, there) = (name.partition(" at ") for name in pair)
         groups.setdefault((one.replace("_", " "), other.replace("_", " ")), []).append((here, there))
     texts = []
