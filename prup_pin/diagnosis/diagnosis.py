@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from .efforts import EffortDiagnosis
+    from .posterior import JointPosterior
+    from .since import Since
 
 __all__ = ["ByRecording", "Detectable", "Diagnosis", "Finding", "FittedParameter", "by_recording", "heldout_gain"]
 
@@ -168,6 +170,8 @@ class Diagnosis:
     final: Run | None = None
     conventions: tuple[tuple[Convention, ...], ...] = ()
     efforts: EffortDiagnosis | None = None  # of drives in motion, where there were any
+    posterior: JointPosterior | None = None  # of all values of the effects; None where nothing was compared
+    since: Since | None = None  # what has changed since an earlier test, where that was asked
     own_by_run: tuple[str, ...] = ()  # sensors that were set up anew for each run, declared or found
 
     @property
