@@ -151,7 +151,9 @@ def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str
         if what != "nothing":
             what = f"{what} at {truth['places'][0]} ({truth['size']}): {truth['then']:.3g} → {truth['now']:.3g}"
         said = "; ".join(f"{item['physics']} at {item['location']}{_value(item)}" for item in t["findings"])
-        lines.append(f"| {t['robot']} {t['seed']} | {what} | {said or 'nothing has changed'} | {t['residual'][1]:.2f} |")
+        lines.append(
+            f"| {t['robot']} {t['seed']} | {what} | {said or 'nothing has changed'} | {t['residual'][1]:.2f} |"
+        )
     return "\n".join(lines) + "\n"
 
 

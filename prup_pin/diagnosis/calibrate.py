@@ -67,7 +67,7 @@ _SMALL_TURN = 1e-5
 class Toleranced:
     """Parameters that may be off, with one standard deviation each, (p,).
 
-    A tolerance is absolute in the parameter's unit, or of its logarithm where the deviation is relative. Each is off for
+    A tolerance is absolute in the parameter's unit, or of its logarithm where the deviation is relative. Each is off by
     itself, but where a diagnosis has told them together: then `root` (p, p) says by how many of its standard deviations
     each is off per number of unit variance, and `centre` (p,) by how much it was found to be off the robot file.
     """
@@ -127,18 +127,20 @@ class Toleranced:
         return replace(effect, values=self.law.with_changed(effect.values, changed))
 
     def effect_of_some(self, off: Array, among: np.ndarray) -> Effect:
-        """Return the parameters `among` which they are (p,), off by so many tolerances (p,), as an effect of their own."""
+        """Return the parameters `among` which they are (p,), off by so many tolerances (p,), as an effect by itself."""
         return replace(self._effect(off, among), law=Calibration(self.law.deviations))
 
     def _effect(self, off: Array, among: np.ndarray) -> Effect:
         of = self.law.deviations
-        values = {of[place].name: self.value(place, float(off[place])) for place in np.flatnonzero(among)}
+        values = {of[place].name: self.value(place, float(off[place])) for place in np.flatnonzero(among).tolist()}
         return Effect(self.law, Place("robot"), values)
 
     def on_top(self, place: int, off: float) -> Effect:
         """Return what one parameter does on top of what acts already, off by so many tolerances more."""
         item = self.law.deviations[place]
-        return Effect(Calibration((item,)), Place("robot"), {item.name: item.value(off * float(self.tolerances[place]))})
+        return Effect(
+            Calibration((item,)), Place("robot"), {item.name: item.value(off * float(self.tolerances[place]))}
+        )
 
     @property
     def reach(self) -> Array:
@@ -373,7 +375,11 @@ def calibrated_parameters(problem, fit) -> list[CalibratedParameter]:
     for place, (item, off, share) in enumerate(
         zip(toleranced.law.deviations, toleranced.off(fit.x).tolist(), shares.tolist(), strict=True)
     ):
-        amount, value, begun = float(toleranced.tolerances[place]), toleranced.value(place, off), toleranced.value(place, 0)
+        amount, value, begun = (
+            float(toleranced.tolerances[place]),
+            toleranced.value(place, off),
+            toleranced.value(place, 0),
+        )
         sizes = [amount * item.per_amount(each) for each in (value, begun)]
         found.append(CalibratedParameter(item, off, share, value, share * sizes[0], sizes[1], begun))
     return sorted(found, key=lambda item: item.share)

@@ -58,7 +58,7 @@ def corrected_model(
 
 
 def _posterior(diagnosis: Diagnosis, effects: Sequence[Effect], was: Sequence[Effect]) -> Posterior | None:
-    """Return how well the values of the model are known together; was: what each of its effects was in the diagnosis."""
+    """Return how well the values of the model are known together; was: its effects as diagnosed."""
     known = diagnosis.posterior
     if known is None:
         return None

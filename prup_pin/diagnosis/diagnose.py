@@ -83,9 +83,9 @@ def diagnose(
     how far it is. against: the corrected model of an earlier diagnosis of poses of this robot; then the simulation is
     that model, what its test knew is known, and the verdict says what has changed since (`Diagnosis.since`).
 
-    Raises InputError where a recording does not belong to this robot at all (units, frames, another machine) or is given
-    twice, or the earlier model is of another robot, does not say what it knows or was changed by hand; UnknownNameError
-    where a recording lacks the actuators' positions.
+    Raises InputError where a recording does not belong to this robot at all (units, frames, another machine) or is
+    given twice, or the earlier model is of another robot, does not say what it knows or was changed by hand;
+    UnknownNameError where a recording lacks the actuators' positions.
     """
     # With several threads the last digits of a product may differ from run to run, and a close race with them.
     with threadpool_limits(1, user_api="blas"), limits_heard() as told:

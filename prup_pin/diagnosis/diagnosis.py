@@ -41,12 +41,16 @@ VERDICTS = ("nothing_missing", "explained", "unexplained")
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """A fitted value with its unit and 95 % confidence interval; `drawn`: what the robot file has, where it has one."""
+    """A fitted value with its unit and 95 % confidence interval.
+
+    drawn: what the robot file has, where it has one; before: what an earlier test found.
+    """
 
     value: float
     unit: str
     interval: tuple[float, float]
     drawn: float | None = None
+    before: float | None = None
 
     @classmethod
     def about(cls, value: float, unit: str, reach: float, drawn: float | None = None) -> FittedParameter:

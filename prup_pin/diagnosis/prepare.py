@@ -111,7 +111,8 @@ def prepare(
     remarks = [*adapted.remarks, *remarks]
     motion = trajectory_of(together.recording, robot)  # before rows are left out
     seen = _seen(robot, _thinned(together, remarks), motion, () if earlier is None else earlier.effects)
-    remarks += [*what_is_missing(seen.inputs, seen.measured, robot.mechanism), *seen.placed.remarks]
+    remarks += what_is_missing(seen.inputs, seen.measured, robot.mechanism)
+    remarks += seen.placed.remarks if earlier is None else earlier.remarks(seen.placed.found, robot.mechanism)
     try:
         _check_each(seen)
     except InputError as error:

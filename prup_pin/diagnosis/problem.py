@@ -85,7 +85,7 @@ class TolerancePrior:
         return cls(start.toleranced, start.effects, start)
 
     def at(self, x: Array, changed: Sequence[Effect] = ()) -> list[Effect]:
-        """Return what acts before any law, with the parameters at x (p,); changed: effects found before, as they are."""
+        """Return what acts before any law, the parameters at x (p,); changed: effects found before, as they are."""
         return [*([self.toleranced.effect(x, changed)] if len(self.toleranced) else []), *self.effects]
 
 

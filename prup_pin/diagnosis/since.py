@@ -1,8 +1,8 @@
 """What changed since an earlier test: its corrected model acts from the start, and its posterior is the prior.
 
 Values of the earlier model are numbers of unit variance through the root of their covariance, as toleranced parameters
-are through their tolerances: what both recordings leave open costs a change nothing, and what the earlier one knew holds
-it. Sensors that were set up since are known by their tolerances alone. An effect that was found competes with values
+are through their tolerances: what both recordings leave open costs a change nothing, what the earlier one knew holds it.
+Sensors that were set up since are known by their tolerances alone. An effect that was found competes with values
 that nothing holds, in its own place; whatever else the library has competes on top of what acts.
 """
 
@@ -10,28 +10,38 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError, PrupPinError, UnknownNameError
+from ..errors import InputError, PrupPinError
 from ..laws import Effect, Law, Place
 from ..laws.as_found import AsFound, ChangedEffect, said_of_change, value_name
 from ..laws.deviations import Calibration, Deviation, calibration_of
 from ..mechanism import Mechanism
-from ..numbers import number, quantity, some
+from ..numbers import quantity, some
 from ..recordings import ARM, SENSORS, TYPICAL, Recording, Tolerances
 from ..robot import Robot
 from ..simulation import CorrectedModel, Posterior, PosteriorValue
-from ..spatial import Array
 from .calibrate import Toleranced
 from .candidates import Candidate
 from .chances import WITHIN_95, chi2_isf
-from .criteria import FALSE_ALARM, FEW_ROUNDS, FREELY, MOST_LISTED, MOST_PARAMETERS_TOLD, NOTHING, ROUNDING, STEP, WIDEST_LOGARITHM
+from .criteria import (
+    FALSE_ALARM,
+    FEW_ROUNDS,
+    FREELY,
+    MOST_LISTED,
+    MOST_PARAMETERS_TOLD,
+    NOTHING,
+    ROUNDING,
+    STEP,
+    WIDEST_LOGARITHM,
+)
 from .diagnosis import Detectable, Finding, FittedParameter
 from .posterior import covariant_of
 from .problem import Fit, Problem
 
-__all__ = ["Changed", "Earlier", "Since", "told_since", "since_of"]
+__all__ = ["Changed", "Earlier", "Since", "since_of", "told_since"]
 
 _AGAIN = "diagnose the earlier recording again with this version: its corrected model then holds what it knows"
 #: What a sensor that was set up may be off by, where its recording does not say.
@@ -54,7 +64,7 @@ class Earlier:
     @classmethod
     def of(cls, model: CorrectedModel, robot: Robot, recordings: Sequence[Recording]) -> Earlier:
         """Return it; raises InputError where the model is of another robot, or does not say what its test knew."""
-        _check_robot(model, robot)
+        _check_robot(model, robot, recordings)
         posterior = _checked(model, robot.mechanism)
         own = tuple(
             sensor
@@ -63,7 +73,8 @@ class Earlier:
         )
         anew = {kind for sensor in own for kind in SENSORS[sensor]}
         kinds = {item.name: item.kind for item in calibration_of(robot.mechanism).deviations}
-        effects, places = [], {}
+        effects: list[Effect] = []
+        places: dict[int, int] = {}
         for place, effect in enumerate(model.effects):
             if effect.law.sensor in own:
                 continue
@@ -100,6 +111,14 @@ class Earlier:
             conventions=conventions,
         )
 
+    def remarks(self, moved: Sequence[Effect], mechanism: Mechanism) -> list[str]:
+        """Return sentences on sensors that were set up since, or moved so far that it shows before anything else."""
+        told = [f"{effect.statement(mechanism)}, against where it was at the earlier test" for effect in moved]
+        if self.set_up:
+            names = " and ".join(name.replace("_", " ") for name in self.set_up)
+            told.append(f"set up since the earlier test, and so free within its tolerances: {names}")
+        return told
+
     # -- what acts, and what may be off --------------------------------------------------------------------------------
 
     def toleranced(self, anew: Toleranced, mechanism: Mechanism) -> Toleranced:
@@ -128,8 +147,8 @@ class Earlier:
         whole = np.zeros((len(rows) + len(new), len(rows) + len(new)))
         whole[: len(rows), : len(rows)] = root
         whole[len(rows) :, len(rows) :] = np.diag(anew.tolerances)
-        begun = effects[place].values if place is not None else {}
-        centre += [item.amount(begun[name]) for name, item in new.items()]
+        started = effects[place].values if place is not None else {}
+        centre += [item.amount(started[name]) for name, item in new.items()]
         sizes = np.maximum(np.linalg.norm(whole, axis=1), ROUNDING**2)
         law = AsFound(effects, (*deviations, *new.values()))
         return Toleranced(law, sizes, whole / sizes[:, None], np.array(centre))
@@ -176,9 +195,16 @@ def _nothing(value, setup):
     return ()
 
 
-def _check_robot(model: CorrectedModel, robot: Robot) -> None:
-    """Raise InputError where a model is of another robot than this one."""
+def _check_robot(model: CorrectedModel, robot: Robot, recordings: Sequence[Recording]) -> None:
+    """Raise InputError where a model is of another robot than this one, or than recordings say they are of."""
     other, mechanism = model.load().mechanism, robot.mechanism
+    for item in recordings:
+        if item.robot and Path(item.robot).stem not in (Path(model.robot).stem, other.name):
+            raise InputError(
+                f"{Path(item.path).name or 'the recording'} is of '{item.robot}', and the earlier model of "
+                f"'{model.robot}'. Expected both of one device: give the corrected model of an earlier diagnosis of "
+                f"'{item.robot}'"
+            )
     mine, its = ([item.name for item in each.joints] for each in (mechanism, other))
     todo = "Give the corrected model of an earlier diagnosis of this robot, or the robot that the model names"
     if not set(mine) <= set(its) and not set(its) <= set(mine):
@@ -190,9 +216,11 @@ def _check_robot(model: CorrectedModel, robot: Robot) -> None:
     off = []
     for name, parameter in mechanism.parameters.items():
         was = other.parameters.get(name)
-        if was is not None and np.shape(was.value) == np.shape(parameter.value):
-            if not np.allclose(np.asarray(parameter.value, float), np.asarray(was.value, float), rtol=NOTHING, atol=0.0, equal_nan=True):
-                off.append(f"{name} is {parameter.value:g}, not {was.value:g}" if np.ndim(was.value) == 0 else name)
+        if was is None or np.shape(was.value) != np.shape(parameter.value):
+            continue
+        values = np.asarray(parameter.value, float), np.asarray(was.value, float)
+        if not np.allclose(*values, rtol=NOTHING, atol=0.0, equal_nan=True):
+            off.append(f"{name} is {values[0]:g}, not {values[1]:g}" if np.ndim(was.value) == 0 else name)
     if off:
         raise InputError(
             f"the earlier model is of '{model.robot}' with other values: {', '.join(some(off, MOST_LISTED))}. What it "
@@ -266,15 +294,14 @@ def since_of(earlier: Earlier, problem: Problem, fit: Fit, library: Sequence[Can
     least = chi2_isf(FALSE_ALARM / max(len(library), 1), 1)
     changing = [item for item in library if item.law.instead_of is not None]
     values = tuple(each for item in changing for each in _then_and_now(problem, fit, item, least))
-    return Since(
-        earlier.model.notes, values, tuple(_seen(problem, fit, library, least)), earlier.set_up
-    )
+    return Since(earlier.model.notes, values, tuple(_seen(problem, fit, library, least)), earlier.set_up)
 
 
 def _then_and_now(problem: Problem, fit: Fit, candidate: Candidate, least: float) -> list[Changed]:
     """Return the values of an earlier effect then and now."""
     effect = candidate.law.instead_of
-    assert effect is not None and problem.tolerances is not None
+    assert effect is not None
+    assert problem.tolerances is not None
     toleranced = problem.tolerances.toleranced
     names = [item.name for item in toleranced.law.deviations]
     term = next((place for place, item in enumerate(fit.terms) if item.candidate.name == candidate.name), None)
@@ -290,10 +317,7 @@ def _then_and_now(problem: Problem, fit: Fit, candidate: Candidate, least: float
         moved = float(own[row] @ fit.x)
         was = then * np.exp(moved) if log else then + moved
         now = was if term is None else float(fit.terms[term].effect.values[quantity_.name])
-        sizes = [
-            WITHIN_95 * float(np.linalg.norm(each @ covariant))
-            for each in (by_x, by_now, by_now - by_x)
-        ]
+        sizes = [WITHIN_95 * float(np.linalg.norm(each @ covariant)) for each in (by_x, by_now, by_now - by_x)]
         before = WITHIN_95 * float(np.linalg.norm(own[row]))
         apart = float(np.log(now / was)) if log else now - was
         seen = _smallest_change(problem, fit, candidate, place, term, least)
@@ -311,7 +335,9 @@ def _then_and_now(problem: Problem, fit: Fit, candidate: Candidate, least: float
 def _about(value: float, unit: str, reach: float, log: bool) -> FittedParameter:
     if not log:
         return FittedParameter.about(value, unit, reach)
-    return FittedParameter(value, unit, (value * float(np.exp(-reach)), value * float(np.exp(min(reach, WIDEST_LOGARITHM)))))
+    return FittedParameter(
+        value, unit, (value * float(np.exp(-reach)), value * float(np.exp(min(reach, WIDEST_LOGARITHM))))
+    )
 
 
 def _difference(was: float, apart: float, reach: float, unit: str, log: bool) -> FittedParameter:
@@ -330,7 +356,9 @@ def _smallest_change(
     here = candidate.starts()[0] if term is None else fit.terms[term].coordinates
     step = STEP * candidate.scales()[place]
     moved = here + step * np.eye(len(here))[place]
-    change = problem.change(fit, [*others, candidate.effect(moved)]) - problem.change(fit, [*others, candidate.effect(here)])
+    change = problem.change(fit, [*others, candidate.effect(moved)]) - problem.change(
+        fit, [*others, candidate.effect(here)]
+    )
     size = float(np.linalg.norm(problem.without_tolerances(fit, change.ravel()))) / abs(step)
     if not size > 0:
         return None
@@ -346,7 +374,12 @@ def _seen(problem: Problem, fit: Fit, library: Sequence[Candidate], least: float
     nuisance = problem.nuisance(fit, range(len(fit.terms)))
     begun = problem.change(fit, effects)
     for item in library:
-        if item.law.instead_of is not None or item.name in present or item.everywhere or item.size > MOST_PARAMETERS_TOLD:
+        if (
+            item.law.instead_of is not None
+            or item.name in present
+            or item.everywhere
+            or item.size > MOST_PARAMETERS_TOLD
+        ):
             continue
         first, low, high = item.quantities[0], *(float(bound[0]) for bound in item.bounds)
         at = np.clip(item.starts()[0], *item.bounds)
@@ -359,7 +392,10 @@ def _seen(problem: Problem, fit: Fit, library: Sequence[Candidate], least: float
                 needed = None
                 break
             needed = item.law.magnified(float(item.values_of(at)[0]), float(np.sqrt(1 / share)))
-            if not np.isfinite(needed) or not low <= float(item.coordinates_of(np.array([needed, *item.values_of(at)[1:]]))[0]) <= high:
+            if (
+                not np.isfinite(needed)
+                or not low <= float(item.coordinates_of(np.array([needed, *item.values_of(at)[1:]]))[0]) <= high
+            ):
                 needed = None
                 break
             at = item.coordinates_of(np.array([needed, *item.values_of(at)[1:]]))
@@ -373,16 +409,20 @@ def _seen(problem: Problem, fit: Fit, library: Sequence[Candidate], least: float
 def told_since(finding: Finding, since: Since) -> Finding:
     """Return a finding as a change: of an earlier effect from what it was, of any other on top of what acted."""
     effect = finding.effect
-    if effect is None:
-        return finding
-    before = effect.law.instead_of
-    if before is None:
-        return replace(finding, statement=said_of_change(finding.statement))
+    before = None if effect is None else effect.law.instead_of
+    if effect is None or before is None:
+        advice = finding.advice
+        if effect is not None and effect.law.sensor in SENSORS:
+            advice = (
+                f'where it was set up again, declare "own_sensors": ["{effect.law.sensor}"] in the JSON file of the '
+                "recording; where it was not, look what moved it"
+            )
+        return replace(finding, statement=said_of_change(finding.statement), advice=advice)
     own = {item.parameter: item for item in since.values if (item.physics, item.location, item.aspect) == _key(effect)}
     moved = [item for item in own.values() if item.difference.interval[0] * item.difference.interval[1] > 0]
     told = ", ".join(_moved(item) for item in moved)
     parameters = {
-        name: replace(item, drawn=own[name].then.value) if name in own else item
+        name: replace(item, before=own[name].then.value) if name in own else item
         for name, item in finding.parameters.items()
     }
     statement = f"{finding.statement}; {told}" if told else f"{finding.statement}; it was another before"
@@ -398,6 +438,8 @@ def _moved(item: Changed) -> str:
     """Return 'half gap grew from 12 µm to 19 µm, by 7 µm (95 %: 6.1 to 7.9 µm)'."""
     way = "grew" if abs(item.now.value) > abs(item.then.value) else "fell"
     ends = sorted(abs(end) for end in item.difference.interval)
-    then, now, by = (quantity(value, item.unit) for value in (item.then.value, item.now.value, abs(item.difference.value)))
+    then, now, by = (
+        quantity(value, item.unit) for value in (item.then.value, item.now.value, abs(item.difference.value))
+    )
     low, high = (quantity(end, item.unit) for end in ends)
     return f"its {item.parameter.replace('_', ' ')} {way} from {then} to {now}, by {by} (95 %: {low} to {high})"

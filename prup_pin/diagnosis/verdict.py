@@ -62,7 +62,7 @@ def verdict_of(
     laws = sorted((*final.laws, *([deflection] if deflection else [])), key=lambda finding: -finding.heldout_gain)
     # what acts was left out of the simulation that one starts from, be it without a parameter; the loaded equilibrium
     # is a matter of how one simulates
-    named = bool(final.laws or acting or prepared.kinds or prepared.placed.found)
+    named = bool(final.laws or (acting and prepared.earlier is None) or prepared.kinds or prepared.placed.found)
     verdict = "unexplained" if final.unknown is not None else "explained" if named else "nothing_missing"
     if final.unknown is not None and count and not len(prepared.toleranced) and not robot.mechanism.loops:
         remarks.append(_UNCALIBRATED)
@@ -75,6 +75,8 @@ def verdict_of(
         remarks.append(_driven_beyond([item.name for item in beyond]))
         beyond = []
     findings += [calibrated_beyond(item, final.held_out) for item in beyond]
+    if beyond and prepared.earlier is not None:
+        verdict = "explained"  # what was known to be elsewhere has changed
     findings = [with_neutral_values(finding, robot) for finding in findings]
     kinds = [kind for kind in prepared.kinds if not (prepared.placed.found and kind in SENSORS["pose_sensor"])]
     findings += all_over(problem, fit, calibrated, kinds, blocks)

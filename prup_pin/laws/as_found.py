@@ -51,7 +51,9 @@ class AsFound(Law):
     def at(self, values: Mapping[str, float]) -> tuple[Effect, ...]:
         """Return the effects, with other values where `values` names them (`value_name`)."""
         return tuple(
-            replace(effect, values={name: values.get(value_name(effect, name), was) for name, was in effect.values.items()})
+            replace(
+                effect, values={name: values.get(value_name(effect, name), was) for name, was in effect.values.items()}
+            )
             for effect in self.effects
         )
 
@@ -72,6 +74,8 @@ class AsFound(Law):
 
 class ChangedEffect(OfAnother):
     """An effect that was found before and has other values by now. In a simulation it stands in that one's place."""
+
+    instead_of: Effect
 
     def __init__(self, before: Effect):
         super().__init__(before.law, quantities=before.law.quantities)
@@ -121,7 +125,12 @@ class ChangedEffect(OfAnother):
 
 
 #: What a law says of the robot file, and what it means of a robot that acts as it was found before.
-_WORDS = {"the robot file's": "what it was", "where the drawing has it": "where it was"}
+_WORDS = {
+    "the robot file's": "what it was",
+    "where the drawing has it": "where it was",
+    "tolerances away from the robot file": "standard deviations away from what it was known to be",
+    "where it just stands there, declare it (tolerances frame_position and frame_rotation)": "it has been moved",
+}
 
 
 def said_of_change(statement: str) -> str:

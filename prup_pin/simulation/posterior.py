@@ -71,7 +71,7 @@ def lower_root(covariant: Array) -> Array:
     """Return the lower triangular L (p, p) with L L^T = A A^T, its diagonal not negative, of A (p, q)."""
     p, q = covariant.shape
     wide = np.concatenate((covariant, np.zeros((p, max(p - q, 0)))), axis=1)
-    root = np.linalg.qr(wide.T, mode="r").T
+    root = np.asarray(np.linalg.qr(wide.T, mode="r")).T
     return root * np.where(np.diagonal(root) < 0, -1.0, 1.0)
 
 
@@ -104,7 +104,9 @@ def _value(item: object, place: int, effects: Sequence[Effect], reader: Any) -> 
         return None
     index, name, value = entry.get("effect"), entry.get("parameter"), entry.get("value")
     if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(effects):
-        reader.wrong(f"{key}.effect", f"is {json_kind(index)}; expected the place of an effect, 0 to {len(effects) - 1}")
+        reader.wrong(
+            f"{key}.effect", f"is {json_kind(index)}; expected the place of an effect, 0 to {len(effects) - 1}"
+        )
         return None
     if not isinstance(name, str) or name not in effects[index].values:
         said = shown(name) if isinstance(name, str) else json_kind(name)
@@ -115,7 +117,9 @@ def _value(item: object, place: int, effects: Sequence[Effect], reader: Any) -> 
         return None
     logarithmic = entry.get("logarithm", False)
     if not isinstance(logarithmic, bool) or (logarithmic and not value > 0):
-        reader.wrong(f"{key}.logarithm", f"is {json_kind(logarithmic)}; expected true, of a value above 0, or no such key")
+        reader.wrong(
+            f"{key}.logarithm", f"is {json_kind(logarithmic)}; expected true, of a value above 0, or no such key"
+        )
         return None
     return PosteriorValue(index, name, float(value), logarithmic)
 
