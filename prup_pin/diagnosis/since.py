@@ -1,16 +1,17 @@
 """What changed since an earlier test: its corrected model acts from the start, and its posterior is the prior.
 
 Values of the earlier model are numbers of unit variance through the root of their covariance, as toleranced parameters
-are through their tolerances: what both recordings leave open costs a change nothing, what the earlier one knew holds it.
-Sensors that were set up since are known by their tolerances alone. An effect that was found competes with values
+are through their tolerances: what both recordings leave open costs a change nothing, what the earlier one knew holds
+it. Sensors that were set up since are known by their tolerances alone. An effect that was found competes with values
 that nothing holds, in its own place; whatever else the library has competes on top of what acts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from ..numbers import quantity, some
 from ..recordings import ARM, SENSORS, TYPICAL, Recording, Tolerances
 from ..robot import Robot
 from ..simulation import CorrectedModel, Posterior, PosteriorValue
+from ..spatial import Array
 from .calibrate import Toleranced
 from .candidates import Candidate
 from .chances import WITHIN_95, chi2_isf
@@ -37,7 +39,7 @@ from .criteria import (
     STEP,
     WIDEST_LOGARITHM,
 )
-from .diagnosis import Detectable, Finding, FittedParameter
+from .diagnosis import Finding, FittedParameter
 from .posterior import covariant_of
 from .problem import Fit, Problem
 
@@ -275,6 +277,17 @@ class Changed:
     seen: float | None
 
 
+class Seen(NamedTuple):
+    """The smallest value of a law's first parameter that would have been seen; at `neutral` the law changes nothing."""
+
+    physics: str
+    location: str
+    parameter: str
+    unit: str
+    smallest: float
+    neutral: float
+
+
 @dataclass(frozen=True, eq=False)
 class Since:
     """What an earlier model and a recording say together.
@@ -285,7 +298,7 @@ class Since:
 
     notes: str
     values: tuple[Changed, ...] = ()
-    seen: tuple[Detectable, ...] = ()
+    seen: tuple[Seen, ...] = ()
     set_up: tuple[str, ...] = ()
 
 
@@ -368,42 +381,46 @@ def _smallest_change(
     return None if needed > FREELY else float(candidate.values_of(here)[place] * np.expm1(needed))
 
 
-def _seen(problem: Problem, fit: Fit, library: Sequence[Candidate], least: float):
+def _seen(problem: Problem, fit: Fit, library: Sequence[Candidate], least: float) -> Iterator[Seen]:
     """Yield the smallest size of each law at each place that would have been seen on top of what acts."""
     effects, present = [term.effect for term in fit.terms], {term.candidate.name for term in fit.terms}
     nuisance = problem.nuisance(fit, range(len(fit.terms)))
     begun = problem.change(fit, effects)
+
+    def share(candidate: Candidate, at: Array) -> float:
+        rest = (problem.change(fit, [*effects, candidate.effect(at)]) - begun).ravel()
+        rest = rest if nuisance is None else nuisance.without(rest)
+        return float(rest @ rest) / least
+
     for item in library:
-        if (
-            item.law.instead_of is not None
-            or item.name in present
-            or item.everywhere
-            or item.size > MOST_PARAMETERS_TOLD
-        ):
-            continue
-        first, low, high = item.quantities[0], *(float(bound[0]) for bound in item.bounds)
-        at = np.clip(item.starts()[0], *item.bounds)
-        needed: float | None = None
-        for _ in range(FEW_ROUNDS):
-            change = (problem.change(fit, [*effects, item.effect(at)]) - begun).ravel()
-            rest = change if nuisance is None else nuisance.without(change)
-            share = float(rest @ rest) / least
-            if not np.isfinite(share) or not share > 0:
-                needed = None
-                break
-            needed = item.law.magnified(float(item.values_of(at)[0]), float(np.sqrt(1 / share)))
-            if (
-                not np.isfinite(needed)
-                or not low <= float(item.coordinates_of(np.array([needed, *item.values_of(at)[1:]]))[0]) <= high
-            ):
-                needed = None
-                break
-            at = item.coordinates_of(np.array([needed, *item.values_of(at)[1:]]))
-        if needed is not None:
-            neutral = item.law.neutral_at(item.place, item.mechanism)[first.name]
-            yield Detectable(
-                item.law.physics, str(item.place), first.name, needed, first.unit, "", below=needed < neutral
-            )
+        told = item.law.instead_of is None and item.name not in present and not item.everywhere
+        if told and item.size <= MOST_PARAMETERS_TOLD:
+            size = _smallest(item, share)
+            if size is not None:
+                first = item.quantities[0]
+                neutral = float(item.law.neutral_at(item.place, item.mechanism)[first.name])
+                yield Seen(item.law.physics, str(item.place), first.name, first.unit, size, neutral)
+
+
+def _smallest(candidate: Candidate, share: Callable[[Candidate, Array], float]) -> float | None:
+    """Return the size of a law's first parameter alone at which it is just seen; None where it can have none."""
+    low, high = candidate.bounds
+    at, neutral = np.clip(candidate.starts()[0], low, high), candidate.law.neutral
+    for place, item in enumerate(candidate.quantities):
+        if place and item.name in neutral:
+            at[place] = low[place] if candidate.logarithmic[place] else neutral[item.name]
+    for _ in range(FEW_ROUNDS):
+        values = candidate.values_of(at)
+        seen = share(candidate, at)
+        if not np.isfinite(seen) or not seen > 0:
+            return None
+        values[0] = candidate.law.magnified(float(values[0]), float(np.sqrt(1 / seen)))
+        if not np.isfinite(values[0]) or (candidate.logarithmic[0] and not values[0] > 0):
+            return None
+        at = candidate.coordinates_of(values)
+        if not low[0] <= at[0] <= high[0]:
+            return None
+    return float(candidate.values_of(at)[0])
 
 
 def told_since(finding: Finding, since: Since) -> Finding:

@@ -217,10 +217,6 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
     return plain(document)
 
 
-#: What is told of the smallest size of a law.
-_SIZE = ("physics", "location", "parameter", "smallest", "below", "unit")
-
-
 def _since(since: Since) -> dict[str, Any]:
     """Return what has changed since an earlier test: values then and now, and what would have been seen."""
     values = [
@@ -236,7 +232,7 @@ def _since(since: Since) -> dict[str, Any]:
         "notes": since.notes,
         "set_up": list(since.set_up),
         "values": values,
-        "seen": [_picked(item, _SIZE) for item in since.seen],
+        "seen": [item._asdict() for item in since.seen],
     }
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 
 from ...diagnosis import Diagnosis, Finding
-from ...diagnosis.diagnosis import Detectable
-from ...diagnosis.since import Changed, Since
+from ...diagnosis.since import Changed, Seen, Since
 from ...numbers import number, readable_unit
 from ...recordings import SENSORS
 
@@ -63,14 +61,9 @@ def _largest_unseen(since: Since) -> Iterator[str]:
     for item in first[:_MOST_TOLD]:
         words = item.parameter.replace("_", " ")
         yield f"a {words} at {item.location} larger or smaller by {_size(item.seen or 0.0, item.unit)} would have shown"
-    rows = seen_rows(since.seen)
-    if rows:
-        physics, places, sizes = rows[0]
-        yield (
-            f"so would {physics} from {sizes} ({places})"
-            if first
-            else f"{physics} from {sizes} would have shown ({places})"
-        )
+    for physics, ends in _ends(since.seen)[:1]:
+        told = ", ".join(f"by {_off(item)} at {item.location}" for item in ends)
+        yield f"so would {physics} {told}" if first else f"{physics} {told} would have shown"
 
 
 def _first_of(since: Since, item: Changed) -> Changed:
@@ -96,20 +89,33 @@ def then_and_now_rows(since: Since) -> list[tuple[str, str, str, str, str]]:
     return rows
 
 
-def seen_rows(seen: Sequence[Detectable]) -> list[tuple[str, str, str]]:
+def seen_rows(seen: Sequence[Seen]) -> list[tuple[str, str, str]]:
     """Return rows of what would have shown beside: physics, the most and the least sensitive place, the sizes there."""
-    kinds: dict[tuple[str, str, str], list[Detectable]] = {}
-    for item in seen:
-        if item.smallest is not None and math.isfinite(item.smallest):
-            kinds.setdefault((item.physics, item.parameter, item.unit), []).append(item)
     rows = []
-    for (physics, parameter, unit), items in kinds.items():
-        items.sort(key=lambda item: -(item.smallest or 0.0) if item.below else (item.smallest or 0.0))
-        ends = [items[0], *items[-1:]] if len(items) > 1 else items
-        sizes = " to ".join(dict.fromkeys(_size(item.smallest or 0.0, unit) for item in ends))
+    for physics, ends in _ends(seen):
+        sizes = " to ".join(dict.fromkeys(map(_off, ends)))
         places = " to ".join(dict.fromkeys(item.location for item in ends))
-        rows.append((f"{physics.replace('_', ' ')}, {parameter.replace('_', ' ')}", places, sizes))
+        rows.append((f"{physics}, {ends[0].parameter.replace('_', ' ')}", places, sizes))
     return rows
+
+
+def _ends(seen: Sequence[Seen]) -> list[tuple[str, list[Seen]]]:
+    """Return, of each physics in words and parameter, the most and the least sensitive place."""
+    kinds: dict[tuple[str, str, str], list[Seen]] = {}
+    for item in seen:
+        kinds.setdefault((item.physics, item.parameter, item.unit), []).append(item)
+    found = []
+    for (physics, _, _), items in kinds.items():
+        items.sort(key=lambda item: abs(item.smallest - item.neutral))
+        found.append((physics.replace("_", " "), [items[0], *items[-1:]] if len(items) > 1 else items))
+    return found
+
+
+def _off(item: Seen) -> str:
+    """Return by how much a parameter must be off to show: a factor in per cent."""
+    if item.unit == "1" and item.neutral == 1:
+        return f"{number(100 * abs(item.smallest - 1), 2)} %"
+    return _size(abs(item.smallest - item.neutral), item.unit)
 
 
 def _size(value: float, unit: str) -> str:
