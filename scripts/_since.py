@@ -21,8 +21,8 @@ from tests.reference.concealed.since import CHANGES, draw_pair, write
 
 #: Robots, with the poses of both tests.
 ROBOTS = {"elastic_arm": (14, 10), "3prup": (8, 6), "six_ups": (14, 10)}
-#: Those of which trials are drawn unless others are asked for.
-USUAL = ("elastic_arm", "3prup")
+#: The robots of five trials, unless others are asked for.
+IN_TURN = ("elastic_arm", "3prup", "elastic_arm", "3prup", "elastic_arm")
 HEAD = """# Concealed trials of what changed since an earlier test
 
 An arm of six yielding joints and a 3-PRUP, every part of them off within tolerances that stand beside the recordings,
@@ -42,6 +42,12 @@ against it; only then the answer is opened.
 `{command}` makes this page again.
 
 """
+
+
+def devices(count: int, first: int) -> list[tuple[str, int]]:
+    """Return robots and seeds of so many trials."""
+    robots = [IN_TURN[place % len(IN_TURN)] for place in range(count)]
+    return [(robot, first + robots[:place].count(robot)) for place, robot in enumerate(robots)]
 
 
 def trial(seed: int, robot: str) -> dict[str, Any]:

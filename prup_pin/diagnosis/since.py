@@ -405,10 +405,10 @@ def _seen(problem: Problem, fit: Fit, library: Sequence[Candidate], least: float
 def _smallest(candidate: Candidate, share: Callable[[Candidate, Array], float]) -> float | None:
     """Return the size of a law's first parameter alone at which it is just seen; None where it can have none."""
     low, high = candidate.bounds
-    at, neutral = np.clip(candidate.starts()[0], low, high), candidate.law.neutral
-    for place, item in enumerate(candidate.quantities):
-        if place and item.name in neutral:
-            at[place] = low[place] if candidate.logarithmic[place] else neutral[item.name]
+    nothing = candidate.law.neutral_at(candidate.place, candidate.mechanism)
+    at = candidate.coordinates_of(np.array([nothing[item.name] for item in candidate.quantities]))
+    at[0] = candidate.starts()[0][0]
+    at = np.clip(at, low, high)
     for _ in range(FEW_ROUNDS):
         values = candidate.values_of(at)
         seen = share(candidate, at)
