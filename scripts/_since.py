@@ -21,8 +21,8 @@ from tests.reference.concealed.since import CHANGES, draw_pair, write
 
 #: Robots, with the poses of both tests.
 ROBOTS = {"elastic_arm": (14, 10), "3prup": (8, 6), "six_ups": (14, 10)}
-#: The robots of five trials, unless others are asked for.
-IN_TURN = ("elastic_arm", "3prup", "elastic_arm", "3prup", "elastic_arm")
+#: The robots of three trials, unless others are asked for.
+IN_TURN = ("elastic_arm", "elastic_arm", "3prup")
 HEAD = """# Concealed trials of what changed since an earlier test
 
 An arm of six yielding joints and a 3-PRUP, every part of them off within tolerances that stand beside the recordings,

@@ -10,6 +10,7 @@ import numpy as np
 from ..laws import Effect
 from ..laws.as_found import value_name
 from ..spatial import Array
+from .criteria import NOTHING
 from .problem import Fit, Problem
 
 __all__ = ["JointPosterior", "covariant_of", "joint_posterior"]
@@ -39,17 +40,21 @@ def covariant_of(problem: Problem, fit: Fit) -> Array:
     columns = np.concatenate((problem.jacobian(fit), fit.per_tolerance), axis=1)
     normal = columns.T @ columns + np.diag(prior)
     scale = np.sqrt(np.diagonal(normal))
-    lower = np.linalg.cholesky(normal / scale / scale[:, None])
+    lower = np.linalg.cholesky(normal / scale / scale[:, None] + NOTHING**2 * np.eye(len(scale)))
     left = max(1.0, fit.chi2 / max(problem.count(fit), 1))
     return np.asarray(np.sqrt(left) * np.linalg.inv(lower).T / scale[:, None])
 
 
-def joint_posterior(problem: Problem, fit: Fit, acting: Sequence[Effect], found: Sequence[Effect]) -> JointPosterior:
+def joint_posterior(
+    problem: Problem, fit: Fit, acting: Sequence[Effect], found: Sequence[Effect]
+) -> JointPosterior | None:
     """Return what is known of a fit's values.
 
     acting: the effects that its parameters are values of; found: those of its terms as they are told. Terms that are
-    not told, and what they took the place of, are of no effect.
+    not told, and what they took the place of, are of no effect. None where the fit's slopes are no numbers.
     """
+    if not (np.isfinite(problem.jacobian(fit)).all() and np.isfinite(fit.per_tolerance).all()):
+        return None
     covariant = covariant_of(problem, fit)
     coordinates = sum(term.candidate.size for term in fit.terms)
     values: list[tuple[Effect, str, bool]] = []

@@ -70,6 +70,8 @@ class Posterior:
 def lower_root(covariant: Array) -> Array:
     """Return the lower triangular L (p, p) with L L^T = A A^T, its diagonal not negative, of A (p, q)."""
     p, q = covariant.shape
+    if not p:
+        return np.zeros((0, 0))
     wide = np.concatenate((covariant, np.zeros((p, max(p - q, 0)))), axis=1)
     root = np.asarray(np.linalg.qr(wide.T, mode="r")).T
     return root * np.where(np.diagonal(root) < 0, -1.0, 1.0)

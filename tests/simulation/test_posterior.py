@@ -52,6 +52,14 @@ def test_the_covariance_survives_its_root_and_the_file(model, tmp_path):
     assert apart @ found @ apart == pytest.approx(apart @ wanted @ apart, rel=1e-3)
 
 
+def test_what_knows_nothing_says_so(tmp_path):
+    model = CorrectedModel("3prup", posterior=Posterior.of([], np.zeros((0, 0))))
+    write_model(model, tmp_path / "model.json")
+    again = read_model(tmp_path / "model.json").posterior
+    assert again == Posterior()
+    assert again.root.shape == (0, 0)
+
+
 def test_a_file_without_it_is_read_as_ever(model, tmp_path):
     write_model(model, tmp_path / "model.json")
     value = json.loads((tmp_path / "model.json").read_text())
