@@ -16,12 +16,12 @@ on. `--scattered` draws so many devices of each robot whose parameters are all a
 all, of five kinds in turn, that are seen by their efforts (OUT/efforts.jsonl), `--elastic` so many arms whose gears
 yield and whose motors vibrate (OUT/elastic.jsonl; `--json`: and a file for each), `--markers` so many arms under their
 own weight that a camera sees (OUT/markers.jsonl), `--tracked` so many arms whose poses are logged in motion
-(OUT/tracked.jsonl), `--uncalibrated` so many parallel robots of which everything is off
-(OUT/uncalibrated.jsonl), `--friction` so many whose parameters scatter and of which a joint has dry friction
-(OUT/friction.jsonl). `--since` draws so many arms and 3-PRUPs, two to one, or so many of each `--robot`, that are
-tested twice, and asks what has changed in between (OUT/since.jsonl). `--loop` draws so many 3-PRUPs without scatter,
-or with `--robot` so many of each of these whose parameters scatter, and carries out the experiment that an ambiguous
-verdict proposes (OUT/loop.jsonl). `--misread` draws so many logs in all, of six robots in turn, that are written otherwise than they say
+(OUT/tracked.jsonl), `--uncalibrated` so many parallel robots of which everything is off (OUT/uncalibrated.jsonl),
+`--friction` so many whose parameters scatter and of which a joint has dry friction (OUT/friction.jsonl). `--since`
+draws so many arms and 3-PRUPs, two to one, or so many of each `--robot`, that are tested twice, and asks what has
+changed in between (OUT/since.jsonl). `--loop` draws so many 3-PRUPs without scatter, or with `--robot` so many of each
+of these whose parameters scatter, and carries out the experiment that an ambiguous verdict proposes (OUT/loop.jsonl).
+`--misread` draws so many logs in all, of six robots in turn, that are written otherwise than they say
 (OUT/misread.jsonl). `--docs` writes the summaries into docs/concealed_trials.md, docs/scattered_trials.md,
 docs/effort_trials.md, docs/elastic_trials.md, docs/marker_trials.md, docs/tracked_trials.md,
 docs/uncalibrated_trials.md, docs/friction_trials.md, docs/since_trials.md, docs/loop_trials.md and

@@ -46,7 +46,7 @@ from .problem import Fit, Problem
 __all__ = ["Changed", "Earlier", "Since", "since_of", "told_since"]
 
 _AGAIN = "diagnose the earlier recording again with this version: its corrected model then holds what it knows"
-#: What a sensor that was set up may be off by, where its recording does not say.
+#: What a sensor that was set up again may be off by, whatever its recording says of one that stands where it is drawn.
 _ANYHOW = {**TYPICAL.declared, **ARM.declared}
 
 
@@ -104,7 +104,7 @@ class Earlier:
             if size is not None and getattr(recording.noise, name) is None
         }
         anew = [kind for sensor in self.set_up for kind in SENSORS[sensor]]
-        tolerances = {kind: recording.tolerances.declared.get(kind, _ANYHOW[kind]) for kind in anew}
+        tolerances = {kind: max(recording.tolerances.declared.get(kind, 0.0), _ANYHOW[kind]) for kind in anew}
         conventions = recording.conventions or self.model.conventions
         return replace(
             recording,
@@ -118,7 +118,7 @@ class Earlier:
         told = [f"{effect.statement(mechanism)}, against where it was at the earlier test" for effect in moved]
         if self.set_up:
             names = " and ".join(name.replace("_", " ") for name in self.set_up)
-            told.append(f"set up since the earlier test, and so free within its tolerances: {names}")
+            told.append(f"set up since the earlier test, and so free: {names}")
         return told
 
     # -- what acts, and what may be off --------------------------------------------------------------------------------

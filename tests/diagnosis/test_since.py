@@ -16,6 +16,7 @@ from prup_pin.errors import InputError
 from prup_pin.laws.deviations import Calibration
 from prup_pin.recordings import read_recording
 from prup_pin.simulation import Simulator, inputs_of, read_model, write_model
+from prup_pin.spatial import rotation_exp, rotation_log
 from prup_pin.views.report.as_json import diagnosis_as_json
 from prup_pin.views.text.diagnosis_words import verdict_text
 
@@ -126,7 +127,11 @@ def test_a_tracker_that_was_moved_is_told_and_one_that_was_set_up_again_is_not(m
     assert shift == pytest.approx(moved.truth["now"], rel=0.1)
     assert "the robot is as it was" in verdict_text(told)
     assert "own_sensors" in finding.remedy
-    free = diagnose(arm, replace(moved.now, own_sensors=("pose_sensor",)), against=moved.model)
+    # set up again anywhere
+    turn, shift = rotation_exp(np.array([0.1, -0.4, 1.2])), np.array([1.0, -2.0, 0.3])
+    turned = rotation_log(turn @ rotation_exp(moved.now.rotation))
+    far = replace(moved.now, position=moved.now.position @ turn.T + shift, rotation=turned)
+    free = diagnose(arm, replace(far, own_sensors=("pose_sensor",)), against=moved.model)
     assert free.verdict == "nothing_missing"
     assert not named(free)
     assert free.since.set_up == ("pose_sensor",)
