@@ -69,7 +69,7 @@ def _posterior(diagnosis: Diagnosis, effects: Sequence[Effect], was: Sequence[Ef
             value = effects[place].values[name]
             values.append(PosteriorValue(place, name, value, bool(logarithmic and value > 0)))
             rows.append(row)
-    return Posterior.of(values, known.covariant[rows])
+    return Posterior.of(values, known.covariant[rows], diagnosis.explained)
 
 
 def _known(effect: Effect, diagnosis: Diagnosis) -> Known:

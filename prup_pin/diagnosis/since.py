@@ -116,10 +116,20 @@ class Earlier:
     def remarks(self, moved: Sequence[Effect], mechanism: Mechanism) -> list[str]:
         """Return sentences on sensors that were set up since, or moved so far that it shows before anything else."""
         told = [f"{effect.statement(mechanism)}, against where it was at the earlier test" for effect in moved]
+        if not self.explained:
+            told.append(
+                "the earlier test was left unexplained itself: what its model lacks is told as changed here wherever "
+                "other poses and loads show more of it. Diagnose both recordings together before anything is repaired"
+            )
         if self.set_up:
             names = " and ".join(name.replace("_", " ") for name in self.set_up)
             told.append(f"set up since the earlier test, and so free: {names}")
         return told
+
+    @property
+    def explained(self) -> bool:
+        """Whether what the earlier test left was noise."""
+        return self.model.posterior is None or self.model.posterior.explained
 
     # -- what acts, and what may be off --------------------------------------------------------------------------------
 
@@ -297,6 +307,7 @@ class Since:
     """
 
     notes: str
+    explained: bool = True  # whether what the earlier test left was noise
     values: tuple[Changed, ...] = ()
     seen: tuple[Seen, ...] = ()
     set_up: tuple[str, ...] = ()
@@ -307,7 +318,9 @@ def since_of(earlier: Earlier, problem: Problem, fit: Fit, library: Sequence[Can
     least = chi2_isf(FALSE_ALARM / max(len(library), 1), 1)
     changing = [item for item in library if item.law.instead_of is not None]
     values = tuple(each for item in changing for each in _then_and_now(problem, fit, item, least))
-    return Since(earlier.model.notes, values, tuple(_seen(problem, fit, library, least)), earlier.set_up)
+    return Since(
+        earlier.model.notes, earlier.explained, values, tuple(_seen(problem, fit, library, least)), earlier.set_up
+    )
 
 
 def _then_and_now(problem: Problem, fit: Fit, candidate: Candidate, least: float) -> list[Changed]:

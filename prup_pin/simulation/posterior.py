@@ -38,16 +38,18 @@ class Posterior:
     """Values of a model's effects with the covariance of all of them together, about the values of the model.
 
     rows: lower triangular root of the covariance, row i of i + 1 numbers, in the values' units or of their logarithms.
+    explained: whether what their diagnosis left was noise; what else it left, they may have been bent to imitate.
     """
 
     values: tuple[PosteriorValue, ...] = ()
     rows: tuple[tuple[float, ...], ...] = ()
+    explained: bool = True
 
     @classmethod
-    def of(cls, values: Sequence[PosteriorValue], covariant: Array) -> Posterior:
+    def of(cls, values: Sequence[PosteriorValue], covariant: Array, explained: bool = True) -> Posterior:
         """Return that of values which change by `covariant` (p, q) per number of unit variance."""
-        root = lower_root(covariant)
-        return cls(tuple(values), tuple(tuple(row[: place + 1].tolist()) for place, row in enumerate(root)))
+        rows = tuple(tuple(row[: place + 1].tolist()) for place, row in enumerate(lower_root(covariant)))
+        return cls(tuple(values), rows, explained)
 
     @property
     def root(self) -> Array:
@@ -64,7 +66,8 @@ class Posterior:
             | ({"logarithm": True} if item.logarithmic else {})
             for item in self.values
         ]
-        return {"parameters": values, "root": [" ".join(f"{size:.{_DIGITS}g}" for size in row) for row in self.rows]}
+        rows = [" ".join(f"{size:.{_DIGITS}g}" for size in row) for row in self.rows]
+        return {"explained": self.explained, "parameters": values, "root": rows}
 
 
 def lower_root(covariant: Array) -> Array:
@@ -80,7 +83,10 @@ def lower_root(covariant: Array) -> Array:
 def read_posterior(given: object, effects: Sequence[Effect], reader: Any) -> Posterior | None:
     """Return the posterior of a file's effects; what is wrong with it is reported to `reader`, and None returned."""
     before = len(reader.problems)
-    entry = reader.entries(given, "posterior", ("parameters", "root"))
+    entry = reader.entries(given, "posterior", ("explained", "parameters", "root"))
+    explained = entry.get("explained", True)
+    if not isinstance(explained, bool):
+        reader.wrong("posterior.explained", f"is {json_kind(explained)}; expected true or false")
     for key, what in (("parameters", "values"), ("root", "texts of numbers")):
         if isinstance(given, dict) and not isinstance(entry.get(key), list):
             is_ = f"is {json_kind(entry[key])}" if key in entry else "is missing"
@@ -96,7 +102,7 @@ def read_posterior(given: object, effects: Sequence[Effect], reader: Any) -> Pos
         reader.wrong("posterior.parameters", f"{name} is there twice; expected each value once")
     if len(reader.problems) > before:
         return None
-    return Posterior(tuple(item for item in values if item), tuple(row for row in rows if row))
+    return Posterior(tuple(item for item in values if item), tuple(row for row in rows if row), explained)
 
 
 def _value(item: object, place: int, effects: Sequence[Effect], reader: Any) -> PosteriorValue | None:

@@ -99,7 +99,7 @@ def test_the_model_of_the_second_test_is_that_of_the_first_with_what_changed(fou
 
 def test_what_is_told_stands_in_the_json(found):
     document = diagnosis_as_json(found, None)["since"]
-    assert set(document) == {"notes", "set_up", "values", "seen"}
+    assert set(document) == {"notes", "explained", "set_up", "values", "seen"}
     first = document["values"][0]
     assert (first["parameter"], first["unit"], first["changed"]) == ("half_gap", "rad", True)
     assert first["then"]["value"] < first["now"]["value"]

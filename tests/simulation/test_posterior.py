@@ -72,6 +72,7 @@ def test_a_file_without_it_is_read_as_ever(model, tmp_path):
 @pytest.mark.parametrize(
     ("change", "key", "told"),
     [
+        (lambda it: it.update(explained=1), "posterior.explained", "expected true or false"),
         (lambda it: it.pop("root"), "posterior.root", "is missing; expected a list of texts of numbers"),
         (lambda it: it.update(rooot=[]), "posterior.rooot", "unknown key. Did you mean 'root'?"),
         (lambda it: it["root"].pop(), "posterior.root", "has 3 rows; expected one for each of 4 parameters"),

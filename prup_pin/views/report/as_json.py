@@ -230,6 +230,7 @@ def _since(since: Since) -> dict[str, Any]:
     ]
     return {
         "notes": since.notes,
+        "explained": since.explained,
         "set_up": list(since.set_up),
         "values": values,
         "seen": [item._asdict() for item in since.seen],

@@ -30,6 +30,12 @@ def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
         sensors = all(item.effect is not None and item.effect.law.sensor in SENSORS for item in named)
         only = " Nothing else has: the robot is as it was." if sensors else ""
         return f"Changed since the earlier test: {told}; with it {takes}.{only}"
+    if not since.explained:
+        return (
+            "Nothing can be told for certain: the earlier test was left unexplained itself, and its model leaves "
+            f"{before} times the noise here{f'; with {told} {takes}' if told else ''}. Whether that has changed or was there "
+            "before, both recordings diagnosed together would say."
+        )
     where = next((item.location for item in diagnosis.findings if item.physics == "unknown"), "robot")
     at = "" if where == "robot" else f"; it is largest in {where}"
     if told:
