@@ -11,6 +11,8 @@ from ...recordings import SENSORS
 
 #: Values of earlier effects that a verdict tells by name.
 _MOST_TOLD = 2
+#: A value that does nothing and is so many times another one has no end.
+_ENDLESS = 1e6
 
 
 def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
@@ -31,10 +33,11 @@ def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
         only = " Nothing else has: the robot is as it was." if sensors else ""
         return f"Changed since the earlier test: {told}; with it {takes}.{only}"
     if not since.explained:
+        beside = f"; with {told} {takes}" if told else ""
         return (
             "Nothing can be told for certain: the earlier test was left unexplained itself, and its model leaves "
-            f"{before} times the noise here{f'; with {told} {takes}' if told else ''}. Whether that has changed or was there "
-            "before, both recordings diagnosed together would say."
+            f"{before} times the noise here{beside}. Whether that has changed or was there before, both recordings "
+            "diagnosed together would say."
         )
     where = next((item.location for item in diagnosis.findings if item.physics == "unknown"), "robot")
     at = "" if where == "robot" else f"; it is largest in {where}"
@@ -121,7 +124,9 @@ def _off(item: Seen) -> str:
     """Return by how much a parameter must be off to show: a factor in per cent."""
     if item.unit == "1" and item.neutral == 1:
         return f"{number(100 * abs(item.smallest - 1), 2)} %"
-    return _size(abs(item.smallest - item.neutral), item.unit)
+    off = abs(item.smallest - item.neutral)
+    endless = off > _ENDLESS * abs(item.smallest)  # what does nothing where it is without end
+    return _size(item.smallest if endless else off, item.unit)
 
 
 def _size(value: float, unit: str) -> str:
