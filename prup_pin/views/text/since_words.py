@@ -115,7 +115,7 @@ def _ends(seen: Sequence[Seen]) -> list[tuple[str, list[Seen]]]:
         kinds.setdefault((item.physics, item.parameter, item.unit), []).append(item)
     found = []
     for (physics, _, _), items in kinds.items():
-        items.sort(key=lambda item: abs(item.smallest - item.neutral))
+        items.sort(key=lambda item: 1 / item.smallest if _is_endless(item) else abs(item.smallest - item.neutral))
         found.append((physics.replace("_", " "), [items[0], *items[-1:]] if len(items) > 1 else items))
     return found
 
@@ -124,9 +124,12 @@ def _off(item: Seen) -> str:
     """Return by how much a parameter must be off to show: a factor in per cent."""
     if item.unit == "1" and item.neutral == 1:
         return f"{number(100 * abs(item.smallest - 1), 2)} %"
-    off = abs(item.smallest - item.neutral)
-    endless = off > _ENDLESS * abs(item.smallest)  # what does nothing where it is without end
-    return _size(item.smallest if endless else off, item.unit)
+    return _size(item.smallest if _is_endless(item) else abs(item.smallest - item.neutral), item.unit)
+
+
+def _is_endless(item: Seen) -> bool:
+    """Return True for what does nothing where its value is without end, such as a reference load."""
+    return abs(item.neutral) > _ENDLESS * abs(item.smallest) > 0
 
 
 def _size(value: float, unit: str) -> str:
