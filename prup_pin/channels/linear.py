@@ -1,4 +1,4 @@
-"""The simulation that a user starts from: the rigid pose, and C w about it."""
+"""The simulation that a user starts from: the rigid pose and C w about it, or what was found before."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..mechanism import Frame
-from ..simulation import Simulator
+from ..simulation import Run, Simulator
 from ..simulation.simulator import Geometry
 from ..spatial import Array, rotation_exp
 from ..statics import Compliance
@@ -20,17 +20,20 @@ __all__ = ["Linear"]
 class Linear:
     """Poses of frames without what the loaded simulation knows, N samples.
 
-    `samples` (N,) tells which ones have an answer, the others hold NaN.
+    `samples` (N,) tells which ones have an answer, the others hold NaN. `run`: where effects act from the start, the
+    whole simulation with them, whose poses then are those under load and before.
     """
 
     geometry: Geometry
     wrench: Array
     samples: np.ndarray
+    run: Run | None = None
 
     @classmethod
-    def of(cls, simulator: Simulator) -> Linear:
+    def of(cls, simulator: Simulator, run: Run | None = None) -> Linear:
         geometry = simulator.geometry({})
-        return cls(geometry, simulator.inputs.wrench, simulator.complete & geometry.reachable)
+        samples = simulator.complete & geometry.reachable
+        return cls(geometry, simulator.inputs.wrench, samples if run is None else samples & run.solved, run)
 
     @cached_property
     def _compliances(self) -> list[Compliance]:
@@ -66,6 +69,8 @@ class Linear:
 
     def rigid(self, frame: Frame) -> tuple[Array, Array]:
         """Return position (N, 3) and rotation (N, 3, 3) of a frame before anything deforms."""
+        if self.run is not None:
+            return self.run.pose_of(frame)
         n = len(self.samples)
         position, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
         if self.samples.any():
@@ -77,6 +82,8 @@ class Linear:
     def pose_of(self, frame: Frame) -> tuple[Array, Array]:
         """Return position (N, 3) and rotation (N, 3, 3) of a frame under load, weights neglected."""
         position, rotation = self.rigid(frame)
+        if self.run is not None:
+            return position, rotation
         moved = (self.compliance(frame) @ self.wrench[..., None])[..., 0]
         turned = np.where(self.samples[:, None], moved[:, 3:], 0.0)
         return position + moved[:, :3], rotation_exp(turned) @ rotation

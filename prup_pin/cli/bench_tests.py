@@ -244,6 +244,14 @@ def diagnose(
         ),
     ] = None,
     robot: RobotOption = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            "--against",
+            metavar="MODEL.json",
+            help="The corrected model of an earlier diagnosis of this robot: tell what has changed since.",
+        ),
+    ] = None,
     tolerances: TolerancesOption = None,
     convention: ConventionOption = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
@@ -253,16 +261,25 @@ def diagnose(
 ) -> None:
     """What recordings say that the simulation left out: where, which physics, how much of it."""
     from ..diagnosis import diagnose as diagnosed
-    from ..views.report.diagnosis_files import REPORT, check_before, missing_for_report, write_diagnosis
+    from ..views.report.diagnosis_files import MODEL, REPORT, check_before, missing_for_report, write_diagnosis
     from ..views.text.bench_tests import print_diagnosis
 
     out = Path(f"{file_name(recordings[0].stem)}_diagnosis") if out is None else out
     check_before(out, recordings)
+    if against is not None and (out / MODEL).resolve() == against.resolve():
+        raise InputError(
+            f"--out: '{out}' holds the earlier model, {against}, which would be written over; give another folder"
+        )
     missing = missing_for_report() if report else ""
-    read, name = recorded(recordings, tolerances, robot, convention)
-    loaded, understood = reading.changed(name, set_parameters)
+    earlier = None if against is None else read_model(against)
+    named = robot if earlier is None or robot is not None else earlier.robot
+    read, name = recorded(recordings, tolerances, named, convention)
+    if earlier is not None and robot is None:
+        loaded, understood = reading.of_model(earlier, set_parameters), earlier.read
+    else:
+        loaded, understood = reading.changed(name, set_parameters)
     with progress.stages() as tell:
-        found = diagnosed(loaded, read, tell=tell)
+        found = diagnosed(loaded, read, against=earlier, tell=tell)
     drawn = report and not missing
     written = write_diagnosis(found, loaded, read, out, robot_name=name, reading=understood, report=drawn)
     print_diagnosis(terminal.console(), loaded, read, found)

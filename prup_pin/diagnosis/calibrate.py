@@ -21,6 +21,7 @@ from scipy.optimize import lsq_linear
 from scipy.sparse.csgraph import connected_components
 
 from ..laws import Effect, Place
+from ..laws.as_found import AsFound
 from ..laws.deviations import Calibration, Deviation, amounts_of, deviations_of
 from ..mechanism import Mechanism
 from ..recordings import SENSORS, Group, Recording
@@ -66,11 +67,15 @@ _SMALL_TURN = 1e-5
 class Toleranced:
     """Parameters that may be off, with one standard deviation each, (p,).
 
-    A tolerance is absolute in the parameter's unit, or of its logarithm where the deviation is relative.
+    A tolerance is absolute in the parameter's unit, or of its logarithm where the deviation is relative. Each is off by
+    itself, but where a diagnosis has told them together: then `root` (p, p) says by how many of its standard deviations
+    each is off per number of unit variance, and `centre` (p,) by how much it was found to be off the robot file.
     """
 
-    law: Calibration
+    law: Calibration | AsFound
     tolerances: Array
+    root: Array | None = None
+    centre: Array | None = None
 
     @classmethod
     def of(cls, deviations: Sequence[Deviation], tolerances: Mapping[str, float]) -> Toleranced:
@@ -83,7 +88,7 @@ class Toleranced:
 
     def possible(self, nominal: Influence) -> Toleranced:
         """Return those that leave the robot an equilibrium: redundant rigid loops do not close askew."""
-        if not nominal.found.rigid.border.size:
+        if self.root is not None or not nominal.found.rigid.border.size:
             return self
         setups = (nominal.simulator.setup([self.effect(STEP * unit)]) for unit in np.eye(len(self)))
         able = [bool(np.isfinite(nominal.change(setup)).all()) for setup in setups]
@@ -92,17 +97,56 @@ class Toleranced:
         kept = [item for item, fits in zip(self.law.deviations, able, strict=True) if fits]
         return Toleranced(Calibration(kept), self.tolerances[able])
 
-    def effect(self, x: Array, among: np.ndarray | None = None) -> Effect:
-        """Return all parameters, or those `among` which they are (p,), at amounts x (p,) in their tolerances."""
-        places = np.arange(len(x)) if among is None else np.flatnonzero(among)
-        amounts = x * self.tolerances
+    def off(self, x: Array) -> Array:
+        """Return by how many tolerances each parameter is off where the numbers of unit variance are x, (p,) each."""
+        return x if self.root is None else self.root @ x
+
+    def scattered(self, covariance: Array) -> Array:
+        """Return the standard deviations (p,) of what is off, in tolerances, by the covariance (p, p) of x."""
+        root = np.eye(len(self)) if self.root is None else self.root
+        return np.sqrt(np.einsum("ij,jk,ik->i", root, covariance, root))
+
+    def value(self, place: int, off: float) -> float:
+        """Return the value of a parameter that is off by so many tolerances."""
+        amount = off * float(self.tolerances[place]) + (0.0 if self.centre is None else float(self.centre[place]))
+        return self.law.deviations[place].value(amount)
+
+    def effect(self, x: Array, changed: Sequence[Effect] = ()) -> Effect:
+        """Return all parameters with the numbers of unit variance at x (p,).
+
+        changed: effects that were found before, at values of their own.
+        """
+        return self.effect_at(self.off(x), changed)
+
+    def effect_at(self, off: Array, changed: Sequence[Effect] = ()) -> Effect:
+        """Return the same of parameters that are off by so many tolerances, (p,)."""
+        effect = self._effect(off, np.ones(len(off), bool))
+        if not changed:
+            return effect
+        assert isinstance(self.law, AsFound)
+        return replace(effect, values=self.law.with_changed(effect.values, changed))
+
+    def effect_of_some(self, off: Array, among: np.ndarray) -> Effect:
+        """Return the parameters `among` which they are (p,), off by so many tolerances (p,), as an effect by itself."""
+        return replace(self._effect(off, among), law=Calibration(self.law.deviations))
+
+    def _effect(self, off: Array, among: np.ndarray) -> Effect:
         of = self.law.deviations
-        values = {of[place].name: of[place].value(float(amounts[place])) for place in places}
+        values = {of[place].name: self.value(place, float(off[place])) for place in np.flatnonzero(among).tolist()}
         return Effect(self.law, Place("robot"), values)
+
+    def on_top(self, place: int, off: float) -> Effect:
+        """Return what one parameter does on top of what acts already, off by so many tolerances more."""
+        item = self.law.deviations[place]
+        return Effect(
+            Calibration((item,)), Place("robot"), {item.name: item.value(off * float(self.tolerances[place]))}
+        )
 
     @property
     def reach(self) -> Array:
         """By how many tolerances each may be off where it may take what it likes, (p,): what cannot fail, by any."""
+        if self.root is not None:
+            return np.full(len(self), np.inf)
         relative = np.array([item.relative for item in self.law.deviations], bool)
         return np.where(relative, FREELY / self.tolerances, np.inf)
 
@@ -184,8 +228,8 @@ class Calibrated:
 class CalibratedParameter:
     """What is known of a parameter that may be off.
 
-    x: by how many tolerances it is off; share: its posterior standard deviation in tolerances. value, sd and tolerance
-    in its unit.
+    x: by how many tolerances it is off; share: its posterior standard deviation in tolerances. value, sd, tolerance and
+    nominal, the value it is off from, in its unit.
     """
 
     deviation: Deviation
@@ -194,6 +238,7 @@ class CalibratedParameter:
     value: float
     sd: float
     tolerance: float
+    nominal: float
 
     @property
     def name(self) -> str:
@@ -325,13 +370,18 @@ def calibrated_parameters(problem, fit) -> list[CalibratedParameter]:
     size = np.linalg.norm(free, axis=0)
     free = np.linalg.svd(free / np.where(size > 0, size, 1.0), full_matrices=False)[0]
     held = fit.per_tolerance - free @ (free.T @ fit.per_tolerance)
-    shares = np.sqrt(np.diagonal(np.linalg.inv(held.T @ held + np.eye(len(fit.x)))))
+    shares = toleranced.scattered(np.linalg.inv(held.T @ held + np.eye(len(fit.x))))
     found = []
-    for item, x, share, amount in zip(toleranced.law.deviations, fit.x, shares, toleranced.tolerances, strict=True):
-        value = item.value(float(x * amount))
-        unit = float(amount) * item.per_amount(value)
-        nominal = float(amount) * item.per_amount(item.nominal)
-        found.append(CalibratedParameter(item, float(x), float(share), value, float(share) * unit, nominal))
+    for place, (item, off, share) in enumerate(
+        zip(toleranced.law.deviations, toleranced.off(fit.x).tolist(), shares.tolist(), strict=True)
+    ):
+        amount, value, begun = (
+            float(toleranced.tolerances[place]),
+            toleranced.value(place, off),
+            toleranced.value(place, 0),
+        )
+        sizes = [amount * item.per_amount(each) for each in (value, begun)]
+        found.append(CalibratedParameter(item, off, share, value, share * sizes[0], sizes[1], begun))
     return sorted(found, key=lambda item: item.share)
 
 
@@ -433,19 +483,26 @@ def changes_per_tolerance(
 
     Zero for those that have none there, as joints of loops which only close as they stand: these stay where they are.
     """
-    alone = toleranced.adds_up
-    all_off = simulator.setup([toleranced.effect(x)])
-    robot_off = simulator.setup([toleranced.effect(x, alone)])  # the sensors come after it
+    alone, off = toleranced.adds_up, toleranced.off(x)
+    changed = [item for item in effects if item.law.instead_of is not None]
+    effects = [item for item in effects if item.law.instead_of is None]
+    all_off = simulator.setup([toleranced.effect(x, changed)])
+    # the sensors come after it
+    robot_off = None if toleranced.law.is_all_that_acts else simulator.setup([toleranced.effect_of_some(off, alone)])
     columns = []
     for index, size in enumerate(toleranced.steps):
         step = size * np.eye(len(x))[index]
         if alone[index]:
-            moved = simulator.setup([toleranced.effect(step, step > 0), *effects], all_off)
+            moved = simulator.setup([toleranced.on_top(index, size), *effects], all_off)
+        elif robot_off is None:
+            moved = simulator.setup([toleranced.effect_at(off + step, changed), *effects])
         else:
-            moved = simulator.setup([toleranced.effect(x + step, ~alone), *effects], robot_off)
+            moved = simulator.setup([toleranced.effect_of_some(off + step, ~alone), *effects], robot_off)
         change = influence.change(moved) / size
         columns.append(change if np.isfinite(change).all() else np.zeros_like(change))
-    return np.stack(columns, axis=-1) if columns else np.zeros((len(influence), influence.stack.size, 0))
+    if not columns:
+        return np.zeros((len(influence), influence.stack.size, 0))
+    return np.stack(columns, axis=-1) if toleranced.root is None else np.stack(columns, axis=-1) @ toleranced.root
 
 
 def _differentiated(problem, found: Calibrated, rounds: int) -> Calibrated:

@@ -16,7 +16,7 @@ from ..mechanism import Mechanism
 from ..recordings import Convention, Noise, Recording
 from ..recordings.columns import NOISE_KEYS
 from ..robot import Robot
-from ..simulation import CorrectedModel, Known
+from ..simulation import CorrectedModel, Known, Posterior, PosteriorValue
 from .diagnosis import Diagnosis
 
 #: Share by which a value may have been put off a bound, or rounded, and is still that of its finding.
@@ -35,11 +35,15 @@ def corrected_model(
 
     robot_name, reading: what this robot is loaded from, and how it was read; the model names both.
     """
-    effects = tuple(_inside(effect, robot.mechanism) for effect in lasting(diagnosis.effects, robot.mechanism))
+    effects, was = [], []
+    for effect in diagnosis.effects:
+        for kept in lasting([effect], robot.mechanism):
+            effects.append(_inside(kept, robot.mechanism))
+            was.append(effect)
     efforts, read = diagnosis.efforts, reading or Reading()
     return CorrectedModel(
         robot_name,
-        effects,
+        tuple(effects),
         read.variant,
         notes,
         read,
@@ -49,7 +53,23 @@ def corrected_model(
         diagnosis.own_by_run,
         _effort_noise(diagnosis),
         tuple(_known(effect, diagnosis) for effect in effects),
+        _posterior(diagnosis, effects, was),
     )
+
+
+def _posterior(diagnosis: Diagnosis, effects: Sequence[Effect], was: Sequence[Effect]) -> Posterior | None:
+    """Return how well the values of the model are known together; was: its effects as diagnosed."""
+    known = diagnosis.posterior
+    if known is None:
+        return None
+    values, rows = [], []
+    for row, (effect, name, logarithmic) in enumerate(known.values):
+        place = next((i for i, item in enumerate(was) if item == effect), None)
+        if place is not None and name in effects[place].values:
+            value = effects[place].values[name]
+            values.append(PosteriorValue(place, name, value, bool(logarithmic and value > 0)))
+            rows.append(row)
+    return Posterior.of(values, known.covariant[rows], diagnosis.explained)
 
 
 def _known(effect: Effect, diagnosis: Diagnosis) -> Known:

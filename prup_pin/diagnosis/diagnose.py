@@ -11,11 +11,11 @@ from threadpoolctl import threadpool_limits
 
 from ..channels import Noise
 from ..dynamics import is_standing
-from ..errors import limits_heard
+from ..errors import InputError, limits_heard
 from ..numbers import number, quantity
 from ..recordings import Recording
 from ..robot import Robot
-from ..simulation import as_recorded
+from ..simulation import CorrectedModel, as_recorded
 from .conventions import read_logs
 from .criteria import FEW_FITS, LITTLE, MOST_FITS, beyond_tolerance
 from .diagnosis import Diagnosis, Finding, by_recording
@@ -43,6 +43,7 @@ from .noise import noise_of_the_rest
 from .prepare import Prepared, Tell, prepare
 from .problem import Fit, Problem
 from .search import Selection, dropped_by_folds, select
+from .since import Earlier
 from .unexplained import final_state
 from .unrecorded_load import reaches, unrecorded_force
 from .verdict import verdict_of
@@ -66,22 +67,40 @@ def _only_forward(tell: Tell) -> Tell:
     return told
 
 
-def diagnose(robot: Robot, recording: Recording | Sequence[Recording], *, tell: Tell = _silent) -> Diagnosis:
+def diagnose(
+    robot: Robot,
+    recording: Recording | Sequence[Recording],
+    *,
+    against: CorrectedModel | None = None,
+    tell: Tell = _silent,
+) -> Diagnosis:
     """Return what a recording, or several of one device, say that the simulation of `robot` left out.
 
     One that is written otherwise than it says (signs, units, orders, frames) is read as it seems to be meant, and that
     is the first finding.
 
     Each has its own noise, and where it says so its own sensors (`Recording.own_sensors`). `tell(stage, share)` hears
-    how far it is. Raises InputError where a recording does not belong to this robot at all (units, frames, another
-    machine) or is given twice, UnknownNameError where it lacks the actuators' positions.
+    how far it is. against: the corrected model of an earlier diagnosis of poses of this robot; then the simulation is
+    that model, what its test knew is known, and the verdict says what has changed since (`Diagnosis.since`).
+
+    Raises InputError where a recording does not belong to this robot at all (units, frames, another machine) or is
+    given twice, or the earlier model is of another robot, does not say what it knows or was changed by hand;
+    UnknownNameError where a recording lacks the actuators' positions.
     """
     # With several threads the last digits of a product may differ from run to run, and a close race with them.
     with threadpool_limits(1, user_api="blas"), limits_heard() as told:
         tell = _only_forward(tell)
         tell("how the log is written", 0.0)
+        earlier = None
+        if against is not None:
+            given = [recording] if isinstance(recording, Recording) else list(recording)
+            earlier = Earlier.of(against, robot, given)
+            recording = [earlier.as_compared(item) for item in given]
         logs = read_logs(robot, recording)
-        found = logs.before(_of_channels(robot, logs.recordings, tell))
+        if earlier is None:
+            found = logs.before(_of_channels(robot, logs.recordings, tell))
+        else:
+            found = logs.before(_changed(robot, logs.recordings, earlier, tell))
     return replace(found, remarks=tuple(dict.fromkeys((*found.remarks, *told))))
 
 
@@ -102,6 +121,18 @@ def _of_channels(robot: Robot, given: Sequence[Recording], tell: Tell) -> Diagno
     return joined(_diagnosed(robot, given, tell), efforts)
 
 
+def _changed(robot: Robot, recordings: Sequence[Recording], earlier: Earlier, tell: Tell) -> Diagnosis:
+    """Return what has changed since an earlier test, by poses. Raises InputError where there are efforts alone."""
+    if has_efforts(recordings, robot.mechanism) and not has_poses(recordings, robot.mechanism):
+        raise InputError(
+            "only efforts were recorded (columns tau.<joint>), and what has changed since an earlier test is told by "
+            "poses alone so far: record where the tool or markers are (columns p.x … r.z), or diagnose this recording "
+            "by itself, without an earlier model, and compare the two"
+        )
+    prepared = prepare(robot, recordings, tell, earlier=earlier)
+    return _told(prepared, _searched(prepared, tell), tell)
+
+
 def _diagnosed(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> Diagnosis:
     prepared = prepare(robot, recordings, tell)
     prepared, found = _under_loads(prepared, robot, recordings, tell)
@@ -111,6 +142,11 @@ def _diagnosed(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> Dia
     if prepared.spread is not None and prepared.spread.of_few and not found.is_clean:
         # the few places were not to be found
         prepared, found = _cleaner(prepared, found, prepare(robot, recordings, tell, all_over=True), tell)
+    return _told(prepared, found, tell)
+
+
+def _told(prepared: Prepared, found: _Searched, tell: Tell) -> Diagnosis:
+    """Return the diagnosis of what was searched."""
     problem, selection, labels, doubt = found
     tell("the verdict", 0.9)
     final = final_state(problem, selection, prepared, labels, tell, doubt)

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from .efforts import EffortDiagnosis
+    from .posterior import JointPosterior
+    from .since import Since
 
 __all__ = ["ByRecording", "Detectable", "Diagnosis", "Finding", "FittedParameter", "by_recording", "heldout_gain"]
 
@@ -42,12 +44,16 @@ VERDICTS = ("nothing_missing", "explained", "unexplained")
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """A fitted value with its unit and 95 % confidence interval; `drawn`: what the robot file has, where it has one."""
+    """A fitted value with its unit and 95 % confidence interval.
+
+    drawn: what the robot file has, where it has one; before: what an earlier test found.
+    """
 
     value: float
     unit: str
     interval: tuple[float, float]
     drawn: float | None = None
+    before: float | None = None
 
     @classmethod
     def about(cls, value: float, unit: str, reach: float, drawn: float | None = None) -> FittedParameter:
@@ -177,6 +183,8 @@ class Diagnosis:
     final: Run | None = None
     conventions: tuple[tuple[Convention, ...], ...] = ()
     efforts: EffortDiagnosis | None = None  # of drives in motion, where there were any
+    posterior: JointPosterior | None = None  # of all values of the effects; None where nothing was compared
+    since: Since | None = None  # what has changed since an earlier test, where that was asked
     own_by_run: tuple[str, ...] = ()  # sensors that were set up anew for each run, declared or found
     premises: tuple[str, ...] = ()  # what was taken for granted where nothing was recorded, and everything rests on it
 

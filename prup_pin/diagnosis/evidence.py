@@ -241,7 +241,7 @@ def rescaled_tolerances(problem: Problem, fit: Fit) -> dict[str, float]:
 
     At least once. Of kinds that many places have: all of a sensor's are one law's, and how far it is off is a finding.
     """
-    if problem.tolerances is None or not len(fit.x):
+    if problem.tolerances is None or not len(fit.x) or problem.tolerances.toleranced.root is not None:
         return {}
     held, residual = _without_laws(problem, fit)
     own = problem.tolerances.toleranced.law.deviations

@@ -76,7 +76,7 @@ def sensor_displaced(
     if len(own) == len(names):
         report = Moved(np.eye(4), np.eye(4))
         for axis, unit in zip(("x", "y", "z", "rx", "ry", "rz"), np.eye(6), strict=True):  # in the order of their acts
-            step = own[f"pose_sensor.{axis}"].value * unit
+            step = (own[f"pose_sensor.{axis}"].value - own[f"pose_sensor.{axis}"].nominal) * unit
             report = report.then(Moved.from_frame(rotation_exp(step[3:]), step[:3]))
         whole = rotation_exp(np.array([values[name] for name in names[:3]]))
         report = report.then(Moved.from_frame(whole, np.array([values[name] for name in names[3:]])))
@@ -136,7 +136,7 @@ def calibrated_beyond(item: CalibratedParameter, held: float) -> Finding:
     gain, of = (item.x / item.share) ** 2, item.deviation
     own = of.kind in (*SENSORS["pose_sensor"], *SENSORS["target"])  # set up by whoever measures
     more = f"; where it just is there, declare it (tolerance {of.kind})" if own else ""
-    value = FittedParameter.about(item.value, of.unit, WITHIN_95 * item.sd, of.nominal)
+    value = FittedParameter.about(item.value, of.unit, WITHIN_95 * item.sd, item.nominal)
     return beyond_its_tolerance(
         item.name, of.physics, of.place, value, item.x, float(gain / (gain + max(held, 1e-300))), more
     )

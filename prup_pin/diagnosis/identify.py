@@ -23,7 +23,7 @@ from ..errors import PrupPinError
 from ..laws import LAWS, Inputs
 from ..mechanism import Frame
 from ..robot import Robot
-from ..simulation import Run, Simulator
+from ..simulation import Run
 from ..spatial import Array
 from .candidates import Candidate
 from .chances import chi2_isf
@@ -306,7 +306,7 @@ class SimulatedTest:
             PoseChannel(frame, nowhere, unturned, part) for frame, part in zip(bench.frames, parts, strict=True)
         ]
         noise = replace(problem.noise, each=(), which=None)
-        own = Problem.of(Simulator(bench.robot, inputs), Stack(tuple(channels)), noise)
+        own = Problem.of(problem.simulator.under(inputs), Stack(tuple(channels)), noise)
         self.problem = own if problem.tolerances is None else replace(own, tolerances=problem.tolerances)
 
     @cached_property
@@ -341,8 +341,8 @@ class SimulatedTest:
         return Stack(tuple(PoseChannel.of_run(run, frame) for frame in self.bench.frames))
 
     def _run(self, terms: Sequence[Term], x: Array) -> Run:
-        beside = [] if self.problem.tolerances is None else self.problem.tolerances.at(x)
-        return self.problem.simulator.run([*beside, *(term.effect for term in terms)], self.fit.run)
+        setup = self.problem.setup([term.effect for term in terms], x)
+        return self.problem.simulator.run_setup(setup, self.fit.run)
 
     def free(self, pair: Pair) -> Array:
         """Return the whitened changes (n, K, p) per parameter of the rival and of all others, as in `information`."""

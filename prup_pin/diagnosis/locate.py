@@ -359,7 +359,7 @@ def recovered(
     asked, law, drawn = after, None, None
     if effect is not None:
         others = [term.effect for term in fit.terms if term.effect != effect]
-        law = -influence.change(problem.simulator.setup(others))
+        law = -influence.change(problem.setup_at(fit, others))
         asked = asked + law
         drawn = effect.law.drawn(effect.place, influence.solved)
     elif curve is not None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..channels import Linear, Noise, PoseChannel, Stack, channels_of
 from ..errors import InputError
-from ..laws import Inputs, Trajectory
+from ..laws import Effect, Inputs, Trajectory
 from ..laws.deviations import without_effect
 from ..mechanism import Mechanism
 from ..numbers import number, quantity
@@ -41,6 +41,7 @@ from .criteria import (
 from .noise import estimate_noise, scatter_of_repeats
 from .problem import Problem
 from .registration import OWN_STATIONS, Registered, own_frames, registered
+from .since import Earlier
 from .spread import Spread, spread_of
 
 __all__ = ["Prepared", "Tell", "allowed_of_markers", "check_belongs", "prepare", "unused_columns", "what_is_missing"]
@@ -56,7 +57,7 @@ class Prepared:
     raw_linear (n, K) [m, rad]: what is left of the simulation that a user starts from; raw_registered: the same with
     sensors where they stand. `placed`: what was measured, and where its sensors stand; `spread`: which kinds are off
     everywhere, where that was asked; `noise_unknown`: only the residual tells the noise; `assumed`:
-    nothing does, and it is that of a good sensor. `remarks` are added to later.
+    nothing does, and it is that of a good sensor. `remarks` are added to later. `earlier`: what acts from the start.
     """
 
     together: Together
@@ -72,6 +73,7 @@ class Prepared:
     spread: Spread | None = None
     noise_unknown: bool = False
     assumed: bool = False
+    earlier: Earlier | None = None
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -95,10 +97,12 @@ def prepare(
     tell: Tell,
     with_outliers: bool = False,
     all_over: bool = False,
+    earlier: Earlier | None = None,
 ) -> Prepared:
     """Return the problem that recordings pose to a robot, gross errors left out or not. Raises as `diagnose` does.
 
-    all_over: what a few laws could explain as well is off all over, as what is off under loads may be.
+    all_over: what a few laws could explain as well is off all over, as what is off under loads may be. earlier: what an
+    earlier diagnosis found acts from the start, and nothing else is taken to be off.
     """
     adapted = as_recorded(robot, recordings)
     robot = adapted.robot
@@ -106,22 +110,24 @@ def prepare(
     unused, remarks = _columns_told(together, robot.mechanism)
     remarks = [*adapted.remarks, *remarks]
     motion = trajectory_of(together.recording, robot)  # before rows are left out
-    seen = _seen(robot, _thinned(together, remarks), motion)
-    remarks += [*what_is_missing(seen.inputs, seen.measured, robot.mechanism), *seen.placed.remarks]
+    seen = _seen(robot, _thinned(together, remarks), motion, () if earlier is None else earlier.effects)
+    remarks += what_is_missing(seen.inputs, seen.measured, robot.mechanism)
+    remarks += seen.placed.remarks if earlier is None else earlier.remarks(seen.placed.found, robot.mechanism)
     try:
         _check_each(seen)
     except InputError as error:
         # what the recording leaves open may be why
         raise InputError(". ".join((str(error), *adapted.remarks))) from error
     tell("the nominal simulation", 0.0)
-    nominal = seen.simulator.run()
+    nominal = seen.nominal or seen.simulator.run()
     noise = _noise_of_each(seen, nominal, remarks)
     together, stack = seen.together, seen.placed.stack
     problem = Problem.of(seen.simulator, stack, noise, nominal)
     library = _library(together, problem)
     tell("what is off all over", 0.01)
     loaded = not seen.inputs.weight_alone
-    spread = None if loaded and not all_over else _off_everywhere(problem, together, library)
+    one_by_one = (loaded and not all_over) or earlier is not None
+    spread = None if one_by_one else _off_everywhere(problem, together, library)
     noise_unknown = spread is not None and noise.source == "assumed"
     if spread is not None:
         spread = spread.with_all(problem.stack.exists) if with_outliers else spread
@@ -140,6 +146,10 @@ def prepare(
     if noise is not problem.noise or stack is not problem.stack:
         problem = Problem.of(seen.simulator, stack, noise, nominal)
     recording, samples = together.recording, problem.first.samples
+    toleranced = toleranced_of(seen.placed.open(recording), robot.mechanism, together.groups, seen.inputs.moves)
+    if earlier is not None:
+        toleranced = earlier.toleranced(toleranced, robot.mechanism)
+        library = under_load(earlier.library(library, robot.mechanism), problem.nominal)
     remarks += without_effect(recording.tolerances.declared)
     return Prepared(
         together=together,
@@ -148,13 +158,14 @@ def prepare(
         raw_linear=(seen.measured if seen.placed.found else stack).residual_of_start(seen.linear)[samples],
         raw_registered=stack.residual_of_start(seen.linear)[samples],
         library=library,
-        toleranced=toleranced_of(seen.placed.open(recording), robot.mechanism, together.groups, seen.inputs.moves),
+        toleranced=toleranced,
         unused=unused,
         remarks=remarks,
         placed=seen.placed,
         spread=spread,
         noise_unknown=noise_unknown,
         assumed=assumed,
+        earlier=earlier,
     )
 
 
@@ -180,20 +191,24 @@ class _Seen(NamedTuple):
     measured: Stack
     placed: Registered
     allowed: tuple[float, float]  # how far markers may be off, as `allowed_of_markers` says
+    nominal: Run | None  # where effects act from the start
 
 
-def _seen(robot: Robot, together: Together, motion: Trajectory | None) -> _Seen:
+def _seen(robot: Robot, together: Together, motion: Trajectory | None, acting: Sequence[Effect]) -> _Seen:
     """Return what was seen, each sensor where it stands; with frames of their own where one does not fit all."""
     mechanism, inputs = robot.mechanism, _inputs(robot, together, motion)
-    measured, simulator = Stack(channels_of(together.recording, mechanism)), Simulator(robot, inputs)
-    linear, allowed = Linear.of(simulator), allowed_of_markers(together.recording.tolerances, mechanism)
+    measured, simulator = Stack(channels_of(together.recording, mechanism)), Simulator(robot, inputs, acting)
+    nominal = simulator.run() if acting else None
+    linear, allowed = Linear.of(simulator, nominal), allowed_of_markers(together.recording.tolerances, mechanism)
     placed = registered(measured, linear, together, mechanism, allowed)
     apart = own_frames(measured, placed, linear, together, mechanism, allowed)
     if apart is not None:
         together, placed = apart
         inputs = _inputs(robot, together, motion)
-        simulator = Simulator(robot, inputs)
-    return _Seen(together, inputs, simulator, linear, measured, placed, (allowed[0] + placed.beside, allowed[1]))
+        simulator = simulator.under(inputs)
+        nominal = simulator.run() if acting else None
+    allowed = allowed[0] + placed.beside, allowed[1]
+    return _Seen(together, inputs, simulator, linear, measured, placed, allowed, nominal)
 
 
 def _check_each(seen: _Seen) -> None:

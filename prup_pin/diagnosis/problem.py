@@ -84,9 +84,9 @@ class TolerancePrior:
         start = settled(problem, begin)
         return cls(start.toleranced, start.effects, start)
 
-    def at(self, x: Array) -> list[Effect]:
-        """Return what acts before any law, with the parameters at x (p,)."""
-        return [*([self.toleranced.effect(x)] if len(self.toleranced) else []), *self.effects]
+    def at(self, x: Array, changed: Sequence[Effect] = ()) -> list[Effect]:
+        """Return what acts before any law, the parameters at x (p,); changed: effects found before, as they are."""
+        return [*([self.toleranced.effect(x, changed)] if len(self.toleranced) else []), *self.effects]
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,8 +196,8 @@ class Problem:
         """
         like = self.first if like is None else like
         x = like.x if x is None else x
-        begin = self.simulator.setup(self._effects(x, ()))
-        run = self.simulator.run_setup(self.simulator.setup([term.effect for term in terms], begin), start)
+        begin = self.setup((), x)
+        run = self.simulator.run_setup(self.setup([term.effect for term in terms], x, begin), start)
         return self._fit(terms, Influence(self.simulator, run, self.stack), x, like.per_tolerance, begin)
 
     def relinearised(self, fit: Fit) -> Fit:
@@ -208,8 +208,25 @@ class Problem:
         changes = changes_per_tolerance(self.simulator, fit.influence, self.tolerances.toleranced, fit.x, effects)
         return replace(fit, per_tolerance=self.whitened_changes(fit.influence, changes))
 
-    def _effects(self, x: Array, effects: Sequence[Effect]) -> list[Effect]:
-        return [*effects] if self.tolerances is None else [*self.tolerances.at(x), *effects]
+    def setup(self, effects: Sequence[Effect], x: Array, begin: Setup | None = None) -> Setup:
+        """Return the simulation with these effects, toleranced parameters at x (p,); begin: the same without any.
+
+        An effect that was found before and has changed enters in its own place, all others after what acts.
+        """
+        changed = [effect for effect in effects if effect.law.instead_of is not None]
+        if begin is None or changed:
+            begin = self.simulator.setup([] if self.tolerances is None else self.tolerances.at(x, changed))
+        return self.simulator.setup([effect for effect in effects if effect.law.instead_of is None], begin)
+
+    def setup_at(self, fit: Fit, effects: Sequence[Effect]) -> Setup:
+        """Return the simulation with these effects, toleranced parameters as in a fit."""
+        changed = [effect for effect in effects if effect.law.instead_of is not None]
+        own = [term.effect for term in fit.terms]
+        if not changed or not all(effect in own for effect in changed):
+            return self.setup(effects, fit.x, fit.begin)
+        key = ("begin", *(own.index(effect) for effect in changed))
+        begin = fit.once(key, lambda: self.setup(changed, fit.x))
+        return self.simulator.setup([effect for effect in effects if effect.law.instead_of is None], begin)
 
     def _fit(self, terms: Sequence[Term], influence: Influence, x: Array, held: Array, begin: Setup) -> Fit:
         run = influence.run
@@ -235,7 +252,7 @@ class Problem:
 
     def change(self, fit: Fit, effects: Sequence[Effect]) -> Array:
         """Return the whitened change of the columns (n, K) from a fit to other effects, to first order."""
-        return self.whitened(fit.influence, fit.influence.change(self.simulator.setup(effects, fit.begin)))
+        return self.whitened(fit.influence, fit.influence.change(self.setup_at(fit, effects)))
 
     def without_tolerances(self, fit: Fit, values: Array) -> Array:
         """Return whitened values (K n, ...) less what the toleranced parameters of a fit may take of them."""

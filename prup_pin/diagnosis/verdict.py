@@ -9,6 +9,7 @@ import numpy as np
 
 from ..channels import Stack
 from ..laws import Effect
+from ..laws.as_found import AsFound
 from ..numbers import counted
 from ..recordings import SENSORS
 from ..spatial import Array
@@ -30,9 +31,11 @@ from .findings import (
 from .identify import not_detectable
 from .locate import recovered, residuals
 from .next_experiment import next_experiment
+from .posterior import joint_posterior
 from .prepare import Prepared, Tell
 from .problem import Fit, Problem
 from .search import Selection
+from .since import since_of, told_since
 from .unexplained import Final
 
 __all__ = ["verdict_of"]
@@ -59,7 +62,7 @@ def verdict_of(
     laws = sorted((*final.laws, *([deflection] if deflection else [])), key=lambda finding: -finding.heldout_gain)
     # what acts was left out of the simulation that one starts from, be it without a parameter; the loaded equilibrium
     # is a matter of how one simulates
-    named = bool(final.laws or acting or prepared.kinds or prepared.placed.found)
+    named = bool(final.laws or (acting and prepared.earlier is None) or prepared.kinds or prepared.placed.found)
     verdict = "unexplained" if final.unknown is not None else "explained" if named else "nothing_missing"
     if final.unknown is not None and count and not len(prepared.toleranced) and not robot.mechanism.loops:
         remarks.append(_UNCALIBRATED)
@@ -72,22 +75,33 @@ def verdict_of(
         remarks.append(_driven_beyond([item.name for item in beyond]))
         beyond = []
     findings += [calibrated_beyond(item, final.held_out) for item in beyond]
+    if beyond and prepared.earlier is not None:
+        verdict = "explained"  # what was known to be elsewhere has changed
     findings = [with_neutral_values(finding, robot) for finding in findings]
     kinds = [kind for kind in prepared.kinds if not (prepared.placed.found and kind in SENSORS["pose_sensor"])]
     findings += all_over(problem, fit, calibrated, kinds, blocks)
     findings += [final.unknown] if final.unknown is not None else []
-    effects = tuple(finding.effect for finding in findings if finding.effect is not None)
+    found = [finding.effect for finding in findings if finding.effect is not None]
+    changed = [effect for effect in found if effect.law.instead_of is not None]
     # a sensor reports what all the others have left
-    effects = (*(effect for effect in effects if effect not in prepared.placed.found), *prepared.placed.every)
+    effects = tuple(effect for effect in found if effect not in (*changed, *prepared.placed.found))
+    effects = (*effects, *prepared.placed.every)
+    standing = _standing(problem, fit, changed)
     if problem.tolerances is not None:
         findings += [always_acting(effect, robot) for effect in acting]
-        effects = (*problem.tolerances.at(fit.x), *effects)
+        effects = (*problem.tolerances.effects, *effects)
+    effects = (*standing, *effects)
+    known = joint_posterior(problem, fit, standing, effects) if count else None
     raw_after = problem.stack.residual(fit.run)[samples]
     if count:
         findings = [
             replace(finding, recovered=recovered(problem, fit, raw_after, finding.effect, finding.curve))
             for finding in findings
         ]
+    since = None
+    if prepared.earlier is not None and count:
+        since = since_of(prepared.earlier, problem, fit, selection.library)
+        findings = [told_since(finding, since) for finding in findings]
     tell("the next experiment", 0.95)
     noise = problem.noise
     if prepared.assumed and noise.source == "estimated" and noise == prepared.problem.noise:
@@ -112,7 +126,17 @@ def verdict_of(
         residual_after=raw_after,
         residuals=residuals(problem, fit, prepared.raw_linear, raw_after) if count else None,
         final=fit.run,
+        posterior=known,
+        since=since,
     )
+
+
+def _standing(problem: Problem, fit: Fit, changed: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Return the effects that act before any law of a fit, what was found before as it has changed."""
+    if problem.tolerances is None or not len(fit.x):
+        return problem.simulator.acting
+    effect = problem.tolerances.toleranced.effect(fit.x, changed)
+    return effect.law.at(effect.values) if isinstance(effect.law, AsFound) else (effect,)
 
 
 def _driven_beyond(names: Sequence[str]) -> str:
@@ -134,8 +158,8 @@ _UNCALIBRATED = (
 def _shows(problem: Problem, fit: Fit) -> bool:
     """Return True where what is always present, weight, moves what was measured by more than chance."""
     assert problem.tolerances is not None
-    parameters = [problem.tolerances.toleranced.effect(fit.x)] if len(fit.x) else []
-    without = problem.simulator.setup([*parameters, *(term.effect for term in fit.terms)])
+    light = replace(problem, tolerances=replace(problem.tolerances, effects=()))
+    without = light.setup([term.effect for term in fit.terms], fit.x)
     change = problem.whitened(fit.influence, fit.influence.change(without))
     return float((change**2).sum()) > WEIGHT_SHOWS
 

@@ -101,6 +101,10 @@ class Law(ABC):
     sensor: ClassVar[str] = ""
     #: The recordings in which alone it acts, where that is not all.
     group: Sharing | None = None
+    #: True where it is all that acts in a simulation before anything is looked for, at values that may be others.
+    is_all_that_acts: ClassVar[bool] = False
+    #: The effect that was found before and in whose place it stands, where it does.
+    instead_of: Effect | None = None
 
     @abstractmethod
     def places(self, mechanism: Mechanism) -> Sequence[Place]:

@@ -2,6 +2,7 @@
 
 from .as_recorded import AsRecorded, as_recorded, drawn_for, in_format
 from .model_file import CorrectedModel, Known, effect_named, read_model, write_model
+from .posterior import Posterior, PosteriorValue
 from .prediction import Agreement, Prediction, compare, inputs_of, simulate, trajectory_of
 from .simulator import Memory, Run, Simulator
 from .stations import seen_from_stations
@@ -12,6 +13,8 @@ __all__ = [
     "CorrectedModel",
     "Known",
     "Memory",
+    "Posterior",
+    "PosteriorValue",
     "Prediction",
     "Run",
     "Simulator",

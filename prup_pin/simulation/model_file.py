@@ -26,6 +26,7 @@ from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, re
 from ..recordings.reader import conventions_value, noise_value, own_sensors_value
 from ..recordings.writer import json_lines, write_whole
 from ..robot import Robot
+from .posterior import Posterior, read_posterior
 
 __all__ = [
     "FORMAT",
@@ -60,6 +61,7 @@ _KEYS = (
     "effort_noise",
     "conventions",
     "own_sensors",
+    "posterior",
     "notes",
 )
 _READING_KEYS = tuple(item.name for item in fields(Reading) if item.name != "variant")
@@ -86,7 +88,8 @@ class CorrectedModel:
     [Hz] up to which its motion is the rigid robot's; beyond it lie the encoder's noise and motors that vibrate.
     conventions: how logs of this device are written, which declare none themselves. own_by_run: sensors that are set up
     anew for each run of a recording. effort_noise: by driven joint, the noise [N or N m] of its effort, where a
-    diagnosis estimated it. known: of each effect in their order, how well, where a diagnosis said it.
+    diagnosis estimated it. known: of each effect in their order, how well, where a diagnosis said it. posterior: how
+    well all their values are known together; None of a model that no diagnosis of poses wrote.
     """
 
     robot: str
@@ -100,6 +103,7 @@ class CorrectedModel:
     own_by_run: tuple[str, ...] = ()
     effort_noise: Mapping[str, float] = field(default_factory=dict)
     known: tuple[Known, ...] = ()
+    posterior: Posterior | None = None
 
     def known_of(self, effect: int) -> Known:
         """Return how well an effect is known, by its place among the effects."""
@@ -222,6 +226,8 @@ def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
         value["own_sensors"] = {"by_run": list(model.own_by_run)}
     if model.notes:
         value["notes"] = model.notes
+    if model.posterior is not None:
+        value["posterior"] = model.posterior.document()
     return value
 
 
@@ -346,7 +352,13 @@ class _Reader:
             by_run,
             effort_noise,
             tuple(known) if any(item != Known() for item in known) else (),
+            read_posterior(values["posterior"], effects, self) if self.all_read(values, effects) else None,
         )
+
+    def all_read(self, values: dict[str, Any], effects: Sequence[Effect]) -> bool:
+        """Return whether there is a posterior, and every effect that it may be of was read."""
+        listed = values.get("effects")
+        return "posterior" in values and isinstance(listed, list) and len(listed) == len(effects)
 
     def by_joint(self, values: dict[str, Any], key: str, units: Mapping[str, str]) -> dict[str, float]:
         """Return numbers above 0 by driven joint, each in its unit; of a robot that is not known, any."""

@@ -100,11 +100,15 @@ class Run:
 
 
 class Simulator:
-    """Simulates one robot under one recording's inputs, again and again under different laws."""
+    """Simulates one robot under one recording's inputs, again and again under different laws.
 
-    def __init__(self, robot: Robot, inputs: Inputs):
+    acting: effects that act whatever else does, such as those of an earlier diagnosis.
+    """
+
+    def __init__(self, robot: Robot, inputs: Inputs, acting: Sequence[Effect] = ()):
         self.robot = robot
         self.inputs = inputs
+        self.acting = tuple(acting)
         self._geometries: dict[tuple, Geometry] = {}
         self.complete = (
             np.isfinite(inputs.actuators).all(axis=1)
@@ -130,10 +134,18 @@ class Simulator:
             turns[there] = np.array([pose.base_from_tool[:3, :3] for pose in geometry.poses])[geometry.rows[there]]
         return turns
 
+    def under(self, inputs: Inputs) -> Simulator:
+        """Return a simulator of the same robot under other inputs."""
+        return Simulator(self.robot, inputs, self.acting)
+
     def setup(self, effects: Sequence[Effect] = (), begin: Setup | None = None) -> Setup:
-        """Return what a simulation with these effects is run with, after those of `begin`."""
+        """Return what a simulation with these effects is run with, after those of `begin`.
+
+        Without one they come after what acts anyway, but where the first of them is all that acts.
+        """
         setup = self._nominal() if begin is None else begin.copy()
-        for effect in effects:
+        alone = bool(effects) and effects[0].law.is_all_that_acts
+        for effect in (*(() if alone or begin is not None else self.acting), *effects):
             setup.take(effect.deeds(setup))
         return setup
 

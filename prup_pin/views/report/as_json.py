@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ...diagnosis.diagnosis import ByRecording
     from ...diagnosis.efforts import EffortCurve, EffortDiagnosis
     from ...diagnosis.locate import LocalCurve
+    from ...diagnosis.since import Since
 
 _UNIT = {"length": "m", "angle": "rad", "number": ""}
 
@@ -214,9 +215,31 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
         "remarks": list(diagnosis.remarks),
         "unused_columns": list(diagnosis.unused_columns),
     }
+    if diagnosis.since is not None:
+        document["since"] = _since(diagnosis.since)
     if diagnosis.own_by_run:
         document["own_sensors"] = {"by_run": list(diagnosis.own_by_run)}
     return plain(document)
+
+
+def _since(since: Since) -> dict[str, Any]:
+    """Return what has changed since an earlier test: values then and now, and what would have been seen."""
+    values = [
+        _picked(item, ("physics", "location", "aspect", "parameter", "unit"))
+        | {
+            name: {"value": fitted.value, "ci95": sorted(fitted.interval)}
+            for name, fitted in (("then", item.then), ("now", item.now), ("difference", item.difference))
+        }
+        | {"changed": item.has_changed, "seen_from": item.seen}
+        for item in since.values
+    ]
+    return {
+        "notes": since.notes,
+        "explained": since.explained,
+        "set_up": list(since.set_up),
+        "values": values,
+        "seen": [item._asdict() for item in since.seen],
+    }
 
 
 def _picked(item: object, names: Sequence[str]) -> dict[str, Any]:
@@ -248,7 +271,7 @@ def _recording(part: ByRecording) -> dict[str, Any]:
 def _calibrated(item: CalibratedParameter) -> dict[str, Any]:
     return {
         "parameter": item.name,
-        "nominal": item.deviation.nominal,
+        "nominal": item.nominal,
         "value": item.value,
         "sd": item.sd,
         "tolerance": item.tolerance,
@@ -280,6 +303,7 @@ def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | N
         "parameters": {
             name: {"value": fitted.value, "unit": fitted.unit, "ci95": sorted(fitted.interval)}
             | ({} if fitted.drawn is None else {"robot_file": fitted.drawn})
+            | ({} if fitted.before is None else {"before": fitted.before})
             for name, fitted in finding.parameters.items()
         },
         "heldout_gain": finding.heldout_gain,

@@ -35,6 +35,7 @@ from ..text.diagnosis_words import (
     summary_text,
     verdict_text,
 )
+from ..text.since_words import seen_rows, then_and_now_rows
 from ..text.values import clean, dimension
 from .pages import Picture, page_template, picture
 
@@ -76,6 +77,9 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         plan=_plan(plan, robot),
         poses=len(plan.get("poses", ())),
         effects=len(diagnosis.effects),
+        since=diagnosis.since,
+        then_and_now=[] if diagnosis.since is None else then_and_now_rows(diagnosis.since),
+        seen=[] if diagnosis.since is None else seen_rows(diagnosis.since.seen),
         most=MOST_PARAMETERS,
     )
 
@@ -88,7 +92,7 @@ def page():
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     before, after = (number(values["heldout"], 3) for values in (diagnosis.before, diagnosis.after))
     facts = [
-        ("Before", f"{before} ×", "the noise: recording against the robot file"),
+        ("Before", f"{before} ×", f"the noise: recording against the {_begun(diagnosis)}"),
         ("After", f"{after} ×", "the noise, on held-out samples"),
     ]
     for name, unit, _ in diagnosis.columns:
@@ -101,6 +105,10 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
         ends = (number(100 * shares[key], 3) for key in ("rigid", "heldout"))
         facts.append(("Residual of the efforts", " → ".join(ends), "% of the efforts, root mean square"))
     return facts
+
+
+def _begun(diagnosis: Diagnosis) -> str:
+    return "robot file" if diagnosis.since is None else "earlier model"
 
 
 def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording]) -> list[tuple[str, list[str]]]:
@@ -124,6 +132,8 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording
     if warm is not None and np.isfinite(warm).any():
         ends = dict.fromkeys(number(float(end), 3) for end in (np.nanmin(warm), np.nanmax(warm)))
         rows.append(("Temperature", [f"{' to '.join(ends)} °C"]))
+    if diagnosis.since is not None:
+        rows.append(("Compared with", [diagnosis.since.notes or "an earlier model"]))
     *sensors, source = noise_text(diagnosis)
     rows.append(("Noise, 1 σ", [*sensors, f"({source})"]))
     for item in recordings:

@@ -34,12 +34,14 @@ from .diagnosis_words import (
     recording_rows,
     verdict_text,
 )
+from .since_words import seen_rows, then_and_now_rows
 from .terminal import bullets, heading, lines_of, listed, make_table, paragraph, print_table
 
 if TYPE_CHECKING:  # the command line begins without them
     from ...diagnosis import Diagnosis, Finding
     from ...diagnosis.calibration import Calibration
     from ...diagnosis.diagnosis import Detectable
+    from ...diagnosis.since import Since
     from ...imports import Conversion, Log, LogMap
     from ...imports.map import Column
 
@@ -219,8 +221,12 @@ def print_diagnosis(
         held = length_of(diagnosis, recordings[0])
         listed(out, "recording", [f"{counted(len(recordings[0]), 'sample')}, {used} used", held], ", ")
     listed(out, "noise", noise_text(diagnosis), ", ")
+    since = diagnosis.since
+    if since is not None:
+        listed(out, "compared with", [since.notes or "an earlier model"])
     if diagnosis.findings:
-        heading(out, "How to simulate it" if diagnosis.verdict == "nothing_missing" else "Left out")
+        what = "Left out" if since is None else "Changed"
+        heading(out, "How to simulate it" if diagnosis.verdict == "nothing_missing" else what)
         for index, finding in enumerate(diagnosis.told, 1):
             _print_finding(out, diagnosis, index, finding)
     heading(out, "Measured less simulated", "(root mean square)")
@@ -230,6 +236,8 @@ def print_diagnosis(
         print_table(out, make_table(("joint", ">noise", ">× noise", ">% of the effort"), rows))
         if note := multiple_text(diagnosis):
             paragraph(out, f"({note})")
+    if since is not None:
+        _print_since(out, since)
     if diagnosis.not_detectable:
         print_hidden(out, diagnosis.not_detectable)
     why = diagnosis.next_experiment.get("why")
@@ -237,6 +245,18 @@ def print_diagnosis(
         heading(out, "Next experiment")
         paragraph(out, str(why))
     bullets(out, "Remarks", diagnosis.remarks)
+
+
+def _print_since(out: Console, since: Since) -> None:
+    """Print what was found before beside what it is now, and how large a change would have been seen."""
+    if since.values:
+        heading(out, "What was found before")
+        columns = ("", ">then", ">now", ">changed by (95 %)", ">would show from")
+        print_table(out, make_table(columns, then_and_now_rows(since)))
+    if rows := seen_rows(since.seen):
+        heading(out, "What else would have been seen", "(from which size, at the best to the worst place)")
+        for physics, places, sizes in rows:
+            paragraph(out, f"{physics}: {sizes} ({places})", "- ")
 
 
 def print_hidden(out: Console, hidden: Sequence[Detectable]) -> None:

@@ -14,6 +14,7 @@ from ...laws.efforts import EFFORT
 from ...numbers import counted, number, quantity, readable_unit
 from ...recordings import Convention, Recording
 from ...recordings.columns import AS_LOGGED
+from .since_words import verdict_since
 
 if TYPE_CHECKING:
     from ...diagnosis import Diagnosis, Finding
@@ -55,6 +56,8 @@ def verdict_text(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence."""
     before, after = diagnosis.before["heldout"], diagnosis.after["heldout"]
     only_efforts = diagnosis.efforts is not None and not diagnosis.columns
+    if diagnosis.since is not None and not math.isnan(before):
+        return verdict_since(diagnosis, diagnosis.since)
     if math.isnan(before) and not only_efforts:
         statement = next(finding.statement for finding in diagnosis.findings if finding.physics == "unknown")
         return f"{statement[0].upper()}{statement[1:]}."
@@ -260,10 +263,8 @@ def _beside(diagnosis: Diagnosis) -> tuple[str, str]:
             ends = [quantity(1e-6 * value, unit) for value in (before, values[f"after_u{unit}"])]
             what = "the tool" if name in ("position", "rotation") else name.removesuffix(f" {name.split()[-1]}")
             kind = "position" if unit == "m" else "orientation"
-            text = (
-                f"The measured {kind} of {what} differs by {ends[0]} (root mean square) from the simulation of the "
-                "robot file."
-            )
+            of = "the simulation of the robot file" if diagnosis.since is None else "what the earlier model says"
+            text = f"The measured {kind} of {what} differs by {ends[0]} (root mean square) from {of}."
             return text, f"{ends[1]} remain"
     if diagnosis.efforts is None:
         return "", ""
@@ -297,6 +298,8 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
         value = f"{number(factor * fitted.value, 4)} {unit}".strip()
         if fitted.drawn is not None and number(factor * fitted.drawn, 4) != number(factor * fitted.value, 4):
             value = f"{value} instead of {number(factor * fitted.drawn, 4)}"
+        if fitted.before is not None:
+            value = f"{value}, before {number(factor * fitted.before, 4)}"
         words = name if "." in name else name.replace("_", " ")  # else it names a part of the robot
         if fitted.value == 0 and factor * max(abs(low), abs(high)) > 0.99 * _ABSURD:
             rows.append((words, "not determined by this recording", "any size"))

@@ -1,0 +1,175 @@
+"""Blind trials of what changed since an earlier test: two recordings of one device, the first one's model the begin."""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from _scattered import robot_file
+
+import prup_pin
+from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.corrected import corrected_model
+from prup_pin.recordings import read_recording
+from prup_pin.simulation import read_model, write_model
+from tests.reference.concealed.since import CHANGES, draw_pair, write
+
+#: Robots, with the poses of both tests.
+ROBOTS = {"elastic_arm": (14, 10), "3prup": (8, 6), "six_ups": (14, 10)}
+#: The robots of three trials, unless others are asked for.
+IN_TURN = ("elastic_arm", "elastic_arm", "3prup")
+HEAD = """# Concealed trials of what changed since an earlier test
+
+An arm of six yielding joints and a 3-PRUP, every part of them off within tolerances that stand beside the recordings,
+are tested twice. Poses, loads and noise are others each time; half of the devices, and all whose play grows, have play
+somewhere at the first test already. In between the play grows (by 2 to 12 times the noise, RMS in the strongest
+channel), or a part elsewhere keeps 60 to 75 % of its stiffness, or the tracker is moved by 0.1 to 1 mm and turned by
+0.2 to 2 mrad without a word, or nothing happens. Simulators of their own (`tests/reference/concealed/`) draw them.
+
+The first recording is diagnosed, its corrected model is written and read again, and the second recording is diagnosed
+against it; only then the answer is opened.
+
+- *Right*: what changed is named, its physics, at its place or with its place among those that the data cannot tell
+  apart; nothing else is named. *Size in its interval*: the true value lies in the 95 % interval of what is named there
+  (of a tracker: its shift is right within a tenth).
+- *Accused*: something is named that has not changed. `unknown` counts.
+
+`{command}` makes this page again.
+
+"""
+
+
+def devices(count: int, first: int) -> list[tuple[str, int]]:
+    """Return robots and seeds of so many trials."""
+    robots = [IN_TURN[place % len(IN_TURN)] for place in range(count)]
+    return [(robot, first + robots[:place].count(robot)) for place, robot in enumerate(robots)]
+
+
+def trial(seed: int, robot: str) -> dict[str, Any]:
+    """Draw, seal, diagnose both tests, and only then open the answer."""
+    change = CHANGES[seed % len(CHANGES)]
+    with tempfile.TemporaryDirectory() as folder:
+        out, sealed = Path(folder) / "out", Path(folder) / "sealed"
+        write(draw_pair(seed, robot, change, ROBOTS[robot]), out, sealed, str(robot_file(robot)))
+        loaded = prup_pin.load(robot_file(robot))
+        then, now = (read_recording(out / f"{name}.csv") for name in ("then", "now"))
+        begun = time.process_time()
+        first = diagnose(loaded, then)
+        between = time.process_time()
+        model = corrected_model(first, loaded, [then], str(robot_file(robot)))
+        write_model(model, out / "model.json")
+        found = diagnose(loaded, now, against=read_model(out / "model.json"))
+        ended = time.process_time()
+        truth = json.loads((sealed / "now.truth.json").read_text())
+    named = [item for item in found.findings if item.physics not in ("finite_deflection", "self_weight")]
+    right = [item for item in named if _is_right(item, truth)]
+    assert found.since is not None
+    return {
+        "seed": seed,
+        "robot": robot,
+        "change": change,
+        "truth": truth,
+        "first": {"verdict": first.verdict, "findings": [f"{f.physics} at {f.location}" for f in first.findings]},
+        "verdict": found.verdict,
+        "findings": [
+            {
+                "physics": item.physics,
+                "location": item.location,
+                "candidates": list(item.candidates),
+                "alternatives": list(item.alternatives),
+                "parameters": {name: [v.value, *v.interval] for name, v in item.parameters.items()},
+                "statement": item.statement,
+            }
+            for item in named
+        ],
+        "values": [[v.physics, v.location, v.parameter, v.then.value, v.now.value, v.seen] for v in found.since.values],
+        "found": bool(right),
+        "inside": None if not right else _is_inside(right[0], truth),
+        "accused": len(named) - len(right),
+        "residual": [found.before["heldout"], found.after["heldout"]],
+        "seconds": [between - begun, ended - between],
+    }
+
+
+def _is_right(item, truth: Mapping[str, Any]) -> bool:
+    if truth["change"] == "nothing":
+        return False
+    places = {item.location, *item.candidates} & set(truth["places"])
+    others = {text.partition(" at ")[0] for text in item.alternatives}
+    return bool(places) and truth["physics"] in {item.physics, *others}
+
+
+def _is_inside(item, truth: Mapping[str, Any]) -> bool | None:
+    """Return whether the true value lies in the interval; None where another place or law is named first."""
+    if item.physics != truth["physics"]:
+        return None
+    if truth["change"] == "tracker moved":
+        shift = math.sqrt(sum(item.parameters[f"t{axis}"].value ** 2 for axis in "xyz"))
+        return abs(shift / truth["now"] - 1) < 0.1
+    name = "half_gap" if truth["physics"] == "backlash" else "factor"
+    if name not in item.parameters or item.location not in truth["places"]:
+        return None
+    low, high = sorted(item.parameters[name].interval)
+    return low <= truth["now"] <= high
+
+
+def told(result: Mapping[str, Any]) -> str:
+    """Return one line on a trial."""
+    truth, named = result["truth"], result["findings"]
+    what = result["change"] if result["change"] == "nothing" else f"{result['change']} at {truth['places'][0]}"
+    found = ", ".join(f"{item['physics']}@{item['location']}" for item in named) or "nothing"
+    good = (result["found"] or result["change"] == "nothing") and not result["accused"]
+    return (
+        f"{'ok' if good else '--'} {result['robot']} {result['seed']} {what} ({truth['size']}) -> {found} "
+        f"inside {result['inside']}  {sum(result['seconds']):.0f} s"
+    )
+
+
+def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str]) -> str:
+    """Return the tables as Markdown; `share(hits, total)` writes a share."""
+    groups = {"all": list(trials)} | {name: [t for t in trials if t["robot"] == name] for name in ROBOTS}
+    groups = {name: mine for name, mine in groups.items() if mine}
+    lines = [f"| question | {' | '.join(groups)} |", "|---|" + "---|" * len(groups)]
+
+    def row(question: str, answer: Callable[[list], str]) -> None:
+        lines.append(f"| {question} | {' | '.join(answer(mine) for mine in groups.values())} |")
+
+    row("pairs of tests", lambda mine: str(len(mine)))
+    for change in CHANGES[:-1]:
+        row(f"{change}: found", lambda mine, c=change: _of([t["found"] for t in mine if t["change"] == c], share))
+        row("… and nothing else accused", lambda mine, c=change: _of(
+            [t["found"] and not t["accused"] for t in mine if t["change"] == c], share))  # fmt: skip
+        row("… its size in its interval", lambda mine, c=change: _of(
+            [t["inside"] for t in mine if t["change"] == c and t["inside"] is not None], share))  # fmt: skip
+    row("nothing: nothing is said to have changed", lambda mine: _of(
+        [not t["findings"] for t in mine if t["change"] == "nothing"], share))  # fmt: skip
+    row("processor seconds of the first and of the second test, median", lambda mine: ", ".join(
+        f"{sorted(t['seconds'][k] for t in mine)[len(mine) // 2]:.0f}" for k in (0, 1)))  # fmt: skip
+    lines += ["", "| device | what happened (size) | told | held out |", "|---|---|---|---|"]
+    for t in sorted(trials, key=lambda t: (t["robot"], t["seed"])):
+        truth = t["truth"]
+        what = t["change"]
+        if what != "nothing":
+            what = f"{what} at {truth['places'][0]} ({truth['size']}): {truth['then']:.3g} → {truth['now']:.3g}"
+        said = "; ".join(f"{item['physics']} at {item['location']}{_value(item)}" for item in t["findings"])
+        lines.append(
+            f"| {t['robot']} {t['seed']} | {what} | {said or 'nothing has changed'} | {t['residual'][1]:.2f} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _value(item: Mapping[str, Any]) -> str:
+    for name in ("half_gap", "factor"):
+        if name in item["parameters"]:
+            value, low, high = item["parameters"][name]
+            return f": {value:.3g} ({min(low, high):.3g} to {max(low, high):.3g})"
+    return ""
+
+
+def _of(answers: Sequence[bool], share: Callable[[int, int], str]) -> str:
+    return share(sum(bool(answer) for answer in answers), len(answers)) if answers else "-"
