@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import null_space
 from scipy.optimize import minimize
 
 from ...dynamics import InMotion
@@ -262,27 +263,40 @@ def _inertial(sums: tuple[Array, Array, Array], drawn: Array, width: float, gain
 def _solved(sums: tuple[Array, Array, Array], drawn: Array, width: float, start: Array) -> _Solution:
     """Return the likeliest inertial parameters and gains under their priors, these about the middle of `start` (k,).
 
-    Of given gains the parameters are a linear problem, so that only gains are looked for.
+    All parameters k times as large are gains k times as large: one scale, which is solved for last. Else bodies that
+    weigh next to nothing, all as far from the drawing as heavy ones may be, would be anything. Of given gains the other
+    combinations of parameters are a linear problem, so that only gains are looked for.
     """
     columns, moment, _ = sums
-    stiff, loose, level = 1 / EFFORT_GAINS**2, 1 / width**2, float(np.median(start))
+    level, count = float(np.median(start)), len(start)
+    across = null_space(drawn[None])
+    scale = width**2 / float(drawn @ drawn)  # variance of its logarithm
+    prior = np.linalg.inv(EFFORT_GAINS**2 * np.eye(count) + scale)
+    of_drawn, of_others = (columns @ drawn) @ across, across.T @ columns @ across
+
+    def inertial(gain: Array) -> tuple[Array, Array]:
+        normal = np.einsum("k,kij->ij", gain**2, of_others) + np.eye(across.shape[1]) / width**2
+        return drawn + across @ np.linalg.solve(normal, gain @ (moment @ across) - gain**2 @ of_drawn), normal
 
     def cost(apart: Array) -> tuple[float, Array]:
         gain = np.exp(level + apart)
-        x, _ = _inertial(sums, drawn, width, gain)
+        x, _ = inertial(gain)
         bears = gain**2 * np.einsum("i,kij,j->k", x, columns, x)
         data = float((bears - 2 * gain * (moment @ x)).sum())
-        prior = loose * float(((x - drawn) ** 2).sum()) + stiff * float((apart**2).sum())
-        return data + prior, 2 * (bears - gain * (moment @ x)) + 2 * stiff * apart
+        likely = float(((x - drawn) ** 2).sum()) / width**2 + float(apart @ prior @ apart)
+        return data + likely, 2 * (bears - gain * (moment @ x)) + 2 * prior @ apart
 
     options = {"ftol": 1e-13, "gtol": 1e-6, "maxiter": 500}
-    log = level + minimize(cost, start - level, jac=True, method="L-BFGS-B", options=options).x
-    gain = np.exp(log)
-    x, normal = _inertial(sums, drawn, width, gain)
+    apart = minimize(cost, start - level, jac=True, method="L-BFGS-B", options=options).x
+    gain = np.exp(level + apart)
+    x, normal = inertial(gain)
     seen = columns @ x  # (k, r)
-    cross = (gain**2)[None, :] * seen.T
-    own = np.diag(gain**2 * (seen @ x) + stiff) - cross.T @ np.linalg.solve(normal, cross)
-    return _Solution(x, log, np.linalg.inv(own))
+    cross = gain**2 * (seen @ across).T
+    own = np.linalg.inv(np.diag(gain**2 * (seen @ x)) + prior - cross.T @ np.linalg.solve(normal, cross))
+    to_masses = scale * prior.sum(axis=0)  # what masses take of all gains together
+    kept = np.eye(count) - to_masses
+    covariance = kept @ own @ kept.T + scale * (1 - float(to_masses.sum()))
+    return _Solution(np.exp(to_masses @ apart) * x, level + kept @ apart, covariance)
 
 
 def _left(products: _Products, block: int, x: Array, gain: Array) -> float:
