@@ -10,7 +10,7 @@ import numpy as np
 from ..mechanism import Frame
 from ..simulation import Run, Simulator
 from ..simulation.simulator import Geometry
-from ..spatial import Array, rotation_exp
+from ..spatial import Array, rotation_exp, skew
 from ..statics import Compliance
 
 __all__ = ["Linear"]
@@ -78,6 +78,22 @@ class Linear:
             placed = each[self.geometry.rows[self.samples]]
             position[self.samples], rotation[self.samples] = placed[:, :3, 3], placed[:, :3, :3]
         return position, rotation
+
+    def by_actuators(self, frame: Frame) -> Array:
+        """Return the translation and turn of a frame per travel of each actuated joint, (N, 6, a), base axes.
+
+        Zero of a frame that the tool does not carry.
+        """
+        mechanism, kinematics = self.geometry.robot.mechanism, self.geometry.robot._kinematics
+        out = np.zeros((len(self.samples), 6, len(mechanism.actuated)))
+        if not self.samples.any() or mechanism.tool is None or frame.joint != mechanism.tool.joint:
+            return out
+        each = np.array([kinematics.by_actuators(pose) for pose in self.geometry.poses])[self.geometry.rows]
+        turned = self.rigid(frame)[1][self.samples] @ frame.placement[:3, :3].T
+        beside = turned @ (frame.placement[:3, 3] - mechanism.tool.placement[:3, 3])
+        out[self.samples] = each[self.samples]
+        out[self.samples, :3] -= skew(beside) @ out[self.samples, 3:]
+        return out
 
     def pose_of(self, frame: Frame) -> tuple[Array, Array]:
         """Return position (N, 3) and rotation (N, 3, 3) of a frame under load, weights neglected."""

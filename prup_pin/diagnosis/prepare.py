@@ -30,17 +30,15 @@ from .criteria import (
     BEYOND,
     FEWEST_OF_KIND,
     FOLDS,
-    LEAST_REACH,
     LITTLE,
     MOST_LISTED,
     MOST_SAMPLES,
     MUCH,
     NOTHING,
-    TURNED,
 )
 from .noise import estimate_noise, scatter_of_repeats
 from .problem import Problem
-from .registration import OWN_STATIONS, Registered, own_frames, registered
+from .registration import OWN_STATIONS, Registered, own_frames, registered, worlds_apart
 from .since import Earlier
 from .spread import Spread, spread_of
 
@@ -456,50 +454,33 @@ def _check_channel(
     measured: PoseChannel, linear: Linear, here: np.ndarray, rows: np.ndarray, allowed: tuple[float, float]
 ) -> None:
     """Raise InputError where a frame is measured worlds apart from where it is simulated."""
+    elsewhere, askew = worlds_apart(measured, linear, here, allowed)
     placed = here & linear.samples & measured.exists[:, :3].all(axis=1)
     turned = here & linear.samples & measured.exists[:, 3:].all(axis=1)
-    of, column = "", ""
-    if measured.name != "pose":
-        of, column = f" of {measured.name}", f".{measured.frame.name}"
-    if placed.any():
-        rigid, loaded = linear.rigid(measured.frame)[0], linear.pose_of(measured.frame)[0]
-        near = measured.position[placed], rigid[placed], loaded[placed]
-        _check_positions(*near, rows[placed], of or " of the tool", column, allowed)
-    if turned.any():
-        _check_rotations(measured.rotation[turned], linear.rigid(measured.frame)[1][turned], of, column)
+    position, rotation = linear.rigid(measured.frame)
+    of, column = ("", "") if measured.name == "pose" else (f" of {measured.name}", f".{measured.frame.name}")
+    if elsewhere:
+        raise _positions_apart(measured.position[placed], position[placed], rows[placed], of or " of the tool", column)
+    if askew:
+        raise _rotations_apart(measured.rotation[turned], rotation[turned], of, column)
 
 
-def _check_rotations(measured: Array, rigid: Array, of: str, column: str) -> None:
+def _rotations_apart(measured: Array, rigid: Array, of: str, column: str) -> InputError:
     apart = float(np.median(np.linalg.norm(turn_between(rigid, measured), axis=1)))
-    if apart > TURNED:
-        raise InputError(
-            f"measured and simulated orientations{of} are {number(apart, 3)} rad apart: expected r{column}.x "
-            f"r{column}.y "
-            f"r{column}.z as a rotation vector in rad, in the base frame of the robot file, and no other way to write "
-            "them would do: is it another robot?"
-        )
+    return InputError(
+        f"measured and simulated orientations{of} are {number(apart, 3)} rad apart: expected r{column}.x r{column}.y "
+        f"r{column}.z as a rotation vector in rad, in the base frame of the robot file, and no other way to write them "
+        "would do: is it another robot?"
+    )
 
 
-def _check_positions(
-    measured: Array,
-    rigid: Array,
-    loaded: Array,
-    rows: np.ndarray,
-    of: str,
-    column: str,
-    allowed: tuple[float, float],
-) -> None:
+def _positions_apart(measured: Array, rigid: Array, rows: np.ndarray, of: str, column: str) -> InputError:
     apart = np.linalg.norm(measured - rigid, axis=1)
     distance = float(np.median(apart))
-    size = float(np.median(np.linalg.norm(rigid, axis=1)))
-    reach = max(size, LEAST_REACH)
-    near = allowed[0] + allowed[1] * reach
-    if distance < near or float(np.median(np.linalg.norm(measured - loaded, axis=1))) < near:
-        return
     usual = int(np.argmin(np.abs(apart - distance)))
     seen, drawn = (" ".join(number(float(v), 3) for v in values[usual]) for values in (measured, rigid))
     columns = " ".join(f"p{column}.{axis}" for axis in AXES)
-    raise InputError(
+    return InputError(
         f"measured and simulated positions{of} are {number(distance, 3)} m apart, in the median: in line "
         f"{rows[usual] + 2} it was measured at {seen}, and the robot file puts it at {drawn} m with that row's joint "
         f"positions: this is another robot, another frame, or other units. Check --robot, {columns} (expected in "

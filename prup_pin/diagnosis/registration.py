@@ -32,7 +32,7 @@ from .criteria import (
     trusted,
 )
 
-__all__ = ["Registered", "own_frames", "registered"]
+__all__ = ["Registered", "own_frames", "registered", "worlds_apart"]
 
 #: What to declare where a pose sensor was set up anew.
 OWN_FRAMES = 'where that is so, declare "own_sensors": ["pose_sensor"]'
@@ -102,7 +102,7 @@ def registered(
         kinds = together.recording.tolerances.declared if group is None else group.tolerances
         is_open = max(kinds.get("frame_position", 0.0), LEVER * kinds.get("frame_rotation", 0.0)) > OPEN_FRAME
         is_open |= bool(stations)
-        if not is_open and not any(_worlds_apart(channel, linear, here, allowed) for channel in out.stack.poses):
+        if not is_open and not _some_apart(out.stack, linear, [here], allowed):
             continue
         declared = together.recording.tolerances.target_position
         motion = None
@@ -112,7 +112,7 @@ def registered(
                 continue
             moved = _seen_from_base(out.stack, other, here)
             reach = allowed[0] + other.beside, allowed[1]
-            near = not any(_worlds_apart(channel, linear, here, reach) for channel in moved.poses)
+            near = not _some_apart(moved, linear, [here], reach, zeros=True)
             if near or (is_open and motion is None):
                 motion, stack = other, moved
             if near:
@@ -154,44 +154,69 @@ def own_frames(
     stack: what was measured; placed: what one frame for all has made of it. None where that fits, or where frames of
     their own do not either.
     """
-    if "pose_sensor" in together.groups or not _some_apart(placed, linear, together, allowed):
+    if "pose_sensor" in together.groups or not _parts_apart(placed, linear, together, allowed):
         return None
     ways = [(together.with_own("pose_sensor"), f"recording; {OWN_FRAMES}")] if together.several else []
     if len(np.unique(together.recording.run)) > 1:
         ways.append((together.with_runs_of("pose_sensor"), f"run; {OWN_STATIONS}"))
     for own, told in ways:
         again = registered(stack, linear, own, mechanism, allowed)
-        if not _some_apart(again, linear, own, allowed):
+        if not _parts_apart(again, linear, own, allowed):
             return own, replace(again, remarks=(*again.remarks, f"the pose sensor stood elsewhere in each {told}"))
     return None
 
 
-def _some_apart(placed: Registered, linear: Linear, together: Together, allowed: tuple[float, float]) -> bool:
+def _parts_apart(placed: Registered, linear: Linear, together: Together, allowed: tuple[float, float]) -> bool:
+    """Return whether any recording or run is worlds apart from the robot."""
     reach, run = (allowed[0] + placed.beside, allowed[1]), together.recording.run
     parts = [run == each for each in np.unique(run)] + [here for _, here in together.each()]
-    return any(_worlds_apart(channel, linear, here, reach) for channel in placed.stack.poses for here in parts)
+    return _some_apart(placed.stack, linear, parts, reach)
+
+
+def _some_apart(
+    stack: Stack, linear: Linear, parts: Sequence[np.ndarray], allowed: tuple[float, float], zeros: bool = False
+) -> bool:
+    return any(any(worlds_apart(each, linear, here, allowed, zeros)) for each in stack.poses for here in parts)
 
 
 def _length(metres: float) -> str:
     return f"{number(metres, 3)} m" if metres >= 1 else f"{number(1e3 * metres, 3)} mm"
 
 
-def _worlds_apart(measured: PoseChannel, linear: Linear, here: np.ndarray, allowed: tuple[float, float]) -> bool:
-    """Return True where a frame is measured elsewhere than any deflection or calibration would put it."""
-    placed = here & linear.samples & measured.exists[:, :3].all(axis=1)
-    turned = here & linear.samples & measured.exists[:, 3:].all(axis=1)
-    position, rotation = linear.pose_of(measured.frame)
-    if placed.any():
-        reach = max(float(np.median(np.linalg.norm(position[placed], axis=1))), LEAST_REACH)
-        if (
-            float(np.median(np.linalg.norm(measured.position[placed] - position[placed], axis=1)))
-            > allowed[0] + allowed[1] * reach
-        ):
-            return True
-    if not turned.any():
-        return False
-    apart = np.linalg.norm(turn_between(rotation[turned], measured.rotation[turned]), axis=1)
-    return float(np.median(apart)) > TURNED
+def worlds_apart(
+    measured: PoseChannel, linear: Linear, here: np.ndarray, allowed: tuple[float, float], zeros: bool = True
+) -> tuple[bool, bool]:
+    """Return whether a frame is measured elsewhere, and turned elsewhere, than deflections or calibration would put it.
+
+    zeros: the encoders may have been switched on anywhere, and the sensor's frame lies a little beside then.
+    """
+    placed, turned = (here & linear.samples & measured.exists[:, own].all(axis=1) for own in (slice(3), slice(3, 6)))
+    found = (True, True)
+    for position, rotation in (linear.pose_of(measured.frame), linear.rigid(measured.frame)):
+        reach = max(float(np.median(np.linalg.norm(position[placed], axis=1))), LEAST_REACH) if placed.any() else 1.0
+        shift = measured.position[placed] - position[placed]
+        turn = turn_between(rotation[turned], measured.rotation[turned])
+        limits = allowed[0] + allowed[1] * reach, TURNED
+        found = min(found, _beyond(shift, turn, limits), key=sum)
+        if any(found) and zeros and placed.sum() >= FEWEST_REGISTERED:
+            by = linear.by_actuators(measured.frame)
+            shifted, still = -skew(position[placed]), np.zeros((int(turned.sum()), 3, 3))
+            rows = (
+                np.concatenate((by[placed, :3], shifted, np.broadcast_to(np.eye(3), shifted.shape)), axis=2) / reach,
+                np.concatenate((by[turned, 3:], np.broadcast_to(np.eye(3), still.shape), still), axis=2),
+            )
+            table = np.concatenate([part.reshape(-1, by.shape[2] + 6) for part in rows])
+            left = np.concatenate((shift.ravel() / reach, turn.ravel()))
+            left = (left - table @ np.linalg.lstsq(table, left, rcond=None)[0]).reshape(-1, 3)
+            found = min(found, _beyond(left[: len(shift)] * reach, left[len(shift) :], limits), key=sum)
+    return found
+
+
+def _beyond(shift: Array, turn: Array, limits: tuple[float, float]) -> tuple[bool, bool]:
+    """Return whether shifts (n, 3) [m] and turns (m, 3) [rad] are beyond their limits, in the median."""
+    sizes = (np.linalg.norm(values, axis=1) for values in (shift, turn))
+    far, askew = (bool(len(each) and np.median(each) > most) for each, most in zip(sizes, limits, strict=True))
+    return far, askew
 
 
 def _motion(channels: Sequence[PoseChannel], linear: Linear, here: np.ndarray, beside: bool) -> _Motion | None:

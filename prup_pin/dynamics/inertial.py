@@ -58,8 +58,8 @@ def near_body(joint: int, mechanism: Mechanism) -> Array:
     """
     drawn = pseudo_inertia(mechanism.model.inertias[joint].toDynamicParameters())
     inverse = np.linalg.inv(drawn + SOME_BODY * some_body(mechanism))
-    units = [inverse @ pseudo_inertia(unit) for unit in np.eye(10)]
-    return np.array([[np.trace(a @ b) for a in units] for b in units]) / (2 * BODIES_OFF**2)
+    units = np.stack([inverse @ pseudo_inertia(unit) for unit in np.eye(10)])
+    return np.einsum("aij,bji->ab", units, units) / (2 * BODIES_OFF**2)
 
 
 def some_body(mechanism: Mechanism) -> Array:

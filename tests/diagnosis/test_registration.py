@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import prup_pin
+from prup_pin.channels import Linear, Stack, channels_of
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.calibration import calibrated
+from prup_pin.diagnosis.criteria import LITTLE
+from prup_pin.diagnosis.registration import registered, worlds_apart
 from prup_pin.errors import InputError
-from prup_pin.recordings import ARM, Tolerances
-from prup_pin.simulation import compare, simulate
+from prup_pin.recordings import ARM, Recording, Together, Tolerances
+from prup_pin.simulation import Simulator, compare, inputs_of, simulate
 from prup_pin.spatial import rotation_log
 
 from ..reference.posed_tree import PosedTree, placed, turned
 from .test_joint_compliance import JOINTS, NOISE, TORSO, bench, named
 
+ROBOTS = Path(__file__).parents[1] / "robots"
 SOMEWHERE = placed(turned([0.4, -0.3, 2.1]), [3.0, -2.0, 0.8])
 OPEN = Tolerances(frame_position=5.0, frame_rotation=3.0)
 
@@ -80,3 +85,56 @@ def test_markers_beside_their_frames_and_zeros_set_by_eye_are_calibrated_with_it
         item = known[f"{joint}.encoder_offset"]
         assert abs(item.value - offsets[joint]) < 4 * item.sd
         assert item.learned > 0.5
+
+
+@pytest.fixture(scope="module")
+def switched_on_anywhere():
+    """A hexapod in 30 poses, of which each leg counts from 50 mm elsewhere, and what a tracker beside it sees."""
+    robot, draw = prup_pin.load(ROBOTS / "six_ups" / "six_ups.urdf"), np.random.default_rng(5)
+    home = robot.home.actuators
+    legs = np.array(list(home.values())) + draw.uniform(-0.06, 0.06, (30, len(home)))
+    poses = [robot.pose_from_actuators(dict(zip(home, row, strict=True))) for row in legs]
+    seen = np.array([SOMEWHERE @ pose.base_from_tool for pose in poses])
+    counted = legs + draw.choice([-0.05, 0.05], legs.shape[1])
+    recording = Recording(
+        time=np.arange(30.0),
+        positions=dict(zip(home, counted.T, strict=True)),
+        position=seen[:, :3, 3],
+        rotation=np.array([rotation_log(each) for each in seen[:, :3, :3]]),
+    )
+    return robot, recording
+
+
+def test_encoders_that_count_from_elsewhere_make_it_no_other_robot(switched_on_anywhere):
+    robot, recording = switched_on_anywhere
+    linear = Linear.of(Simulator(robot, inputs_of(recording, robot)))
+    stack, mechanism = Stack(channels_of(recording, robot.mechanism)), robot.mechanism
+    together = Together.of([recording], mechanism.actuated, mechanism.gravity)
+    placed = registered(stack, linear, together, mechanism, (0.0, LITTLE))
+    everywhere = np.ones(len(recording), bool)
+    assert placed.found
+    for channel in placed.stack.poses:
+        assert worlds_apart(channel, linear, everywhere, (0.0, LITTLE), zeros=False) == (False, True)
+        assert worlds_apart(channel, linear, everywhere, (0.0, LITTLE)) == (False, False)
+        mixed = np.random.default_rng(1).permutation(len(recording))
+        other = replace(channel, position=channel.position[mixed], rotation=channel.rotation[mixed])
+        assert any(worlds_apart(other, linear, everywhere, (0.0, LITTLE)))
+
+
+@pytest.mark.parametrize("beside", [np.zeros(3), np.array([0.1, -0.2, 0.3])])
+def test_a_frame_moves_with_the_actuators_as_differences_say(switched_on_anywhere, beside):
+    robot, recording = switched_on_anywhere
+    frame = robot.mechanism.tool
+    frame = replace(frame, name="beside", placement=frame.placement @ placed(turned([0.3, 0.2, -0.4]), beside))
+    drives, step = list(robot.mechanism.actuated), 1e-6
+    one = recording.select(np.arange(3))
+
+    def at(way, joint):
+        moved = {name: q + way * step * (name == joint) for name, q in one.positions.items()}
+        return Linear.of(Simulator(robot, inputs_of(replace(one, positions=moved), robot))).rigid(frame)
+
+    got = Linear.of(Simulator(robot, inputs_of(one, robot))).by_actuators(frame)
+    for column, joint in enumerate(drives):
+        (p, r), (q, s) = at(1, joint), at(-1, joint)
+        turn = np.array([rotation_log(a @ b.T) for a, b in zip(r, s, strict=True)])
+        np.testing.assert_allclose(got[:, :, column], np.hstack([p - q, turn]) / (2 * step), rtol=1e-6, atol=1e-6)
