@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, permutations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from ..robot import Robot
 from ..simulation import drawn_for
 from ..spatial import Array, rigid_motion, rotation_exp, turn_between
 from .criteria import AS_GOOD, CONVENTION_FINE, CONVENTION_LEAVES, CONVENTION_NEAR, LEAST_REACH, ROUNDS
+from .quarter_turns import quarter_turns
 
 __all__ = ["conventions_of_poses"]
 
@@ -249,14 +251,16 @@ def conventions_of_poses(robot: Robot, recording: Recording, anywhere: bool) -> 
     near, far = (postures.misfit(written, item) for item in (True, False))
     if (near.sizes <= 10 * postures.floor).all():
         return None
-    best: tuple[list[Convention], Recording, _Misfit, list[tuple[Convention, ...]]] | None = None
+    best: _Found | None = None
     for by in (False,) if anywhere else (True, False):
         start = near if by else far
-        found = _forward(postures, written, start, by)
-        if not found[0]:
+        found = _with_quarter_turns(postures, written, _forward(postures, written, start, by), by)
+        # what a unit makes small enough is near everything
+        sense = found.misfit.sizes < CONVENTION_LEAVES * postures.spread(found.read)
+        if not found.conventions or not sense[_most_changed(postures, start, found.misfit)]:
             continue
         # a tracker that stands elsewhere is as good a reason, unless what is read so stands nearly as drawn
-        reached = np.maximum(found[2].sizes, postures.floor)
+        reached = np.maximum(found.misfit.sizes, postures.floor)
         elsewhere = np.maximum(far.sizes, postures.floor)
         if by and (reached > 1.5 * elsewhere).any():
             continue
@@ -266,31 +270,40 @@ def conventions_of_poses(robot: Robot, recording: Recording, anywhere: bool) -> 
         return None
     conventions, read, misfit, others = best
     start = near if by else far
-    apart = np.maximum(start.sizes, postures.floor) / np.maximum(misfit.sizes, postures.floor)
-    column = int(np.argmax(apart))
-    # what a unit makes small enough is near everything
-    if not misfit.sizes[column] < CONVENTION_LEAVES * postures.spread(read)[column]:
-        return None
+    column = _most_changed(postures, start, misfit)
     half = np.arange(len(written)) % 2 == 0
     held = [postures.misfit(item, by, half).squares[~half, column] for item in (written, read)]
     sums = [float(np.nansum(item)) for item in held]
     if not sums[1] < CONVENTION_LEAVES * sums[0]:
         return None
     return Evidence(
-        tuple(conventions),
+        conventions,
         ("positions", "orientations")[column],
         ("m", "rad")[column],
         None if postures.beyond(written) and not postures.beyond(read) else float(start.sizes[column]),
         float(misfit.sizes[column]),
         1 - sums[1] / sums[0],
-        tuple(others),
+        others,
     )
 
 
-def _forward(
-    postures: _Postures, written: Recording, start: _Misfit, near: bool
-) -> tuple[list[Convention], Recording, _Misfit, list[tuple[Convention, ...]]]:
-    """Return conventions that each leave far less than before, the recording read so, its misfit, and equals."""
+def _most_changed(postures: _Postures, before: _Misfit, after: _Misfit) -> int:
+    """Return which of positions (0) and orientations (1) is so many times nearer than before."""
+    sizes = (np.maximum(item.sizes, postures.floor) for item in (before, after))
+    return int(np.argmax(np.divide(*sizes)))
+
+
+class _Found(NamedTuple):
+    """Conventions, a recording read by them, its misfit, and other conventions that are as good."""
+
+    conventions: tuple[Convention, ...]
+    read: Recording
+    misfit: _Misfit
+    others: tuple[tuple[Convention, ...], ...]
+
+
+def _forward(postures: _Postures, written: Recording, start: _Misfit, near: bool) -> _Found:
+    """Return conventions that each leave far less than before."""
     taken: list[Convention] = []
     read, now = written, start
     others: list[tuple[Convention, ...]] = []
@@ -316,7 +329,29 @@ def _forward(
         taken.append(convention)
         if (now.sizes <= 10 * postures.floor).all():
             break
-    return taken, read, now, others
+    return _Found(tuple(taken), read, now, tuple(others))
+
+
+def _with_quarter_turns(postures: _Postures, written: Recording, found: _Found, near: bool) -> _Found:
+    """Return what was found, or joints that count from elsewhere in its place, where they leave far less.
+
+    What is so near to the drawing counts from where that does.
+    """
+    spread = CONVENTION_LEAVES * postures.spread(found.read)
+    if (found.misfit.sizes <= spread).all():
+        return found
+    measured = tuple(item for item in found.conventions if item.group != "q")
+
+    def seen(reading: Sequence[Convention]) -> tuple[Recording, _Misfit]:
+        other = read_as(written, (*measured, *reading), postures.drawn)
+        return other, postures.misfit(other, near)
+
+    names = [name for name in written.positions if name in postures.mechanism.actuated]
+    turns = quarter_turns(postures.mechanism, names, lambda item: float(np.exp(postures.cost(seen(item)[1]))))
+    read, misfit = seen(turns)
+    if not postures.better(found.misfit, misfit):
+        return found
+    return _Found((*measured, *turns), read, misfit, ())
 
 
 def _of_measured(recording: Recording) -> Iterator[Convention]:

@@ -53,7 +53,8 @@ Argument = tuple[float, ...] | tuple[str, ...]
 class Word:
     """One way to write some groups of columns.
 
-    takes: what stands behind the word's colon: '', 'number', 'point' (three numbers), 'axes', 'joint' or 'joints'.
+    takes: what stands behind the word's colon: '', 'number', 'turns' (1, 2 or 3), 'point' (three numbers), 'axes',
+    'joint' or 'joints'.
     factor: of written values, that makes SI of them; None where it is no mere factor. Of joints it is for those that
     `slide` (True), that turn (False), or for all (None).
     forth, back: how (N, 3) or (N, 6) are read and written, with the tool's placements as drawn (N, 4, 4).
@@ -238,6 +239,7 @@ WORDS: tuple[Word, ...] = (
     Word("plus", ("q", "tau"), "with that of another joint added to it", "joint"),
     Word("minus", ("q", "tau"), "with that of another joint taken from it", "joint"),
     Word("order", ("q", "tau"), "columns, as they stand in the table, of these joints", "joints"),
+    Word("quarter_turns", ("q",), "counted from so many quarter turns elsewhere", "turns"),
     Word("wrapped", ("q",), "with whole turns taken off, between -pi and pi"),
     Word(
         "axes", ("p", "wrench", "g"), "along these axes of the base", "axes",
@@ -341,6 +343,10 @@ def _argument(word: Word, colon: str, text: str, said: str, joints: Sequence[str
         if colon:
             raise InputError(f"{said}: '{word.name}' takes nothing behind a colon")
         return ()
+    if word.takes == "turns":
+        if parts not in (["1"], ["2"], ["3"]):
+            raise InputError(f"{said}: '{word.name}' takes 1, 2 or 3, by which written angles are more than drawn ones")
+        return (float(parts[0]),)
     if word.takes in ("number", "point"):
         try:
             values = tuple(float(part) for part in parts)
@@ -467,6 +473,9 @@ def _of_joints(
         if word.factor is not None:
             if word.slide is None or word.slide == slides:
                 out[name] = columns[name] * (1 / word.factor if back else word.factor)
+        elif word.takes == "turns":
+            if field == "positions" and not slides:
+                out[name] = columns[name] + float(argument[0]) * (1 if back else -1) * np.pi / 2
         elif word.takes == "number":
             size = float(argument[0])
             larger = word.name == "gain" or convention.group == "q"

@@ -81,6 +81,8 @@ OPPOSITE = "wrist_3_joint,wrist_2_joint,wrist_1_joint,elbow_joint,shoulder_lift_
         (f"tau=order:{EXCHANGED}",),
         (f"q=order:{OPPOSITE}",),
         ("q.elbow_joint=plus:shoulder_lift_joint",),
+        ("q.elbow_joint=quarter_turns:1",),
+        ("q.shoulder_lift_joint=quarter_turns:1", "q.elbow_joint=quarter_turns:3"),
         ("tau=N_mm",),
         ("tau=kgf_m",),
         ("q=gear:100", "tau=gear:100"),

@@ -13,9 +13,11 @@ from prup_pin.diagnosis.load_conventions import conventions_of_loads
 from prup_pin.errors import InputError
 from prup_pin.recordings import Convention, Recording, read_recording
 from prup_pin.recordings.conventions import Evidence
+from prup_pin.spatial import rotation_log
 from tests.reference.concealed import draw, misread
 from tests.reference.concealed.scattered import draw_scattered
 from tests.reference.concealed.scattered import write as write_scattered
+from tests.reference.posed_tree import placed, turned
 
 SLIDES = draw.SLIDES
 WAYS = {way.name: way for way in misread.of_poses(SLIDES, slide=True, tree=False)}
@@ -134,3 +136,30 @@ def test_what_nobody_recorded_of_one_joint_is_no_unit_of_the_others():
     columns = {name: q[:, k] for k, name in enumerate(names) if name != "elbow_joint"}
     log = Recording(time=np.arange(60.0), positions=columns, position=position)
     assert read_logs(arm, log).conventions == ((),)
+
+
+@pytest.mark.parametrize("near", [True, False], ids=["base", "tracker"])
+def test_zeros_of_another_table_are_told_in_quarter_turns(near):
+    """Two joints of an arm count as its table of Denavit and Hartenberg does, one of them the other way round."""
+    arm, rng = load("ur5"), np.random.default_rng(3)
+    names = list(arm.mechanism.actuated)
+    q = rng.uniform(-1.2, 1.2, (30, len(names)))
+    seen = np.array([arm.pose_from_actuators(row).base_from_tool for row in q])
+    if not near:
+        seen = placed(turned([0.4, -0.3, 2.1]), [3.0, -2.0, 0.8]) @ seen
+    log = Recording(
+        time=np.arange(30.0),
+        positions=dict(zip(names, (q * [1, -1, 1, 1, 1, 1] + np.pi / 2 * np.array([0, 1, 3, 0, 0, 0])).T, strict=True)),
+        position=seen[:, :3, 3] + 1e-3 * rng.normal(size=(30, 3)),
+        rotation=np.array([rotation_log(each) for each in seen[:, :3, :3]]),
+    )
+    logs = read_logs(arm, log)
+    (evidence,) = logs.evidence[0]
+    assert evidence.read < 0.01
+    assert evidence.held > 0.99
+    read = logs.recordings[0].actuator_positions(names)
+    if near:  # a tracker may stand on its head: then other joints go the other way round as well
+        assert [str(item) for item in evidence.conventions] == [
+            "q.shoulder_lift_joint=reversed", "q.shoulder_lift_joint=quarter_turns:3", "q.elbow_joint=quarter_turns:3"
+        ]  # fmt: skip
+        np.testing.assert_allclose(read - read[0], q - q[0], atol=1e-9)

@@ -13,7 +13,15 @@ from prup_pin.recordings.conventions import as_json
 from prup_pin.spatial import rotation_exp
 
 JOINTS = {"q": ("a", "b", "c"), "tau": ("a", "b", "c")}
-ARGUMENTS = {"": "", "number": ":2.5", "point": ":0.1,0.2,0.3", "axes": ":y,-x,z", "joint": ":b", "joints": ":c,a,b"}
+ARGUMENTS = {
+    "": "",
+    "number": ":2.5",
+    "turns": ":3",
+    "point": ":0.1,0.2,0.3",
+    "axes": ":y,-x,z",
+    "joint": ":b",
+    "joints": ":c,a,b",
+}
 EVERY = [(group, word) for word in WORDS for group in word.groups]
 
 
@@ -160,3 +168,12 @@ def test_the_page_lists_every_word():
     for word in WORDS:
         orders = word.name.startswith("euler_") or word.name.endswith("_deg")
         assert orders or f"`{word.name}" in page, word.name
+
+
+def test_angles_count_from_quarter_turns_elsewhere_and_lengths_do_not(log, drawn):
+    read = read_as(log, [declared("q=quarter_turns:3")], drawn)
+    for name, values in log.positions.items():
+        turned = 0.0 if name in drawn.slides else 3 * np.pi / 2
+        np.testing.assert_array_equal(read.positions[name], values - turned)
+    with pytest.raises(InputError, match="takes 1, 2 or 3"):
+        declared("q.a=quarter_turns:90")

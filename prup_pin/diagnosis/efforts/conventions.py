@@ -38,10 +38,12 @@ from ..criteria import (
     EFFORT_UNIT_SHARE,
     FEWEST_OF_KIND,
     GAIN,
+    LITTLE,
     MOST,
     MOST_LISTED,
     MUCH,
 )
+from ..quarter_turns import quarter_turns
 from .noise import noise_of
 
 __all__ = [
@@ -185,8 +187,13 @@ class _Search:
             own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
             tried.append(self._found((), replace(self.written, efforts=own)))
         found = [item for item in tried if item.conventions]
+        if not found and (turned := self._turned(signed)) is not None:
+            return turned
+        if all(item.read > LITTLE for item in found):
+            counted = self._counted_elsewhere(first)
+            found += [] if counted is None else [counted]
         if not found:
-            return self._turned(signed) or self._geared(first)
+            return self._geared(first)
         return min(found, key=lambda item: item.read * (1 + 0.05 * len(item.conventions)))
 
     def _turned(self, signed: Mapping[str, float]) -> Evidence | None:
@@ -244,6 +251,28 @@ class _Search:
         held = 1 - min(1.0, (least / written) ** 2) if written > 0 else 0.0
         equal = tuple((*start, *other) for other in others)
         return Evidence(conventions, "efforts", "", written, least, held, equal)
+
+    def _counted_elsewhere(self, first: float) -> Evidence | None:
+        """Return from where joints count, and which way, where that makes sense of the log; first: what it leaves.
+
+        A joint that goes the other way round is driven the other way round.
+        """
+
+        def with_efforts(reading: Sequence[Convention]) -> tuple[Convention, ...]:
+            names = {item.joint for item in reading if item.word == "reversed"}
+            driven = [Convention(f"tau.{name}", "reversed") for name in self.written.efforts if {name, ""} & names]
+            return (*reading, *driven)
+
+        def cost(reading: Sequence[Convention]) -> float:
+            return self.left(read_as(self.written, with_efforts(reading), self.drawn))
+
+        if not first > EFFORT_STRANGE:
+            return None
+        found = with_efforts(quarter_turns(self.mechanism, list(self.written.positions), cost))
+        if not found or not self._makes_sense(self.written, found):
+            return None
+        left = self.left(read_as(self.written, found, self.drawn))
+        return Evidence(found, "efforts", "", first, left, 1 - min(1.0, (left / first) ** 2))
 
     def _makes_sense(self, written: Recording, taken: Sequence[Convention]) -> bool:
         """Return whether a log leaves so much less as it is read, and less than where gravity may pull any way.

@@ -70,6 +70,14 @@ def reordered(kinds: str, joints, order) -> Callable[[Table], Table]:
     return change
 
 
+def counted(turns: Mapping[str, int]) -> Callable[[Table], Table]:
+    """Angles that count from so many quarter turns elsewhere."""
+    return lambda table: {
+        name: values + turns.get(name.removeprefix("q."), 0) * np.pi / 2 if name.startswith("q.") else values
+        for name, values in table.items()
+    }
+
+
 def coupled(joint: str, other: str, sign: float) -> Callable[[Table], Table]:
     def change(table: Table) -> Table:
         out = dict(table)
@@ -156,8 +164,12 @@ def of_poses(joints, slide: bool, tree: bool, turns: bool = True) -> list[Misrea
                        after(scaled("r.", 180 / np.pi), scaled("w.", -1.0))),
         ]  # fmt: skip
     if tree:
-        out.append(Misreading("axis against the horizon", f"q.{joints[2]}=plus:{joints[1]}",
-                              coupled(joints[2], joints[1], 1.0)))  # fmt: skip
+        out += [
+            Misreading("axis against the horizon", f"q.{joints[2]}=plus:{joints[1]}",
+                       coupled(joints[2], joints[1], 1.0)),
+            Misreading("zeros of another table", f"q.{joints[1]}=quarter_turns:1 + q.{joints[2]}=quarter_turns:3",
+                       counted({joints[1]: 1, joints[2]: 3})),
+        ]  # fmt: skip
     return out
 
 
@@ -200,6 +212,9 @@ def of_efforts(joints) -> list[Misreading]:
                    f"q=order:{','.join(opposite)} + tau=order:{','.join(opposite)}",
                    reordered("q qd tau", joints, opposite)),
         Misreading("axis against the horizon", f"q.{third}=plus:{second}", coupled(third, second, 1.0)),
+        Misreading("one zero a quarter turn on", f"q.{third}=quarter_turns:1", counted({third: 1})),
+        Misreading("zeros of another table", f"q.{second}=quarter_turns:1 + q.{third}=quarter_turns:3",
+                   counted({second: 1, third: 3})),
         Misreading("time in ms", "time=ms", only(["time"], 1e3)),
         Misreading("time in us", "time=us", only(["time"], 1e6)),
         Misreading("deg, and efforts reversed", "q=deg + tau=reversed",
