@@ -230,10 +230,11 @@ def _orientations(drawn: Array, seen: Array, fitted: np.ndarray, near: bool, tur
     left = np.stack((np.broadcast_to(np.eye(3), turns.shape), turns), axis=1)  # from two starts at once
     right = np.broadcast_to(np.eye(3), left.shape)
     # sums of all products of entries say what any turn of the sensor or the target does
-    sums = np.einsum("nia,knjb->kiajb", drawn[good], seen[:, good], optimize=True)
+    sums = np.einsum("nia,knjb->kijab", drawn[good], seen[:, good], optimize=True).reshape(-1, 9, 9)
+    flat = (*left.shape[:2], 9)
     for _ in range(ROUNDS if good.any() else 1):
-        right = _nearest(np.einsum("kiajb,ksji->ksab", sums, left, optimize=True))
-        left = _nearest(np.einsum("kiajb,ksab->ksji", sums, right, optimize=True))
+        right = _nearest((left.mT.reshape(flat) @ sums).reshape(left.shape))
+        left = _nearest((right.reshape(flat) @ sums.mT).reshape(left.shape).mT)
     if near:
         turned = np.maximum(*(np.linalg.norm(turn_between(np.eye(3), each), axis=-1) for each in (left, right)))
         left, right = (np.where(turned[..., None, None] > CONVENTION_NEAR, np.eye(3), each) for each in (left, right))

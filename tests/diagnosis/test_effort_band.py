@@ -166,6 +166,7 @@ def test_what_most_drives_have_is_one_finding_with_a_table():
             assert name in finding.candidates
 
 
+@pytest.mark.slow
 def test_a_load_that_a_body_explains_as_well_is_no_mass_that_no_body_has(tmp_path):
     """Gears yield beside a load of half a kilogram, so that a free fit lies beyond all bodies by its own error."""
     write(draw_elastic(180008, "ur10"), tmp_path, tmp_path, "device")
@@ -180,7 +181,7 @@ def test_a_load_that_a_body_explains_as_well_is_no_mass_that_no_body_has(tmp_pat
 def test_bodies_of_a_corrected_model_can_exist():
     """Efforts with a sign of acceleration that no body has are not followed by one."""
     robot, rng = load("ur5"), np.random.default_rng(2)
-    recording = motion(robot)
+    recording = motion(robot, 8.0)
     law, link = InertialParameters(), "wrist_1_link"
     change = dict.fromkeys((q.name for q in law.quantities), 0.0) | {"mx": 0.4, "mz": -0.3, "Iyy": -0.02}
     true = simulate(robot, recording, (Effect(law, Place(link, law.variant), change),)).efforts

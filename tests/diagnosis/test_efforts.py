@@ -283,7 +283,7 @@ def test_a_rail_that_pinches_in_places_is_no_coulomb_friction(carriage):
     assert found.findings[0].heldout_gain > 0.5
 
 
-@pytest.mark.parametrize("force", [3.0, 8.0])
+@pytest.mark.parametrize("force", [3.0, pytest.param(8.0, marks=pytest.mark.slow)])
 def test_friction_that_comes_and_goes_is_no_noise_where_none_was_declared(carriage, force):
     """Its mean is nothing, and no curve follows it: only that it keeps to the motion tells it from noise."""
     recording = axis(3000)
@@ -381,7 +381,7 @@ def test_a_drive_that_saturates_is_told_before(carriage):
     assert any("tau.carriage is at 25" in text and "saturates" in text for text in found.remarks)
 
 
-@pytest.mark.parametrize("share", [0.9, 0.7])
+@pytest.mark.parametrize("share", [pytest.param(0.9, marks=pytest.mark.slow), 0.7])
 def test_what_a_drive_at_its_limit_could_not_give_is_no_physics(carriage, share):
     recording = axis(damping=300.0, limit=20.0)
     efforts = recording.efforts["carriage"]
