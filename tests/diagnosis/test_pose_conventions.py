@@ -50,6 +50,7 @@ def test_a_log_that_is_written_as_it_says_is_left_alone(robot, bench):
     assert logs.conventions == ((),)
 
 
+@pytest.mark.slow
 def test_a_leg_that_is_soft_is_no_other_unit_of_force(tmp_path):
     """Beside scatter: forces in pounds-force leave a third of the squares, not of the root mean square."""
     file = str(Path(__file__).parents[1] / "robots" / "six_ups" / "six_ups.urdf")
