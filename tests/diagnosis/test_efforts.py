@@ -154,6 +154,7 @@ def test_a_spring_that_leaves_structure_is_held_where_the_joint_was_not_seen(car
     assert any("continued as a constant beyond the travel" in remark for remark in found.remarks)
 
 
+@pytest.mark.slow
 def test_waves_that_together_are_any_shape_are_none(carriage):
     found = diagnose(carriage, by_position(axis(3000), lambda q: 30 * np.exp(-(((q - 0.05) / 0.03) ** 2)) + 200 * q))
     assert found.verdict == "unexplained"
@@ -320,6 +321,7 @@ def test_a_late_encoder_is_told_where_its_joint_rubs_hard(carriage):
     assert found.efforts.shares["carriage"]["heldout"] < 0.015
 
 
+@pytest.mark.slow
 def test_the_same_recording_gives_the_same_verdict_whatever_was_asked_before(carriage):
     first = diagnose(carriage, axis(limit=20.0))
     diagnose(carriage, axis(drag=2500.0, seed=5))
