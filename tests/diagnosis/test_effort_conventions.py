@@ -23,7 +23,7 @@ def ur5():
 @pytest.fixture(scope="module")
 def recording(ur5):
     """A motion whose efforts are the rigid robot's with a little friction and noise."""
-    rng, time = np.random.default_rng(3), np.arange(1000) * 0.008
+    rng, time = np.random.default_rng(3), np.arange(2000) * 0.004
     home = np.array([0.0, -1.1, 1.0, -0.3, 0.5, 0.0])
     q = home + sum(
         rng.uniform(0.2, 0.6, 6) * np.sin(rate * time[:, None] + rng.uniform(0, 6, 6)) for rate in (1.3, 2.9)
