@@ -12,6 +12,7 @@ from prup_pin import load
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.prospects import prospects
 from prup_pin.dynamics import INERTIAL
+from prup_pin.dynamics.inertial import pseudo_inertia
 from prup_pin.errors import InputError
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts.inertial_parameters import InertialParameters, is_impossible
@@ -20,6 +21,7 @@ from prup_pin.simulation import CorrectedModel, simulate
 from tests.reference.concealed.efforts import draw_efforts, write
 
 from ..elsewhere import EMPS, needs_emps
+from .test_effort_band import changed_bodies
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 AXIS = Path(__file__).parents[2] / "urdf" / "ball_screw_axis.urdf"
@@ -197,6 +199,9 @@ def test_masses_that_no_body_has_are_not_named(tmp_path, body):
         assert named(found) == {("unknown", "joint_2")}
         assert found.findings[0].candidates == ("joint_2", "link_2")
         assert found.efforts.shares["all"]["heldout"] < 0.1
+        # nor does the corrected model hold one
+        for parameters in changed_bodies(robot, found.effects):
+            assert np.linalg.eigvalsh(pseudo_inertia(parameters)).min() > 0
 
 
 def test_a_body_has_a_moment_of_inertia_about_every_axis_that_its_mass_is_off():
