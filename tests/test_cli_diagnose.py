@@ -323,7 +323,7 @@ def times(prefix, factor):
     [
         pytest.param("p.", 1e3, "p", "mm", marks=pytest.mark.slow),
         pytest.param("r.", 180 / np.pi, "r", "deg", marks=pytest.mark.slow),
-        ("q.", 1e3, "q", "mm"),
+        pytest.param("q.", 1e3, "q", "mm", marks=pytest.mark.slow),
         pytest.param("w.f", 1e-3, "force", "kN", marks=pytest.mark.slow),
         pytest.param("w.m", 1e3, "moment", "N_mm", marks=pytest.mark.slow),
         ("w.", -1.0, "wrench", "reaction"),

@@ -36,9 +36,13 @@ def test_nothing_has_changed_in_the_terminal_the_json_and_the_report(tested, run
     assert said.startswith("Nothing has changed since the earlier test beyond what that could know")
     assert "compared with diagnosis of then.csv" in said
     assert "What else would have been seen" in said
+    assert "%" in said
     document = json.loads((tmp_path / "friday" / "diagnosis.json").read_text())
     assert (document["verdict"], document["since"]["explained"]) == ("nothing_missing", True)
-    assert document["since"]["seen"]
+    assert not [item for item in document["findings"] if item["parameters"]]
+    seen = [item for item in document["since"]["seen"] if item["physics"] == "stiffness_changed"]
+    assert len({item["location"] for item in seen}) == 6
+    assert all(0.001 < abs(item["smallest"] - item["neutral"]) < 0.1 for item in seen)
     page = (tmp_path / "friday" / "report.html").read_text()
     assert "has changed since an earlier test" in page
     assert "Then and now" in page

@@ -8,6 +8,7 @@ postures that were held out too.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise, permutations
 from typing import NamedTuple
@@ -111,36 +112,44 @@ class _Postures:
 
         near: only a small frame of the sensor is taken away, else any; fitted (n,): postures by which it is fitted.
         """
-        places = self.places(recording)
-        n = len(recording)
+        return self.misfits([recording], near, fitted)[0]
+
+    def misfits(self, recordings: Sequence[Recording], near: bool, fitted: np.ndarray | None = None) -> list[_Misfit]:
+        """Return the misfits of readings of one log that read its joints alike."""
+        if not recordings:
+            return []
+        places, n = self.places(recordings[0]), len(recordings[0])
         fitted = np.ones(n, bool) if fitted is None else fitted
-        squares, counts, stays = np.zeros((n, 2)), np.zeros((n, 2), int), True
-        turn = np.eye(3)
-        groups = [("", recording.position, recording.rotation)]
-        groups += [(k, recording.markers.get(k), recording.marker_rotations.get(k)) for k in self.frames]
-        points = [(places[k], p) for k, p, _ in groups if k in places and p is not None]
-        if points:
+        squares, counts = np.zeros((2, len(recordings), n, 2))
+        turns, stays = np.tile(np.eye(3), (len(recordings), 1, 1)), [True] * len(recordings)
+        for index, recording in enumerate(recordings):
+            seen_at = [("", recording.position), *((name, recording.markers.get(name)) for name in self.frames)]
+            points = [(places[name], seen) for name, seen in seen_at if name in places and seen is not None]
+            if not points:
+                continue
             read = [recording.actuator_positions(self.mechanism.actuated), *(seen for _, seen in points)]
             key = b"".join((*(item.tobytes() for item in read), fitted.tobytes(), bytes((near,))))
             if key not in self._placed:  # readings of orientations leave positions as they are
                 self._placed[key] = _positions(points, near, fitted, self.reach)
-            left, turn, stays = self._placed[key]
+            left, turns[index], stays[index] = self._placed[key]
             for own, (_, seen) in zip(left, points, strict=True):
                 known = np.isfinite(seen).all(axis=1)
                 size = np.minimum(np.nan_to_num(own, nan=np.inf), 1e3 * self.reach) ** 2
-                squares[known, 0] += size[known]
-                counts[known, 0] += 1
-        for name, _, vector in groups:
-            if vector is None or name not in places:
+                squares[index, known, 0] += size[known]
+                counts[index, known, 0] += 1
+        for name in ("", *self.frames):
+            vectors = [item.marker_rotations.get(name) if name else item.rotation for item in recordings]
+            given = [vector for vector in vectors if vector is not None]
+            if name not in places or not given:
                 continue
-            known = np.isfinite(vector).all(axis=1)
-            own = _orientations(
-                places[name][:, :3, :3], rotation_exp(np.nan_to_num(vector)), known & fitted, near, turn
-            )
-            squares[known, 1] += np.nan_to_num(own[known], nan=1.0) ** 2
-            counts[known, 1] += 1
+            seen = np.stack(given)  # a log has orientations however they are read
+            known = np.isfinite(seen).all(axis=(0, 2))
+            own = _orientations(places[name][:, :3, :3], rotation_exp(np.nan_to_num(seen)), known & fitted, near, turns)
+            squares[:, known, 1] += np.nan_to_num(own[:, known], nan=1.0) ** 2
+            counts[:, known, 1] += 1
         with np.errstate(invalid="ignore"):
-            return _Misfit(np.where(counts > 0, squares / counts, np.nan), stays)
+            apart = np.where(counts > 0, squares / counts, np.nan)
+        return [_Misfit(own, still) for own, still in zip(apart, stays, strict=True)]
 
     def spread(self, recording: Recording) -> Array:
         """Return how far the drawn postures are apart: positions [m] and orientations [rad], root mean squares (2,)."""
@@ -213,22 +222,29 @@ def _positions(
     return out, turn, not stays
 
 
-def _orientations(drawn: Array, seen: Array, fitted: np.ndarray, near: bool, turn: Array) -> Array:
-    """Return angles (n,) between measured and drawn orientations; NaN where the robot cannot be."""
+def _orientations(drawn: Array, seen: Array, fitted: np.ndarray, near: bool, turns: Array) -> Array:
+    """Return angles (k, n) between drawn orientations (n, 3, 3) and each of k readings of the measured ones.
+
+    turns (k, 3, 3): the sensor's by positions. NaN where the robot cannot be.
+    """
     there = np.isfinite(drawn[:, 0, 0])
     good = fitted & there
-    left, right = np.stack((np.eye(3), turn)), np.broadcast_to(np.eye(3), (2, 3, 3))  # from two starts at once
-    at, aim = drawn[good], seen[good]
+    left = np.stack((np.broadcast_to(np.eye(3), turns.shape), turns), axis=1)  # from two starts at once
+    right = np.broadcast_to(np.eye(3), left.shape)
+    # sums of all products of entries say what any turn of the sensor or the target does
+    sums = np.einsum("nia,knjb->kijab", drawn[good], seen[:, good], optimize=True).reshape(-1, 9, 9)
+    flat = (*left.shape[:2], 9)
     for _ in range(ROUNDS if good.any() else 1):
-        right = _nearest((at.mT @ left.mT[:, None] @ aim).sum(axis=1))
-        left = _nearest((aim @ (at @ right[:, None]).mT).sum(axis=1))
+        right = _nearest((left.mT.reshape(flat) @ sums).reshape(left.shape))
+        left = _nearest((right.reshape(flat) @ sums.mT).reshape(left.shape).mT)
     if near:
         turned = np.maximum(*(np.linalg.norm(turn_between(np.eye(3), each), axis=-1) for each in (left, right)))
-        left, right = (np.where(turned[:, None, None] > CONVENTION_NEAR, np.eye(3), each) for each in (left, right))
-    angles = np.full((2, len(drawn)), np.nan)
-    angles[:, there] = np.linalg.norm(turn_between(left[:, None] @ drawn[there] @ right[:, None], seen[there]), axis=2)
-    sizes = (angles[:, good] ** 2).mean(axis=1) if good.any() else np.zeros(2)
-    return np.asarray(angles[int(sizes[1] < sizes[0])])
+        left, right = (np.where(turned[..., None, None] > CONVENTION_NEAR, np.eye(3), each) for each in (left, right))
+    angles = np.full((*left.shape[:2], len(drawn)), np.nan)
+    own = left[:, :, None] @ drawn[there] @ right[:, :, None]
+    angles[..., there] = np.linalg.norm(turn_between(own, seen[:, None, there]), axis=-1)
+    sizes = (angles[..., good] ** 2).mean(axis=-1) if good.any() else np.zeros(left.shape[:2])
+    return np.where((sizes[:, 1] < sizes[:, 0])[:, None], angles[:, 1], angles[:, 0])
 
 
 def _nearest(matrix: Array) -> Array:
@@ -310,13 +326,14 @@ def _forward(postures: _Postures, written: Recording, start: _Misfit, near: bool
     while True:
         tried: list[tuple[float, int, Convention, Recording, _Misfit]] = []
         # what was measured is cheap to read otherwise, and joints are where that does not do
-        for readings in (_of_measured(read), _of_joints(postures.mechanism, read)):
+        for readings, of_joints in ((_of_measured(read), False), (_of_joints(postures.mechanism, read), True)):
+            asked: list[tuple[Convention, Recording]] = []
             for convention in readings:
-                try:
-                    other = read_as(read, [convention], postures.drawn)
-                    misfit = postures.misfit(other, near)
-                except PrupPinError:
-                    continue
+                with suppress(PrupPinError):
+                    asked.append((convention, read_as(read, [convention], postures.drawn)))
+            alike = [[other] for _, other in asked] if of_joints else [[other for _, other in asked]]
+            misfits = [misfit for several in alike for misfit in postures.misfits(several, near)]
+            for (convention, other), misfit in zip(asked, misfits, strict=True):
                 if postures.better(now, misfit):
                     tried.append((postures.cost(misfit), len(tried), convention, other, misfit))
             if any((item[4].sizes <= 10 * postures.floor).all() for item in tried):

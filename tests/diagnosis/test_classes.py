@@ -79,6 +79,7 @@ def test_a_tracker_that_wanders_is_named_and_says_nothing_of_another_day(wrist):
     assert lasting([finding.effect], prup_pin.load(wrist).mechanism) == ()
 
 
+@pytest.mark.slow
 def test_that_a_tracker_was_pushed_between_two_days_is_none_of_the_robots_faults(wrist):
     soft = {"about": {"bend": 0.02}}
     found = told(wrist, seen(wrist, 1, **soft), seen(wrist, 2, step=(1e-3, 0.0, 0.0), **soft))

@@ -33,9 +33,16 @@ def delays(found) -> dict[str, float]:
     return {name: parameter.value for item in named for name, parameter in item.parameters.items()}
 
 
-@pytest.mark.parametrize(("late", "speeds"), [(4e-3, False), (0.0, True)])
+@pytest.mark.parametrize(
+    ("late", "speeds"),
+    [
+        (4e-3, True),
+        pytest.param(4e-3, False, marks=pytest.mark.slow),
+        pytest.param(0.0, True, marks=pytest.mark.slow),
+    ],
+)
 def test_one_clock_beside_the_encoders_is_one_delay(late, speeds, tmp_path):
-    device, robot, recording, heldout = drawn(tmp_path, 0, "ur5", rows=1300, late=late, yields=False, speeds=speeds)
+    device, robot, recording, heldout = drawn(tmp_path, 0, "ur5", rows=500, late=late, yields=False, speeds=speeds)
     found = diagnose(robot, recording)
     assert found.verdict == "explained"
     assert delays(found) == (pytest.approx({"encoders.delay": late}, abs=2e-5) if late else {})
@@ -63,7 +70,7 @@ def test_gears_that_yield_and_encoders_that_are_late_are_told_apart(tmp_path):
 
 
 def test_a_robot_at_rest_has_no_delay(tmp_path):
-    _, robot, recording, _ = drawn(tmp_path, 3, "ur5", rows=40, moving=False)
+    _, robot, recording, _ = drawn(tmp_path, 3, "ur5", rows=16, moving=False)
     for moves in (False, True):
         law = toleranced_of(replace(recording, tolerances=TYPICAL), robot.mechanism,
                             None, moves).law  # fmt: skip

@@ -166,6 +166,7 @@ def test_what_most_drives_have_is_one_finding_with_a_table():
             assert name in finding.candidates
 
 
+@pytest.mark.slow
 def test_a_load_that_a_body_explains_as_well_is_no_mass_that_no_body_has(tmp_path):
     """Gears yield beside a load of half a kilogram, so that a free fit lies beyond all bodies by its own error."""
     write(draw_elastic(180008, "ur10"), tmp_path, tmp_path, "device")
@@ -177,6 +178,21 @@ def test_a_load_that_a_body_explains_as_well_is_no_mass_that_no_body_has(tmp_pat
     assert found.verdict == "explained"
 
 
+def changed_bodies(robot, effects):
+    """Return the inertial parameters (10,) of what each joint carries with some effects, which must change them."""
+    whole = {
+        joint.id: robot.mechanism.model.inertias[joint.id].toDynamicParameters() for joint in robot.mechanism.joints
+    }
+    changed = False
+    for effect in effects:
+        for joint, columns in getattr(effect.law, "of_body", lambda *_: {})(effect.place, robot.mechanism).items():
+            whole[joint] = whole[joint] + columns @ effect.law.coefficients(effect.place, effect.values)
+            changed = True
+    assert changed
+    return whole.values()
+
+
+@pytest.mark.slow
 def test_bodies_of_a_corrected_model_can_exist():
     """Efforts with a sign of acceleration that no body has are not followed by one."""
     robot, rng = load("ur5"), np.random.default_rng(2)
@@ -186,16 +202,7 @@ def test_bodies_of_a_corrected_model_can_exist():
     true = simulate(robot, recording, (Effect(law, Place(link, law.variant), change),)).efforts
     noisy = {name: np.nan_to_num(values) + 0.02 * rng.normal(size=len(values)) for name, values in true.items()}
     found = diagnose(robot, recording.with_measurements(efforts=noisy))
-    whole = {
-        joint.id: robot.mechanism.model.inertias[joint.id].toDynamicParameters() for joint in robot.mechanism.joints
-    }
-    changed = False
-    for effect in found.effects:
-        for joint, columns in getattr(effect.law, "of_body", lambda *_: {})(effect.place, robot.mechanism).items():
-            whole[joint] = whole[joint] + columns @ effect.law.coefficients(effect.place, effect.values)
-            changed = True
-    assert changed
-    for parameters in whole.values():
+    for parameters in changed_bodies(robot, found.effects):
         assert np.linalg.eigvalsh(pseudo_inertia(parameters)).min() > 0
 
 

@@ -72,19 +72,19 @@ OPPOSITE = "wrist_3_joint,wrist_2_joint,wrist_1_joint,elbow_joint,shoulder_lift_
         ("tau.elbow_joint=reversed",),
         ("q.shoulder_lift_joint=reversed",),
         ("q.elbow_joint=deg",),
-        ("tau.elbow_joint=reversed", "tau.wrist_1_joint=reversed"),
+        pytest.param(("tau.elbow_joint=reversed", "tau.wrist_1_joint=reversed"), marks=pytest.mark.slow),
         ("tau=reversed",),
         ("q=reversed", "tau=reversed"),
         ("q.elbow_joint=reversed", "tau.elbow_joint=reversed"),
         ("q=deg",),
-        ("q=revolutions",),
+        pytest.param(("q=revolutions",), marks=pytest.mark.slow),
         (f"tau=order:{EXCHANGED}",),
         (f"q=order:{OPPOSITE}",),
         ("q.elbow_joint=plus:shoulder_lift_joint",),
         ("q.elbow_joint=quarter_turns:1",),
         ("q.shoulder_lift_joint=quarter_turns:1", "q.elbow_joint=quarter_turns:3"),
         ("tau=N_mm",),
-        ("tau=kgf_m",),
+        pytest.param(("tau=kgf_m",), marks=pytest.mark.slow),
         ("q=gear:100", "tau=gear:100"),
         ("time=ms",),
     ],
@@ -106,7 +106,7 @@ def slow_log(ur5, turned, friction=0.0):
     return replace(whole.select(motion.rows), efforts=dict(zip(ur5.actuated, tau.T, strict=True)))
 
 
-@pytest.mark.parametrize("turned", ["shoulder_lift_joint", "elbow_joint", None])
+@pytest.mark.parametrize("turned", ["shoulder_lift_joint", pytest.param("elbow_joint", marks=pytest.mark.slow), None])
 def test_a_sign_is_told_of_a_motion_so_slow_and_small_that_most_drives_say_nothing(ur5, turned):
     log = slow_log(ur5, turned)
     assert told(ur5, log) == ([f"tau.{turned}=reversed"] if turned else [])
@@ -222,7 +222,7 @@ def test_a_larger_effort_added_to_a_noisy_one_leaves_no_less(tmp_path):
     assert told(load("ur10").mechanism, recording) == []
 
 
-@pytest.mark.parametrize(("seed", "robot"), [(270002, "ur5"), (290000, "xarm7")])
+@pytest.mark.parametrize(("seed", "robot"), [(270002, "ur5"), pytest.param(290000, "xarm7", marks=pytest.mark.slow)])
 def test_friction_is_no_other_way_to_write_a_log(tmp_path, seed, robot):
     """A motor that drives both last joints of a wrist; an arm of which everything is off, and shaken: in degrees it
     would hardly move, and a constant is most of what is left."""

@@ -105,6 +105,7 @@ def test_every_tolerance_of_a_motion_is_a_parameter():
     assert mass.efforts == pytest.approx(0.05 * at.rigid)
 
 
+@pytest.mark.slow
 def test_a_zero_point_is_not_all_links(tmp_path):
     """A light arm: beside a coupled wrist an offset at its third joint drives the masses of several links."""
     recording, _ = device(tmp_path, 7708, "kinova", ["transmission_coupling", "effort_offset"])

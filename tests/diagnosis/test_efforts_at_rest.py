@@ -108,6 +108,7 @@ def test_efforts_without_the_robot_s_weight_are_taken_so(ur5, bench):
     assert any("do not hold the robot's weight" in text for text in found.remarks)
 
 
+@pytest.mark.slow
 def test_a_target_seen_without_rotations_is_not_said_to_be_turned(ur5, bench):
     turns = np.array([rotation_exp(vector) for vector in bench.rotation])
     found = diagnose(ur5, replace(bench, efforts={}, rotation=None, position=bench.position + turns @ SHIFT))

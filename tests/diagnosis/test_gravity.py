@@ -187,6 +187,7 @@ def test_weight_is_calibrated_within_tolerances(arm):
         assert abs(known[item.name].x - off) < 4 * known[item.name].share
 
 
+@pytest.mark.slow
 def test_gravity_of_the_recording_stands_for_that_of_a_file_without(tmp_path):
     robot = under(ARM, (0, 0, 0), tmp_path)
     angles = np.random.default_rng(2).uniform(-1.2, 1.2, (20, 6))

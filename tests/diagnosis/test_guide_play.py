@@ -26,7 +26,7 @@ def found_of(seed: int, **device):
     return diagnose(prup_pin.load(LIFT, tool="target"), recording)
 
 
-@pytest.mark.parametrize(("stage", "seed"), [("rise", 4), ("rise_top", 7)])
+@pytest.mark.parametrize(("stage", "seed"), [("rise", 4), pytest.param("rise_top", 7, marks=pytest.mark.slow)])
 def test_the_stage_with_play_is_named(stage, seed):
     """A clearance of 1 mm in a guide that holds 1.1 m where it is drawn in, and 0.3 m where it is out."""
     found = found_of(seed, guides={stage: (1e-3, 1.1, 30.0)})
@@ -51,7 +51,7 @@ def test_play_is_found_beside_joints_that_yield():
     assert found.after["heldout"] < 1.1
 
 
-@pytest.mark.parametrize(("seed", "scattered"), [(2, False), (3, True)])
+@pytest.mark.parametrize(("seed", "scattered"), [pytest.param(2, False, marks=pytest.mark.slow), (3, True)])
 def test_a_column_that_yields_is_not_said_to_have_play(seed, scattered):
     draw = np.random.default_rng(seed)
     off = {name: 1e-3 * draw.standard_normal(3) for name in JOINTS} if scattered else {}

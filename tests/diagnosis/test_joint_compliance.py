@@ -63,6 +63,7 @@ def test_a_rigid_torso_lacks_nothing_and_says_what_it_could_not_show():
     assert hidden["turn (about)"] is None  # no weight turns a vertical axis
 
 
+@pytest.mark.slow
 def test_what_is_too_small_is_not_named_but_told():
     tree = PosedTree(TORSO, about={"left_elbow": 1e-5})
     found = diagnose(prup_pin.load(TORSO), bench(tree))

@@ -56,13 +56,16 @@ def recorded(name, *faults, poses=8, cycle=(0.0, 1.0, -1.0), seed=3):
 @pytest.mark.parametrize(
     ("name", "fault"),
     [
-        ("six_ups", ("thermal_growth", "leg3/drive", "", {"expansion": 1.2e-5})),
+        pytest.param(*("six_ups", ("thermal_growth", "leg3/drive", "", {"expansion": 1.2e-5})), marks=pytest.mark.slow),
         ("six_ups", ("thermal_growth", "leg3/drive", "from its support", {"expansion": 3e-5, "length": 0.3})),
         pytest.param(
             *("six_ups", ("geometric_offset", "leg4_seat", "loop end", {"x": 5e-5, "y": -4e-5, "z": 6e-5})),
             marks=pytest.mark.slow,
         ),
-        ("six_ups", ("geometric_offset", "leg1_s3", "seat", {"x": 5e-5, "y": -4e-5, "z": 6e-5})),
+        pytest.param(
+            *("six_ups", ("geometric_offset", "leg1_s3", "seat", {"x": 5e-5, "y": -4e-5, "z": 6e-5})),
+            marks=pytest.mark.slow,
+        ),
         ("six_ups", ("base_compliance", "base", "", {"translation": 3e-8, "rotation": 5e-8})),
         ("six_ups", ("external_spring", "environment", "", {"stiffness": 4e3, "x": 0.1, "y": -0.1, "z": 0.8})),
         pytest.param(

@@ -52,6 +52,7 @@ def test_a_log_that_is_written_as_it_says_is_left_alone(robot, bench):
     assert logs.conventions == ((),)
 
 
+@pytest.mark.slow
 def test_a_leg_that_is_soft_is_no_other_unit_of_force(tmp_path):
     """Beside scatter: forces in pounds-force leave a third of the squares, not of the root mean square."""
     file = str(Path(__file__).parents[1] / "robots" / "six_ups" / "six_ups.urdf")
@@ -74,7 +75,8 @@ def test_a_leg_that_is_soft_is_no_other_unit_of_force(tmp_path):
         "reaction",
         "wrench in the tool's axes",
         "moments about the base's origin",
-        "moments in N mm",
+        "forces in kN",
+        pytest.param("moments in N mm", marks=pytest.mark.slow),  # moments that no robot bears take long to follow
         "reaction in the tool's axes",
         "mm, and inverse rotation",
     ],

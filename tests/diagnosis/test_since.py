@@ -49,11 +49,6 @@ def grown(arm, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def same(arm, tmp_path_factory):
-    return Pair(3, arm, tmp_path_factory.mktemp("same"))
-
-
-@pytest.fixture(scope="module")
 def moved(arm, tmp_path_factory):
     return Pair(2, arm, tmp_path_factory.mktemp("moved"))
 
@@ -105,18 +100,6 @@ def test_what_is_told_stands_in_the_json(found):
     assert first["then"]["value"] < first["now"]["value"]
     assert first["seen_from"] > 0
     assert {"physics", "location", "parameter", "unit", "smallest", "neutral"} == set(document["seen"][0])
-
-
-def test_nothing_has_changed_is_an_answer_with_a_number(same, arm):
-    found = diagnose(arm, same.now, against=same.model)
-    assert found.verdict == "nothing_missing"
-    assert not named(found)
-    seen = {item.location: item for item in found.since.seen if item.physics == "stiffness_changed"}
-    assert len(seen) == 6
-    assert all(0.001 < abs(item.smallest - item.neutral) < 0.1 for item in seen.values())
-    text = verdict_text(found)
-    assert text.startswith("Nothing has changed since the earlier test")
-    assert "%" in text
 
 
 def test_a_tracker_that_was_moved_is_told_and_one_that_was_set_up_again_is_not(moved, arm):

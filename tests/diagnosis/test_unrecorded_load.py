@@ -60,14 +60,22 @@ def test_a_tracker_that_slips_has_gross_errors(rotation):
     assert f"{OFF} gross errors" in told
 
 
-@pytest.mark.parametrize("joint", [1, 2, 4])
-@pytest.mark.parametrize("rotation", [False, True])
+@pytest.mark.parametrize(
+    ("rotation", "joint"),
+    [
+        (False, 1),
+        (True, 4),
+        *(pytest.param(*each, marks=pytest.mark.slow) for each in ((False, 2), (False, 4), (True, 1), (True, 2))),
+    ],
+)
 def test_an_encoder_that_slips_is_no_load(rotation, joint):
     (told,) = remarks(0.0, 0.0, rotation, slipped=5e-3, joint=joint)
     assert "gross errors" in told
 
 
-@pytest.mark.parametrize(("pushed", "noise", "slipped"), [(30.0, 1, 0.0), (0.0, 30, 0.0), (0.0, 1, 1e-3)])
+@pytest.mark.parametrize(
+    ("pushed", "noise", "slipped"), [(30.0, 1, 0.0), (0.0, 30, 0.0), pytest.param(0.0, 1, 1e-3, marks=pytest.mark.slow)]
+)
 def test_a_load_in_every_sample_is_no_noise(pushed, noise, slipped):
     """What is left where all are pushed is as white as a noise that was declared too small, or as encoders' own."""
     robot = prup_pin.load("ur5", joint_stiffness=2e4)

@@ -62,8 +62,8 @@ WITH_BLOCKS = [page for page in PAGES if any(True for _ in blocks(page))]
 #: scripts/stranger.sh, a part of every .ci/run, does the same with these in an environment of its own; index.md has
 #: the commands of the README.
 TWICE = ("README.md", "tutorial.md", "index.md")
-#: Of half a minute each.
-LONG = ("diagnosis.md", "command_line.md", "sweep.md")
+#: With whole diagnoses or wide sweeps; that their commands exist with these options is asked of every page.
+LONG = ("diagnosis.md", "command_line.md", "sweep.md", "efforts.md", "import.md")
 
 
 @pytest.mark.parametrize(
@@ -119,9 +119,15 @@ def inline() -> list[tuple[str, str]]:
     return sorted({(page.name, found) for page in PAGES for found in _INLINE.findall(page.read_text(encoding="utf-8"))})
 
 
-@pytest.mark.parametrize(("page", "line"), inline())
-def test_a_command_in_a_sentence_has_its_options(page, line):
-    words = line.split()
+def in_blocks() -> list[tuple[str, str]]:
+    found = {(page.name, line) for page in WITH_BLOCKS for block in blocks(page) if block.language in SHELL
+             for line in commands(block) if line.startswith("prup-pin ")}  # fmt: skip
+    return sorted(found - set(inline()))
+
+
+@pytest.mark.parametrize(("page", "line"), [*inline(), *in_blocks()])
+def test_a_command_has_its_options(page, line):
+    words = line.partition(" #")[0].split()
     group = get_command(app)
     assert words[1] in {*group.commands, "COMMAND"} or words[1].startswith("--"), f"{page}: {line}"
     if words[1] in group.commands:

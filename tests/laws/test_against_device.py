@@ -77,10 +77,10 @@ def friction(module, joint, place, limit=0.5, **marks):
     return case(f"friction of {joint}", "coulomb_friction", module, sizes, ours, **marks)
 
 
-def creep(module, direction, aspect="", within=0.05):
+def creep(module, direction, aspect="", within=0.05, **marks):
     ours = effect(laws.CreepLaw, module, aspect, share=20.0, time_constant=5.0)
     sizes = {"direction": direction, "ratio": 20.0, "time_constant": 5.0}
-    return case(f"creep of {module} {direction}", "creep", module, sizes, ours, within=within, beyond=1.0)
+    return case(f"creep of {module} {direction}", "creep", module, sizes, ours, within=within, beyond=1.0, **marks)
 
 
 #: Laws that other tests compare with trees that have such joints, by their word and place.
@@ -174,8 +174,8 @@ CASES = [
     case("wrench sensor at rest", "wrench_sensor_bias", "wrench_sensor", {"bias": [1.0, 2.0, 3.0, 0.1, 0.2, 0.3]},
          effect(laws.WrenchSensorBias, "wrench_sensor", fx=1.0, fy=2.0, fz=3.0, mx=0.1, my=0.2, mz=0.3)),
     creep("leg2/R_theta_P", "radial", "radial", within=0.2),
-    creep("leg2/support_bearing", "axial"),
-    creep("leg2/R_lambda", "axial", "axial"),
+    creep("leg2/support_bearing", "axial", marks=pytest.mark.slow),
+    creep("leg2/R_lambda", "axial", "axial", marks=pytest.mark.slow),
     creep("leg1/R_lambda", "tilting", "tilting", within=0.3),
 ]  # fmt: skip
 

@@ -167,6 +167,7 @@ def test_threads_give_the_same_bits(robot, whole):
     assert_same(s, whole)
 
 
+@pytest.mark.slow
 def test_processes_give_the_same_bits(robot, whole):
     with ProcessPoolExecutor(2, get_context("spawn")) as executor:
         s = robot.sweep(**ASKED, executor=executor)
