@@ -61,6 +61,8 @@ __all__ = [
 _SAMPLES, _SCANNED = 600, 80
 #: Conventions one after the other.
 _MOST = 6
+#: Words for units of efforts.
+_OF_UNIT = ("gain", *(word.name for word in WORDS if "tau" in word.groups and word.factor not in (None, -1.0)))
 #: Words for axes that count together.
 _TOGETHER = ("plus", "minus")
 #: Ratios that come nearest, which are looked at more closely.
@@ -430,6 +432,8 @@ class _Search:
         sizes = np.abs(list(signed.values()))
         if (self.recording.tolerances.effort_gain or 0.0) > EFFORT_UNIT - 1:
             return None  # which is declared to be anything
+        if any(item.columns == "tau" and item.word in _OF_UNIT for item in self.recording.conventions):
+            return None  # which is declared
         if len(sizes) < min(2, len(self.motion.driven)) or 2 * len(sizes) < len(self.motion.driven):
             return None
         usual = float(np.median(sizes))
@@ -444,7 +448,26 @@ class _Search:
             if known and abs(np.log(usual * word.factor)) < np.log(EFFORT_RIGHT):  # type: ignore[operator]
                 return Convention("tau", word.name)
         # of two drives a load may be so much larger as well
-        return Convention("tau", "gain", (float(f"{usual:.3g}"),)) if len(sizes) >= FEWEST_OF_KIND else None
+        if len(sizes) < FEWEST_OF_KIND or self._held_would_do(usual):
+            return None
+        return Convention("tau", "gain", (float(f"{usual:.3g}"),))
+
+    def _held_would_do(self, gain: float) -> bool:
+        """Return whether a body that the tool holds leaves no more of the efforts than a gain of all of them."""
+        tool = self.mechanism.tool
+        if tool is None or tool.joint == 0:
+            return False
+        held = self.at.regressor[self.rows][:, :, tool.joint - 1]
+        known, bodies = [], []
+        for column, name in enumerate(self.motion.driven):
+            own = np.column_stack((self.efforts[:, column], self.rigid[:, column], held[:, column]))
+            own = _freed(self.motion, name, own) / max(float(np.linalg.norm(self.efforts[:, column])), 1e-300)
+            known.append((own[:, 0] - own[:, 1], own[:, 0] / gain - own[:, 1]))
+            bodies.append(own[:, 2:])
+        as_written, as_read = (np.concatenate(part) for part in zip(*known, strict=True))
+        table = np.concatenate(bodies)
+        left = as_written - table @ np.linalg.lstsq(table, as_written, rcond=1e-9)[0]
+        return float(left @ left) < float(as_read @ as_read) * gain**2
 
     def _geared(self, first: float) -> Evidence | None:
         """Return that positions are the motors', before gears of one ratio; and efforts too, where these are so."""

@@ -13,7 +13,16 @@ from ...errors import InputError
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
-from ..criteria import EFFORT_CURVE_OWN, EFFORT_GAINS_SAVE, EFFORT_IMITATED, EFFORT_MATERIAL, GAIN, NO_MATTER, SURE
+from ..criteria import (
+    EFFORT_CURVE_OWN,
+    EFFORT_GAINS_SAVE,
+    EFFORT_IMITATED,
+    EFFORT_MATERIAL,
+    EFFORT_UNIT,
+    GAIN,
+    NO_MATTER,
+    SURE,
+)
 from .band import band_of, in_motion
 from .bayes_factors import with_likelier_bodies
 from .conventions import check_efforts
@@ -100,7 +109,8 @@ def _final_state(
     tell(_LAWS, 0.1)
     gains = gains_of(at, tolerances)
     doubts, efforts, model = searched_beside(gains, 0.1, 0.7)
-    if gains is not None and any(term.law.of_gain for term in model.terms):
+    open_ = tolerances.get(law_of_gains().physics, 0.0) > EFFORT_UNIT - 1  # drives are declared to report in any unit
+    if gains is not None and not open_ and any(term.law.of_gain for term in model.terms):
         # laws that take gains back: one gain and a delay look a little like many gains
         with suppress(InputError):
             plain = searched_beside(None, 0.7, 0.75)

@@ -30,6 +30,8 @@ from ..criteria import (
     EFFORT_UNIT,
     FEWEST_OF_KIND,
     FOLDS,
+    LEAST_REACH,
+    LITTLE,
     MUCH,
     ROUNDING,
     SURE,
@@ -157,7 +159,7 @@ def _told(products: _Products, drawn: Array, spread: Array) -> tuple[_Products, 
 
 
 def _drawn(at: InMotion, tolerances: Mapping[str, float]) -> tuple[Array, Array]:
-    """Return the inertial parameters of the robot file (p,) and their standard deviations (p,)."""
+    """Return the inertial parameters of the robot file (p,) and their standard deviations (p,), with what it holds."""
     mass, inertia = (max(float(tolerances.get(key, EFFORT_MASSES)), 1e-3) for key in ("mass", "inertia"))
     drawn, spread = [], []
     for body in list(at.mechanism.model.inertias)[1:]:
@@ -166,6 +168,12 @@ def _drawn(at: InMotion, tolerances: Mapping[str, float]) -> tuple[Array, Array]
         trace = float(np.trace(body.inertia)) + m * float(body.lever @ body.lever)
         reach = np.sqrt(trace / m) if m > 0 else 0.0
         spread.append(np.array([mass * m, *3 * [mass * m * reach], *6 * [inertia * max(trace, 0.0)]]))
+    tool = at.mechanism.tool
+    if tool is not None and tool.joint > 0:  # what it holds is in no drawing
+        held = LITTLE * sum(float(body.mass) for body in at.mechanism.model.inertias)
+        lever = float(np.linalg.norm(tool.placement[:3, 3])) + LEAST_REACH
+        own = np.array([held, *3 * [held * lever], *6 * [held * lever**2]])
+        spread[tool.joint - 1] = np.hypot(spread[tool.joint - 1], own)
     return np.concatenate(drawn), np.concatenate(spread)
 
 
