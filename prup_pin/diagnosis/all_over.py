@@ -53,7 +53,8 @@ def _finding(
         location=places[0] if len(places) == 1 else "robot",
         candidates=tuple(places if len(places) == 1 else ("robot", *places)),
         parameters={
-            item.name: FittedParameter.about(item.value, item.deviation.unit, WITHIN_95 * item.sd) for item in told
+            item.name: FittedParameter.about(item.value, item.deviation.unit, WITHIN_95 * item.sd, item.nominal)
+            for item in told
         },
         heldout_gain=heldout_gain(held, without),
         statement=f"{words}: {_sizes(items)}{text}",
@@ -68,8 +69,13 @@ def _surety(item: CalibratedParameter) -> float:
 def _sizes(items: Sequence[CalibratedParameter]) -> str:
     """Return root mean squares over all of a kind, for people."""
     found = []
-    for unit in dict.fromkeys(item.deviation.unit for item in items):
-        here = [item for item in items if item.deviation.unit == unit]
+    for unit in dict.fromkeys(_unit_of_amount(item) for item in items):
+        here = [item for item in items if _unit_of_amount(item) == unit]
         size = float(np.sqrt(np.mean(np.square([item.deviation.amount(item.value) for item in here]))))
         found.append(f"{number(100 * size, 3)} %" if unit == "1" else quantity(size, unit))
     return f"{' and '.join(found)} in the root mean square of {len(items)}"
+
+
+def _unit_of_amount(item: CalibratedParameter) -> str:
+    """Return the unit of what a parameter is off by: none of a share of itself."""
+    return "1" if item.deviation.relative else item.deviation.unit

@@ -80,7 +80,7 @@ class Tree:
         """Return the configurations (..., nq) that motions (..., nv) lead to."""
         if not self._endless.any():
             return q + motion
-        moved = np.empty_like(q)
+        moved = np.empty((*np.broadcast_shapes(q.shape[:-1], motion.shape[:-1]), q.shape[-1]))
         plain = ~self._endless
         moved[..., self._first[plain]] = q[..., self._first[plain]] + motion[..., plain]
         for index in np.flatnonzero(self._endless):

@@ -7,8 +7,9 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis.conventions import read_logs
-from prup_pin.diagnosis.efforts.conventions import check_efforts, conventions_of_efforts
+from prup_pin.diagnosis.efforts.conventions import _Search, check_efforts, conventions_of_efforts, gains_of_efforts
 from prup_pin.dynamics import InMotion, motion_of
+from prup_pin.dynamics.inertial import point_mass
 from prup_pin.errors import InputError
 from prup_pin.recordings import Recording, convention_of, joints_of, read_recording, written_as
 from prup_pin.simulation import drawn_for
@@ -228,3 +229,32 @@ def test_friction_is_no_other_way_to_write_a_log(tmp_path, seed, robot):
     would hardly move, and a constant is most of what is left."""
     write(draw_elastic(seed, robot), tmp_path, tmp_path, "arm")
     assert told(load(robot).mechanism, read_recording(tmp_path / "arm.csv")) == []
+
+
+@pytest.fixture(scope="module")
+def loaded_log(ur5, recording):
+    """The same motion with 4.5 kg in the tool and much friction: what bears a load gives nearly twice as much."""
+    rng = np.random.default_rng(8)
+    known = InMotion.of(ur5, motion_of(recording, ur5))
+    held = known.regressor[:, :, ur5.tool.joint - 1] @ point_mass(4.5, ur5.tool.placement[:3, 3] + [0.01, 0.0, 0.05])
+    friction = [9, 9, 7, 1.5, 1.3, 1] * np.tanh(known.motion.speed / 0.01) + [6, 7, 5, 1, 0.8, 0.6] * known.motion.speed
+    tau = known.rigid + held + friction + 0.1 * rng.normal(size=held.shape)
+    return replace(recording.select(known.motion.rows), efforts=dict(zip(ur5.actuated, tau.T, strict=True)))
+
+
+def test_a_load_in_the_tool_is_no_other_unit_of_all_efforts(ur5, loaded_log):
+    search = _Search(InMotion.of(ur5, motion_of(loaded_log, ur5)), loaded_log)
+    gains = gains_of_efforts(search.motion, search.efforts, search.rigid)
+    assert np.median(list(gains.values())) > 1.6
+    assert search._held_would_do(1.8)
+    assert told(ur5, loaded_log) == []
+    other = written(loaded_log, "tau=gain:0.1")
+    search = _Search(InMotion.of(ur5, motion_of(other, ur5)), other)
+    assert not search._held_would_do(0.15)
+
+
+def test_no_unit_is_looked_for_where_one_is_declared(ur5, recording):
+    log = written(recording, "tau=gain:0.09")
+    assert [said.partition(":")[0] for said in told(ur5, log)] == ["tau=gain"]
+    declared = replace(log, conventions=(convention_of("tau", "gain:1", joints_of(log)),))
+    assert told(ur5, declared) == []

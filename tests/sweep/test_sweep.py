@@ -207,6 +207,20 @@ def test_endless_joints():
         np.testing.assert_allclose(c, single.C, rtol=1e-10, atol=1e-16)
 
 
+def test_passive_joints_of_a_loop_may_be_endless(tmp_path):
+    """A reader without limits is told to write "continuous", and then sweeps."""
+    text = (ROBOTS / "five_bar" / "five_bar.urdf").read_text(encoding="utf-8")
+    for joint in ("left_elbow", "right_elbow"):
+        text = text.replace(f'<joint name="{joint}" type="revolute">', f'<joint name="{joint}" type="continuous">')
+    path = tmp_path / "endless.urdf"
+    path.write_text(text, encoding="utf-8")
+    limited, ends = loaded("five_bar")
+    poses = drawn(ends, 12)
+    endless = prup_pin.load(str(path), joint_stiffness=1e4).sweep(poses=poses, quantities=["C"])
+    assert endless.ok.all()
+    np.testing.assert_allclose(endless["C"], limited.sweep(poses=poses, quantities=["C"])["C"], rtol=1e-9, atol=1e-18)
+
+
 def test_what_arrays_cannot_follow_is_asked_pose_by_pose(robot, monkeypatch):
     rows = drawn(1.4 * np.array(CASES["3prup"][2]), 40)
     names = ["C", "K", "joints"]

@@ -12,7 +12,7 @@ from ...numbers import number
 from ...recordings import Convention
 from ...spatial import Array
 from ..chances import WITHIN_95, student_95
-from ..criteria import ALIKE, FALSE_ALARM, MOST, MOST_COMBINATIONS, beyond_tolerance
+from ..criteria import ALIKE, EFFORT_IMITATED, FALSE_ALARM, MOST, MOST_COMBINATIONS, beyond_tolerance
 from ..diagnosis import Finding, FittedParameter, heldout_gain
 from ..findings import beyond_its_tolerance
 from .evidence import CrossValidation, held_out
@@ -142,27 +142,37 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
         )
         for i in differ[np.argsort(chance[differ], kind="stable")][:MOST_COMBINATIONS]
     }
+    share, told, advice = _alone_of_all(final, term, without)
+    nearly_all = share > 1 - EFFORT_IMITATED
+    whole = (
+        f"the links' masses, centres and inertias are not those of the robot file: of {len(change)} combinations that "
+        f"this motion tells, {len(differ)} surely have other values"
+    )
+    taken = f"{100 * min(share, 1.0):.0f} %"
+    first = f"{taken} of that would be taken away by one body alone: {told}" if told else ""
+    if nearly_all:
+        first = f"{told}: that alone takes away {taken} of what other masses, centres and inertias of all links would"
     return Finding(
         physics=law.physics,
         location="robot",
         candidates=("robot", *links),
         parameters=parameters,
         heldout_gain=heldout_gain(final.held_out.sum(), without.sum()),
-        statement=(
-            f"the links' masses, centres and inertias are not those of the robot file: of {len(change)} "
-            f"combinations that this motion tells, {len(differ)} surely have other values"
-            f"{_alone_of_all(final, term, without)}"
-        ),
+        statement=first if nearly_all else f"{whole}; {first}" if first else whole,
+        advice=advice if nearly_all else "",
         law=law,
     )
 
 
-def _alone_of_all(final: FinalState, term: EffortCandidate, without: Array) -> str:
-    """Return a clause on one body that alone takes away most of what all links do; empty where none does."""
+def _alone_of_all(final: FinalState, term: EffortCandidate, without: Array) -> tuple[float, str, str]:
+    """Return the share that one body alone takes away of what all links do, the body in words and what to do about it.
+
+    Nothing where none takes away most.
+    """
     rest, gain = final.model.without(term), float((without - final.held_out).sum())
     single = [other for other in final.problem.candidates if other.is_body]
     if not single:
-        return ""
+        return 0.0, "", ""
     saved_by = (without - CrossValidation(rest).with_each(single)).sum(axis=1)
     # the tool's load comes before the link that would be as good
     best = min(
@@ -177,11 +187,11 @@ def _alone_of_all(final: FinalState, term: EffortCandidate, without: Array) -> s
     drawn = sum(float(inertia.mass) for inertia in final.mechanism.model.inertias)
     own = abs(values.get("mass", 0.0))
     if share < MOST or own > drawn or not best.law.plausible(best.place, values, final.mechanism):
-        return ""  # a robot file without masses lacks more than one body
+        return 0.0, "", ""  # a robot file without masses lacks more than one body
     if best.law.impossible(best.place, change, np.zeros_like(change), final.mechanism):
-        return ""
+        return 0.0, "", ""
     told = best.law.statement(best.place, values, final.mechanism)
-    return f"; {100 * min(share, 1.0):.0f} % of that would be taken away by one body alone: {told}"
+    return share, told, best.law.advice(best.place, values)
 
 
 def _parameters(final: FinalState, term: EffortCandidate, values: Mapping[str, float]) -> dict[str, FittedParameter]:
