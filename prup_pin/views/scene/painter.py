@@ -20,14 +20,9 @@ from ..text.answer import first_shares
 from ..text.values import pose_words
 from .camera import camera_of
 from .colours import AXES, ELLIPSOIDS, GHOST, INK, LOAD, MOVED, SYMBOL, grey_of, map_colour, share_colours
-from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below, principal
+from .elastic import SECTIONS, Deflections, beam_frame, fitting_scale, nice_below, principal
 from .scene import (
-    Ball,
-    Box,
     ComplianceEllipsoid,
-    Cone,
-    Cylinder,
-    Ellipsoid,
     Label,
     Legend,
     Lines,
@@ -36,9 +31,12 @@ from .scene import (
     Row,
     Scene,
     Shape,
+    Solid,
     Tube,
+    ball,
     box_mesh,
     outline,
+    rod,
 )
 from .skeleton import Segment, skeleton
 from .symbols import symbols
@@ -155,7 +153,7 @@ class Painter:
                     put(name, visual.shape, body(frame.joint, seat) @ visual.placement, colour, visual.opacity)
         for module in self.bare_beams:
             frame_, length = beam_frame(module, pose)
-            visual = Visual("", Cylinder(self._beam_radius(module), length), np.eye(4), "#8a929b")
+            visual = Visual("", rod(self._beam_radius(module), length), np.eye(4), "#8a929b")
             middle = frame_ @ placement(np.eye(3), np.array([0, 0, length / 2]))
             shape, where = self._bent(module, pose, moved, scale, visual, middle)
             put(f"beams/{module.name}", shape, where, visual.colour if colours is None else colours[module.name])
@@ -174,28 +172,23 @@ class Painter:
     def _bent(
         self, beam: Module, pose: ClosedPose, moved: Deflections | None, scale: float, visual: Visual, at: Array
     ) -> tuple[Shape, Array]:
-        """Return a beam's own geometry bent along its elastic line, in the beam's frame."""
-        frame, length = beam_frame(beam, pose)
-        still = np.zeros((2, 3))
-        line = BentLine(frame, length, still, still) if moved is None else moved.bent(beam, pose, scale)
-        own = np.linalg.inv(frame) @ at
+        """Return a beam's own geometry bent along its elastic line, and where it stands."""
         shape = visual.shape
-        if isinstance(shape, Box) and moved is not None:
-            shape = box_mesh(shape, int(np.argmax(np.abs(own[2, :3]))), SECTIONS)
-        if isinstance(shape, Cylinder) and abs(own[2, 2]) > 1 - 1e-6:
-            low, high = own[2, 3] - shape.length / 2, own[2, 3] + shape.length / 2
-            if moved is None:
-                stations = np.array([low, high])
-            else:
-                stations = np.clip(np.concatenate(([low], np.linspace(0, length, SECTIONS), [high])), low, high)
-            points = np.column_stack((np.full(len(stations), own[0, 3]), np.full(len(stations), own[1, 3]), stations))
-            return Tube(points + line.displacement(points), shape.radius), frame
-        if isinstance(shape, Mesh) and moved is not None:
+        if moved is None:
+            return shape, at
+        frame, length = beam_frame(beam, pose)
+        own, line = np.linalg.inv(frame) @ at, moved.bent(beam, pose, scale)
+        if isinstance(shape, Solid) and shape.kind == "cylinder" and abs(own[2, 2]) > 1 - 1e-6:
+            low, high = own[2, 3] - shape.size[2] / 2, own[2, 3] + shape.size[2] / 2
+            stations = np.clip(np.concatenate(([low], np.linspace(0, length, SECTIONS), [high])), low, high)
+            points = np.column_stack((np.tile(own[:2, 3], (len(stations), 1)), stations))
+            return Tube(points + line.displacement(points), shape.size[0] / 2), frame
+        if isinstance(shape, Solid) and shape.kind == "box":
+            shape = box_mesh(shape.size, int(np.argmax(np.abs(own[2, :3]))), SECTIONS)
+        if isinstance(shape, Mesh):
             points = shape.vertices @ own[:3, :3].T + own[:3, 3]
             normals = None if shape.normals is None else shape.normals @ own[:3, :3].T
             return Mesh(points + line.displacement(points), shape.faces, normals), frame
-        if moved is None:
-            return shape, at
         centre = own[:3, 3]
         turned = rotation_exp(line.rotation(centre[None])[0]) @ own[:3, :3]
         return shape, frame @ placement(turned, centre + line.displacement(centre[None])[0])
@@ -235,12 +228,8 @@ class Painter:
             index = pose.mechanism.joint_id(joint.name)
             if index in self.drawn_bodies or index in sprung:
                 continue
-            put(
-                f"skeleton/joints/{joint.name}",
-                Ball(1.7 * radius),
-                placement(np.eye(3), there(joint.body, joint.at)),
-                "#4a5058",
-            )
+            at = placement(np.eye(3), there(joint.body, joint.at))
+            put(f"skeleton/joints/{joint.name}", ball(1.7 * radius), at, "#4a5058")
 
     # -- the scene -------------------------------------------------------------------------------------------------
 
@@ -349,9 +338,11 @@ class Painter:
             frame = placement(turn, origin)
             parts.append(Part("wrench/moment/arc", Tube(points, 0.0085 * size, 12), frame, LOAD))
             tangent = np.array([-np.sin(angle[-1]), np.cos(angle[-1]), 0.0])
-            head = frame @ placement(axis_as_z(tangent), points[-1])
-            parts.append(Part("wrench/moment/head", Cone(0.026 * size, 0.06 * size), head, LOAD))
-            parts.append(Part("wrench/moment/axis", Cylinder(0.003 * size, 0.3 * size), frame, LOAD))
+            head = frame @ placement(axis_as_z(tangent), points[-1] + 0.03 * size * tangent)
+            parts.append(
+                Part("wrench/moment/head", Solid("cone", (0.052 * size, 0.052 * size, 0.06 * size)), head, LOAD)
+            )
+            parts.append(Part("wrench/moment/axis", rod(0.003 * size, 0.3 * size), frame, LOAD))
             at_label = (frame @ np.append(points[24], 1.0))[:3]
             labels.append(Label("wrench/moment", f"{number(arrow * moment, 4)} N m", at_label, origin, LOAD, True))
         return parts, labels
@@ -364,7 +355,7 @@ class Painter:
         frame = placement(axis_as_z(end - start), start)
         parts = _arrow("deflection", frame, length, 0.006 * self.size, MOVED, True)
         text = quantity(factor * float(np.linalg.norm(moved.tool[:3])), "m")
-        parts.append(Part("deflection/start", Ball(0.011 * self.size), tool, MOVED, on_top=True))
+        parts.append(Part("deflection/start", ball(0.011 * self.size), tool, MOVED, on_top=True))
         return parts, [Label("deflection", text, start + 0.5 * (end - start), start - self.up, MOVED, True)]
 
     def _ellipsoids(
@@ -404,10 +395,10 @@ class Painter:
             colour = ELLIPSOIDS[name]
             path = f"ellipsoids/{name}"
             at = placement(vectors, centre)
-            parts.append(Part(f"{path}/surface", Ellipsoid(tuple(semi.tolist())), at, colour, 0.5))
+            parts.append(Part(f"{path}/surface", Solid("ball", tuple((2 * semi).tolist())), at, colour, 0.5))
             for axis in range(3):
                 frame = placement(axis_as_z(vectors[:, axis]), centre)
-                bar = Cylinder(0.0035 * size, 2 * values[axis] * scale + 0.02 * size)
+                bar = rod(0.0035 * size, 2 * values[axis] * scale + 0.02 * size)
                 parts.append(Part(f"{path}/axis_{axis + 1}", bar, frame, MOVED))
             drawn = values > 1e-9 * values[0]
             ends = _apart(self.page @ vectors * semi, drawn)
@@ -519,12 +510,13 @@ def pose_scene(
 def _arrow(path: str, frame: Array, length: float, radius: float, colour: str, on_top: bool = False) -> list[Part]:
     """Return an arrow along z of a frame, from its origin."""
     head = min(6.5 * radius, 0.6 * length)
-    shaft = length - head
-    middle = frame @ placement(np.eye(3), np.array([0, 0, shaft / 2]))
-    neck = frame @ placement(np.eye(3), np.array([0, 0, shaft]))
+    pieces = (
+        ("shaft", rod(radius, length - head), (length - head) / 2),
+        ("head", Solid("cone", (4.8 * radius, 4.8 * radius, head)), length - head / 2),
+    )
     return [
-        Part(f"{path}/shaft", Cylinder(radius, shaft), middle, colour, on_top=on_top),
-        Part(f"{path}/head", Cone(2.4 * radius, head), neck, colour, on_top=on_top),
+        Part(f"{path}/{name}", shape, frame @ placement(np.eye(3), np.array([0, 0, middle])), colour, on_top=on_top)
+        for name, shape, middle in pieces
     ]
 
 

@@ -20,7 +20,7 @@ from ...mechanism.mesh_paths import mesh_problem
 from ...robots import example_folder
 from ...spatial import Array, placement, rotation_rpy
 from .colours import hex_of
-from .scene import Ball, Box, Cylinder, Mesh, Shape, clustered
+from .scene import Mesh, Shape, Solid, ball, clustered, rod
 
 _PLAIN = "#9aa3ad"
 #: Larger mesh files are not drawn.
@@ -138,10 +138,10 @@ def _read(link: str, element, named: Mapping, home: Path, folders: Sequence[Path
             for mesh, own in parts
         ]
     primitives: dict[str, Callable[[], Shape]] = {
-        "box": lambda: Box(tuple(_numbers(shape.get("size"), (1, 1, 1)).tolist())),
-        "sphere": lambda: Ball(float(shape.get("radius"))),
-        "cylinder": lambda: Cylinder(float(shape.get("radius")), float(shape.get("length"))),
-        "capsule": lambda: Cylinder(float(shape.get("radius")), float(shape.get("length"))),
+        "box": lambda: Solid("box", tuple(_numbers(shape.get("size"), (1, 1, 1)).tolist())),
+        "sphere": lambda: ball(float(shape.get("radius"))),
+        "cylinder": lambda: rod(float(shape.get("radius")), float(shape.get("length"))),
+        "capsule": lambda: rod(float(shape.get("radius")), float(shape.get("length"))),
     }
     if shape.tag not in primitives:
         raise ValueError(f"a <{shape.tag}> is not drawn")
