@@ -178,7 +178,7 @@ def _draw_list(
         lines.append("dashed: these data cannot tell them apart")
     if len(lines) > most:
         lines[most - 1 :] = ["…"]
-    text = "\n".join(lines) or "nothing is missing"
+    text = "\n".join(lines) or ("nothing is missing" if diagnosis.since is None else "nothing has changed")
     figure.text(*place, text, fontsize=11, color=FOUND, va="top", linespacing=1.6)
 
 
@@ -323,10 +323,10 @@ def _lines(channel: str) -> list[str]:
 
 
 @plain_words
-def histogram_figure(found: Residuals, *, narrow: bool = False) -> Figure:
+def histogram_figure(found: Residuals, begun: str = "robot file", *, narrow: bool = False) -> Figure:
     """Return histograms of the residuals in multiples of the noise, before and after, against the normal curve.
 
-    `narrow`: for a phone.
+    begun: what the residual before is less. narrow: for a phone.
     """
     groups = [(name, block) for name, _, block in found.columns if found.exists[:, block].any()]
     across = 1 if narrow else 2
@@ -339,7 +339,7 @@ def histogram_figure(found: Residuals, *, narrow: bool = False) -> Figure:
         there = found.exists[:, block]
         before, after = (np.clip(values[:, block][there], -5.99, 5.99) for values in (found.before, found.after))
         bars = {"bins": edges, "density": True}
-        axes.hist(before, color=BEFORE, alpha=0.55, label="filled: with the robot file", zorder=2, **bars)
+        axes.hist(before, color=BEFORE, alpha=0.55, label=f"filled: with the {begun}", zorder=2, **bars)
         axes.hist(after, histtype="step", color=AFTER, lw=1.8, label="outline: corrected model", zorder=3, **bars)
         density = np.exp(-0.5 * normal**2) / np.sqrt(2 * np.pi)
         axes.plot(normal, density, "--", color=INK, lw=1.2, label="dashed: noise alone", zorder=4)

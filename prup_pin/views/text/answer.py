@@ -212,6 +212,16 @@ class MatrixTable:
     cells: tuple[tuple[str, ...], ...]
     note: str = ""
 
+    @property
+    def headers(self) -> tuple[str, ...]:
+        """Headers of all columns, '>' before those of numbers."""
+        return ("", *(f">{name}" for name in self.columns))
+
+    @property
+    def lines(self) -> list[tuple[str, ...]]:
+        """Rows with their names."""
+        return [(name, *cells) for name, cells in zip(self.rows, self.cells, strict=True)]
+
 
 #: What the stiffness along a load is.
 ALONG = "load over the displacement in its own direction, all other directions free"

@@ -14,14 +14,12 @@ from ...laws.efforts import EFFORT
 from ...numbers import counted, number, quantity, readable_unit
 from ...recordings import Convention, Recording
 from ...recordings.columns import AS_LOGGED
-from .since_words import verdict_since
+from .since_words import ABSURD, verdict_since
 
 if TYPE_CHECKING:
     from ...diagnosis import Diagnosis, Finding
     from ...diagnosis.diagnosis import Detectable, FittedParameter
 
-#: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
-_ABSURD = 1e9
 #: A parameter that is zero and may be as large as this, in any SI unit, may be anything.
 _ANY_SIZE = 100.0
 #: Findings that a sentence lists one by one.
@@ -301,7 +299,7 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
         if fitted.before is not None:
             value = f"{value}, before {number(factor * fitted.before, 4)}"
         words = name if "." in name else name.replace("_", " ")  # else it names a part of the robot
-        if fitted.value == 0 and factor * max(abs(low), abs(high)) > 0.99 * _ABSURD:
+        if fitted.value == 0 and factor * max(abs(low), abs(high)) > 0.99 * ABSURD:
             rows.append((words, "not determined by this recording", "any size"))
             continue
         if _is_open(fitted):
@@ -489,10 +487,10 @@ def hidden_rows(hidden: Sequence[Detectable]) -> list[tuple[str, str, str]]:
 
 def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
     sizes = sorted(item.smallest for item in items if item.smallest is not None)
-    if not items[0].below and sizes[0] > _ABSURD:
+    if not items[0].below and sizes[0] > ABSURD:
         return "never visible in this test"
     if not items[0].below:
-        sizes = [size for size in sizes if size <= _ABSURD]
+        sizes = [size for size in sizes if size <= ABSURD]
     shown, factor = readable_unit(math.sqrt(sizes[0] * sizes[-1]) if sizes[0] > 0 else sizes[-1], unit)
     ends = [number(factor * size, 2) for size in (sizes[0], sizes[-1])]
     amount = ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}"

@@ -14,6 +14,10 @@ if TYPE_CHECKING:  # the command line begins without them
 
 #: Values of earlier effects that a verdict tells by name.
 _MOST_TOLD = 2
+#: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
+ABSURD = 1e9
+#: Shares from this on are told in per cent.
+_SHARE = 1e-3
 #: A value that does nothing and is so many times another one has no end.
 _ENDLESS = 1e6
 
@@ -105,17 +109,20 @@ def seen_rows(seen: Sequence[Seen]) -> list[tuple[str, str, str]]:
     """Return rows of what would have shown beside: physics, the most and the least sensitive place, the sizes there."""
     rows = []
     for physics, ends in _ends(seen):
-        sizes = " to ".join(dict.fromkeys(map(_off, ends)))
         places = " to ".join(dict.fromkeys(item.location for item in ends))
-        rows.append((f"{physics}, {ends[0].parameter.replace('_', ' ')}", places, sizes))
+        rows.append((f"{physics}, {ends[0].parameter.replace('_', ' ')}", places, _off(*ends)))
     return rows
 
 
 def _ends(seen: Sequence[Seen]) -> list[tuple[str, list[Seen]]]:
-    """Return, of each physics in words and parameter, the most and the least sensitive place."""
+    """Return, of each physics in words and parameter, the most and the least sensitive place.
+
+    Left out is what shows at no size that there is.
+    """
     kinds: dict[tuple[str, str, str], list[Seen]] = {}
     for item in seen:
-        kinds.setdefault((item.physics, item.parameter, item.unit), []).append(item)
+        if not _is_endless(item) or abs(item.smallest) < ABSURD:
+            kinds.setdefault((item.physics, item.parameter, item.unit), []).append(item)
     found = []
     for (physics, _, _), items in kinds.items():
         items.sort(key=lambda item: 1 / item.smallest if _is_endless(item) else abs(item.smallest - item.neutral))
@@ -123,11 +130,16 @@ def _ends(seen: Sequence[Seen]) -> list[tuple[str, list[Seen]]]:
     return found
 
 
-def _off(item: Seen) -> str:
-    """Return by how much a parameter must be off to show: a factor in per cent."""
-    if item.unit == "1" and item.neutral == 1:
-        return f"{number(100 * abs(item.smallest - 1), 2)} %"
-    return _size(item.smallest if _is_endless(item) else abs(item.smallest - item.neutral), item.unit)
+def _off(*items: Seen) -> str:
+    """Return by how much a parameter must be off to show, at one place or at two: a factor or a share in per cent."""
+    endless = _is_endless(items[0])
+    sizes = [item.smallest if endless else abs(item.smallest - item.neutral) for item in items]
+    if items[0].unit == "1" and max(sizes) >= _SHARE:
+        unit, factor = "%", 100.0
+    else:
+        unit, factor = readable_unit(sizes[0], items[0].unit)
+    shown = dict.fromkeys(number(factor * size, 2 if unit == "%" else 3) for size in sizes)
+    return f"{'below ' if endless else ''}{' to '.join(shown)} {unit}".strip()
 
 
 def _is_endless(item: Seen) -> bool:
