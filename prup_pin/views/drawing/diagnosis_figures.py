@@ -22,7 +22,7 @@ from ..scene.colours import AXES, FOUND, INK
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text
 from .drawing import Drawing, Layout
-from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool
+from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool, write_head
 from .plotting import Figure, Line2D, page_figure, plain_axes, plain_words, sheet, zero_lines
 
 #: What is measured less simulated before a diagnosis, and after it; what was measured.
@@ -128,7 +128,7 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, *, narrow: bool = False) ->
     draw_compass(figure, camera, robot.mechanism.gravity, layout)
     draw_legend(figure, parts, False, None, layout)
     _draw_list(figure, diagnosis, found, (0.06, 0.33) if narrow else (0.655, 0.87), layout.line, 4 if narrow else 9)
-    figure.text(0.025, 0.95, robot.name, fontsize=16, weight="bold", va="center")
+    write_head(figure, robot.name)
     return figure
 
 

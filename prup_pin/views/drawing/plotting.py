@@ -13,7 +13,6 @@ from ...spatial import Array
 try:
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.collections import PolyCollection
     from matplotlib.colors import ListedColormap
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
@@ -31,7 +30,6 @@ __all__ = [
     "ListedColormap",
     "MaxNLocator",
     "Patch",
-    "PolyCollection",
     "Polygon",
     "encoded",
     "page_figure",

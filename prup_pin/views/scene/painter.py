@@ -20,7 +20,7 @@ from ..text.answer import first_shares
 from ..text.values import pose_words
 from .camera import camera_of
 from .colours import AXES, ELLIPSOIDS, GHOST, INK, LOAD, MOVED, SYMBOL, grey_of, map_colour, share_colours
-from .elastic import SECTIONS, Deflections, beam_frame, fitting_scale, nice_below, principal
+from .elastic import SECTIONS, Deflections, beam_frame, fitting_scale, nice_below, principal, tips_apart
 from .scene import (
     ComplianceEllipsoid,
     Label,
@@ -401,7 +401,7 @@ class Painter:
                 bar = rod(0.0035 * size, 2 * values[axis] * scale + 0.02 * size)
                 parts.append(Part(f"{path}/axis_{axis + 1}", bar, frame, MOVED))
             drawn = values > 1e-9 * values[0]
-            ends = _apart(self.page @ vectors * semi, drawn)
+            ends = tips_apart(self.page @ vectors * semi, drawn)
             for axis in range(3):
                 if drawn[axis]:
                     tip = centre + ends[axis] * vectors[:, axis] * (semi[axis] + 0.01 * size)
@@ -518,15 +518,3 @@ def _arrow(path: str, frame: Array, length: float, radius: float, colour: str, o
         Part(f"{path}/{name}", shape, frame @ placement(np.eye(3), np.array([0, 0, middle])), colour, on_top=on_top)
         for name, shape, middle in pieces
     ]
-
-
-def _apart(ends: Array, drawn: np.ndarray) -> tuple[int, ...]:
-    """Return a sign per semi-axis (columns of `ends`, on the page) whose tips lie apart, rather to the right."""
-    best, found = -np.inf, (1, 1, 1)
-    for signs in ((a, b, c) for a in (1, -1) for b in (1, -1) for c in (1, -1)):
-        tips = (ends * np.array(signs))[:, drawn].T
-        gaps = [float(np.linalg.norm(p - q)) for i, p in enumerate(tips) for q in tips[:i]] or [0.0]
-        score = min(gaps) + 0.3 * tips[:, 0].mean()
-        if score > best + 1e-12:
-            best, found = score, signs
-    return found
