@@ -92,6 +92,7 @@ MOVED: dict[str, str] = {
     "views.text.compensation_text": "views.text.many_poses",
     "views.text.diagnosis_text": "views.text.bench_tests",
     "views.text.effect_options": "cli.typed",
+    "views.text.exported": "views.text.bench_tests",
     "views.text.import_text": "views.text.bench_tests",
     "views.text.joints": "views.text.values",
     "views.text.law_text": "views.text.robot_files",

@@ -19,8 +19,7 @@ from ..recordings import Convention, Recording, add_noise, read_plan, write_pred
 from ..robot import Robot
 from ..simulation import CorrectedModel, Prediction, as_recorded, in_format, read_model
 from ..views.text import terminal
-from ..views.text.bench_tests import print_simulation
-from ..views.text.exported import print_exported
+from ..views.text.bench_tests import print_exported, print_simulation
 from . import progress
 from .files import check_csv, check_folder, file_name, list_written
 from .options import (

@@ -437,8 +437,11 @@ def test_cloud_is_coloured_by_the_index(robot):
     np.testing.assert_allclose(colours[int(np.argmax(values))], rgb_of(MAP[-1]))
     np.testing.assert_allclose(colours[int(np.argmin(values))], rgb_of(MAP[0]))
     assert scene.legend.scale_ends[1].endswith("µm/N")
-    own = workspace_cloud(robot, poses, lambda compliance: compliance.C[5, 5], name="turning about z", unit="rad/(N m)")
-    assert own.legend.scale_title == "turning about z"
+
+    def turning_about_z(compliance):
+        return compliance.C[5, 5]
+
+    assert workspace_cloud(robot, poses, turning_about_z).legend.scale_title == "turning_about_z"
     with pytest.raises(prup_pin.InputError, match="not finite"):
         workspace_cloud(robot, poses, lambda compliance: np.nan)
 

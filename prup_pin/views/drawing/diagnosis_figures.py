@@ -140,19 +140,11 @@ def _draw_marks(drawing: Drawing, found: Sequence[Mark]) -> None:
         if len(flat) == 2:
             thick, alpha = (15.0, 0.35) if strong else (10.0, 0.16)
             drawing.axes.plot(*flat.T, color=FOUND, lw=thick, alpha=alpha, solid_capstyle="round", zorder=3)
-        size, width = (24, 2.6) if strong else (17, 1.2)
-        at = flat.mean(axis=0) if len(flat) == 2 else flat[0]
-        line = "-" if strong else (0, (2, 1.5))
+        at = flat.mean(axis=0)
         if len(flat) == 1:
-            drawing.axes.scatter(
-                *at[:, None],
-                s=size**2,
-                facecolors=FOUND + "22" if strong else "none",
-                edgecolors=FOUND,
-                linewidths=width,
-                linestyles=[line],
-                zorder=200,
-            )
+            size, width, line, face = (24, 2.6, "-", FOUND + "22") if strong else (17, 1.2, (0, (2, 1.5)), "none")
+            style = {"facecolors": face, "edgecolors": FOUND, "linewidths": width, "linestyles": [line]}
+            drawing.axes.scatter(*at[:, None], s=size**2, zorder=200, **style)
         ring = np.linspace(0, 2 * np.pi, 13)[:, None] * np.array([1.0, 1.0]) + np.array([0.0, np.pi / 2])
         drawing.labels.avoid(at + 0.024 * span * np.sin(ring))
 

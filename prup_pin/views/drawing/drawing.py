@@ -138,20 +138,8 @@ class Drawing:
     ) -> None:
         """Draw an arrow with a head of constant size."""
         a, b = self.camera.flat(start), self.camera.flat(end)
-        self.axes.annotate(
-            "",
-            xy=b,
-            xytext=a,
-            zorder=10 + lift,
-            arrowprops={
-                "arrowstyle": "-|>",
-                "color": colour,
-                "lw": width,
-                "mutation_scale": head,
-                "shrinkA": 0,
-                "shrinkB": 0,
-            },
-        )
+        style = {"arrowstyle": "-|>", "color": colour, "lw": width, "mutation_scale": head, "shrinkA": 0, "shrinkB": 0}
+        self.axes.annotate("", xy=b, xytext=a, zorder=10 + lift, arrowprops=style)
         self.labels.avoid(np.array([a, b]))
 
     def mark(

@@ -428,9 +428,7 @@ def draw_ellipsoid(figure: Figure, camera: Camera, compliance: Compliance, layou
     shine = 0.45 * outline[np.argmax(outline @ [-0.6, 0.8])]
     pale = 0.45 + 0.55 * rgb_of(SOFT)
     for share in np.linspace(1.0, 0.04, 25):
-        axes.fill(
-            *(share * outline + (1 - share) * shine).T, color=np.clip((1.12 - 0.4 * share) * pale, 0, 1), zorder=2
-        )
+        axes.fill(*(share * outline + (1 - share) * shine).T, color=np.clip((1.2 - 0.4 * share) * pale, 0, 1), zorder=2)
     axes.plot(*outline.T, color="#2F6355", lw=1.2, zorder=3)
     labels.avoid(outline)
     labels.obstacles.append(np.concatenate([outline * share for share in np.linspace(0.1, 0.95, 12)]))

@@ -52,6 +52,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
     drawn = white is not None and bool(white.exists.any())
     many = len(diagnosis.samples) > _MOST_DRAWN
     plan = diagnosis.next_experiment.get("plan") or {}
+    channels = channel_rows(diagnosis)
     return template.render(
         name=robot.name,
         version=__version__,
@@ -67,7 +68,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         measured=_measured(diagnosis, robot, recordings),
         place=picture(figures.place_figure, robot, diagnosis),
         findings=[_finding(diagnosis, finding) for finding in diagnosis.told],
-        channels=channel_rows(diagnosis),
+        channels=channels if diagnosis.told else [(what, after, unit) for what, _, after, unit in channels],
         joints=effort_rows(diagnosis),
         samples=picture(figures.sample_figure, diagnosis, pixels=many) if drawn else None,
         histogram=picture(figures.histogram_figure, white, begun) if drawn else None,
@@ -182,7 +183,7 @@ def _sentence(text: str) -> str:
     """Return a text with a capital and a full stop; a text that begins with a place keeps its letters."""
     first = text.split(" ", 1)[0]
     started = text if "/" in first or "_" in first else text[:1].upper() + text[1:]
-    return started if not started or started.endswith((".", ")")) else f"{started}."
+    return started if not started or started.endswith(".") else f"{started}."
 
 
 def _plan(plan: dict[str, Any], robot: Robot) -> list[tuple[str, ...]]:
