@@ -21,9 +21,8 @@ from ..scene.camera import camera_of
 from ..scene.colours import AXES, FOUND, INK
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text
-from .drawing import Drawing, Layout
 from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool, write_head
-from .plotting import Figure, Line2D, page_figure, plain_axes, plain_words, sheet, zero_lines
+from .plotting import Drawing, Figure, Layout, Line2D, page_figure, plain_axes, plain_words, sheet, zero_lines
 
 #: What is measured less simulated before a diagnosis, and after it; what was measured.
 BEFORE, AFTER, _MEASURED = "#9AA3AD", "#0B6AA8", "#23272E"
@@ -74,30 +73,27 @@ def marks(robot: Robot, pose: ClosedPose, findings: Sequence[Finding]) -> list[M
 
 
 def _points(robot: Robot, pose: ClosedPose, parts: Skeleton, name: str) -> Array | None:
+    """Return the points (n, 3) of a place: a beam's ends, a module, a joint, a frame; None of the robot as a whole."""
     mechanism = robot.mechanism
+    module = next((item for item in mechanism.modules if item.name == name), None)
+    seats = {item.name: item.at[None] for item in parts.joints}
     for segment in parts.segments:
         if segment.name == name and segment.kind == "beam":
             return np.array([segment.start, segment.end])
-    module = next((item for item in mechanism.modules if item.name == name), None)
     if module is not None and isinstance(module.kind, DriveModule):
-        # the drive is drawn where its joint has its seat
-        joint = str(mechanism.model.names[module.joint])
-        return next((item.at[None] for item in parts.joints if item.name == joint), None)
+        return seats.get(str(mechanism.model.names[module.joint]))  # drawn where its joint has its seat
     if module is not None:
         return (pose.placements[module.frame.joint] @ module.frame.placement)[None, :3, 3]
-    for length in mechanism.description.lengths:
-        if length.parameter.owner == name:
-            joints = [joint for joint, _ in length.moves if mechanism.model.existJointName(joint)]
-            if joints:
-                return next((item.at[None] for item in parts.joints if item.name == joints[0]), None)
+    lengths = [length for length in mechanism.description.lengths if length.parameter.owner == name]
+    for joint in (joint for length in lengths for joint, _ in length.moves if mechanism.model.existJointName(joint)):
+        return seats.get(joint)
     if mechanism.model.existJointName(name):
         return pose.placements[mechanism.joint_id(name)][None, :3, 3]
     if name in mechanism.frame_names:
         return pose.placement(name)[None, :3, 3]
-    if name == "robot" or name in (length.parameter.owner for length in mechanism.description.lengths):
+    if name == "robot" or lengths:
         return None
-    # what the mechanism does not know stands at its tool: a sensor, a payload
-    return parts.tool[None, :3, 3]
+    return parts.tool[None, :3, 3]  # what the mechanism does not know: a sensor, a payload
 
 
 @plain_words

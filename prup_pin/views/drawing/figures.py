@@ -24,8 +24,20 @@ from ..scene.elastic import Deflections, fitting_scale, principal, tips_apart
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.answer import Answer, load_text, ranked
 from ..text.values import percent_text, pose_words
-from .drawing import NARROW, WIDE, Drawing, Layout
-from .plotting import Figure, Line2D, ListedColormap, Patch, Polygon, plain_axes, plain_words, sheet
+from .plotting import (
+    NARROW,
+    WIDE,
+    Drawing,
+    Figure,
+    Layout,
+    Line2D,
+    ListedColormap,
+    Patch,
+    Polygon,
+    plain_axes,
+    plain_words,
+    sheet,
+)
 
 _PLATE, _PALE = "#aeb6bf", "#c3c9d0"
 #: Beams under load, where a legend stands for all their colours; letters in an ellipsoid.
@@ -76,7 +88,8 @@ def pose_figure(
     extent.append(camera.flat(tool) + 0.16 * size * np.array([[-1, -1], [1, 1]]))
     flat = np.concatenate(extent)
     drawing = Drawing(figure, layout.drawing, camera, flat.min(axis=0) - 0.07 * size, flat.max(axis=0) + 0.07 * size)
-    shares = _shares(compliance, load)
+    answer = None if compliance is None or load is None else Answer(compliance, load)
+    shares = (answer.shares if answer is not None else None) or {}
     colours, top = share_colours(shares)
     draw_mechanism(drawing, parts, pale=ghost is not None)
     if compliance is not None:
@@ -95,16 +108,6 @@ def pose_figure(
         _draw_scale(figure, top, layout)
     _write_title(figure, robot, pose, compliance, load, scale if ghost is not None else None, layout)
     return figure
-
-
-def _shares(compliance: Compliance | None, load: Array | None) -> dict[str, float]:
-    """Return the shares of all modules; none where nothing deflects."""
-    if compliance is None or load is None:
-        return {}
-    try:
-        return compliance.shares(load)
-    except InputError:
-        return {}
 
 
 def _of_joints(mechanism: Mechanism, shares: Mapping[str, float], colours: Mapping[str, str]) -> dict[str, str]:

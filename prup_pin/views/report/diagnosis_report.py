@@ -32,10 +32,11 @@ from ..text.diagnosis_words import (
     noise_text,
     parameter_texts,
     recording_rows,
+    seen_rows,
     summary_text,
+    then_and_now_rows,
     verdict_text,
 )
-from ..text.since_words import seen_rows, then_and_now_rows
 from ..text.values import clean, dimension
 from .pages import Picture, page_template, picture
 

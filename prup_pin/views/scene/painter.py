@@ -44,6 +44,17 @@ from .visuals import Visual, visuals
 
 #: Parts of a scene, and the words beside them.
 Signs = tuple[list[Part], list[Label]]
+#: Diagonal blocks of C: which rows, their unit, what an ellipsoid of each shows.
+_BLOCKS = {
+    "translation": (slice(0, 3), "m/N", "displacement by 1 N", "in every direction"),
+    "rotation": (slice(3, 6), "rad/(N m)", "rotation by 1 N m", "about every axis"),
+}
+#: What the signs of a load mean.
+_LOADED = (
+    Row(GHOST, "see-through: without load", sign="ghost"),
+    Row(LOAD, "load on the tool", sign="line"),
+    Row(MOVED, "displacement of the tool", sign="line"),
+)
 #: How far a deflection may be drawn at most, in sizes of the robot, or rotated [rad].
 _FARTHEST = 100.0
 
@@ -319,32 +330,25 @@ class Painter:
         force, moment = np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])
         origin, size = at[:3, 3], self.size
         if force > 0:
-            axis = wrench[:3] / force
-            frame = placement(axis_as_z(axis), origin)
+            frame = placement(axis_as_z(wrench[:3] / force), origin)
             length = 0.3 * size * max(arrow, 0.02)
             parts += _arrow("wrench/force", frame, length, 0.0105 * size, LOAD)
-            tip = frame[:3, 3] + length * frame[:3, 2]
+            tip = origin + length * frame[:3, 2]
             labels.append(Label("wrench/force", f"{number(arrow * force, 4)} N", tip, origin, LOAD, True))
         if moment > 0:
-            axis = wrench[3:] / moment
-            turn = axis_as_z(axis)
+            frame = placement(axis_as_z(wrench[3:] / moment), origin)
             # the gap of the arc faces away from the eye
-            to_eye = np.arctan2(turn[:, 1] @ self.viewer, turn[:, 0] @ self.viewer)
-            span = np.radians(280) * arrow
-            start = to_eye - span / 2
-            angle = start + np.linspace(0, 1, 49) * span
-            radius = 0.115 * size
-            points = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), np.zeros(49)))
-            frame = placement(turn, origin)
-            parts.append(Part("wrench/moment/arc", Tube(points, 0.0085 * size, 12), frame, LOAD))
+            to_eye = np.arctan2(frame[:3, 1] @ self.viewer, frame[:3, 0] @ self.viewer)
+            angle = to_eye + np.linspace(-0.5, 0.5, 49) * np.radians(280) * arrow
+            points = 0.115 * size * np.column_stack((np.cos(angle), np.sin(angle), np.zeros(49)))
             tangent = np.array([-np.sin(angle[-1]), np.cos(angle[-1]), 0.0])
             head = frame @ placement(axis_as_z(tangent), points[-1] + 0.03 * size * tangent)
-            parts.append(
-                Part("wrench/moment/head", Solid("cone", (0.052 * size, 0.052 * size, 0.06 * size)), head, LOAD)
-            )
+            cone = Solid("cone", (0.052 * size, 0.052 * size, 0.06 * size))
+            parts.append(Part("wrench/moment/arc", Tube(points, 0.0085 * size, 12), frame, LOAD))
+            parts.append(Part("wrench/moment/head", cone, head, LOAD))
             parts.append(Part("wrench/moment/axis", rod(0.003 * size, 0.3 * size), frame, LOAD))
-            at_label = (frame @ np.append(points[24], 1.0))[:3]
-            labels.append(Label("wrench/moment", f"{number(arrow * moment, 4)} N m", at_label, origin, LOAD, True))
+            middle = (frame @ np.append(points[24], 1.0))[:3]
+            labels.append(Label("wrench/moment", f"{number(arrow * moment, 4)} N m", middle, origin, LOAD, True))
         return parts, labels
 
     def _deflection(self, tool: Array, there: Array, moved: Deflections, factor: float) -> Signs:
@@ -370,43 +374,34 @@ class Painter:
         found: dict[str, ComplianceEllipsoid] = {}
         parts: list[Part] = []
         labels: list[Label] = []
-        for index, (name, block, unit) in enumerate(
-            (("translation", slice(0, 3), "m/N"), ("rotation", slice(3, 6), "rad/(N m)"))
-        ):
+        for index, (name, (block, unit, words, _)) in enumerate(_BLOCKS.items()):
             values, vectors = principal(compliance, block)
             lever = (size, 1 / size)[index]
             other = float(np.trace(compliance.C[3:, 3:] if index == 0 else compliance.C[:3, :3]))
             if values[0] <= 1e-12 * other * lever**2:  # rigid but for rounding
                 continue
             # signs: every axis to the right on the page, the last one right-handed
-            for column in range(2):
-                if self.page[0] @ vectors[:, column] < 0:
-                    vectors[:, column] *= -1
+            vectors[:, :2] *= np.where(self.page[0] @ vectors[:, :2] < 0, -1, 1)
             vectors[:, 2] = np.cross(vectors[:, 0], vectors[:, 1])
             centre = there[:3, 3]
             if where == "beside":
-                across = high[0] + 0.3 * size
                 height = (low[1] + high[1]) / 2 + (0.26 - 0.52 * index) * size
-                depth = self.viewer @ self.middle
-                centre = across * self.page[0] + height * self.page[1] + depth * self.viewer
+                flat = np.array([high[0] + 0.3 * size, height, self.viewer @ self.middle])
+                centre = flat @ [*self.page, self.viewer]
             scale = largest / values[0]
             found[name] = ComplianceEllipsoid(values, vectors, centre, scale)
             semi = np.maximum(values * scale, 1e-3 * largest)
-            colour = ELLIPSOIDS[name]
-            path = f"ellipsoids/{name}"
-            at = placement(vectors, centre)
-            parts.append(Part(f"{path}/surface", Solid("ball", tuple((2 * semi).tolist())), at, colour, 0.5))
-            for axis in range(3):
-                frame = placement(axis_as_z(vectors[:, axis]), centre)
-                bar = rod(0.0035 * size, 2 * values[axis] * scale + 0.02 * size)
-                parts.append(Part(f"{path}/axis_{axis + 1}", bar, frame, MOVED))
+            colour, path = ELLIPSOIDS[name], f"ellipsoids/{name}"
+            ball_ = Solid("ball", tuple((2 * semi).tolist()))
+            parts.append(Part(f"{path}/surface", ball_, placement(vectors, centre), colour, 0.5))
             drawn = values > 1e-9 * values[0]
             ends = tips_apart(self.page @ vectors * semi, drawn)
-            for axis in range(3):
+            for axis, along in enumerate(vectors.T):
+                bar = rod(0.0035 * size, 2 * values[axis] * scale + 0.02 * size)
+                parts.append(Part(f"{path}/axis_{axis + 1}", bar, placement(axis_as_z(along), centre), MOVED))
                 if drawn[axis]:
-                    tip = centre + ends[axis] * vectors[:, axis] * (semi[axis] + 0.01 * size)
+                    tip = centre + ends[axis] * along * (semi[axis] + 0.01 * size)
                     labels.append(Label(path, quantity(values[axis], unit), tip, centre, colour))
-            words = "displacement by 1 N" if name == "translation" else "rotation by 1 N m"
             reach = float(np.linalg.norm(self.page[1] @ vectors * semi))
             top = centre + (reach + 0.075 * size) * self.page[1]
             labels.append(Label(path, words, top, top - self.page[1] * size, colour, True))
@@ -451,22 +446,15 @@ class Painter:
             for name, share in first_shares(shares, 6) if top else ():
                 colour = map_colour(share / top) if name in shares else ""
                 rows.append(Row(colour, name, f"{100 * share:.1f} %"))
-            signs += [
-                Row(GHOST, "see-through: without load", sign="ghost"),
-                Row(LOAD, "load on the tool", sign="line"),
-                Row(MOVED, "displacement of the tool", sign="line"),
-            ]
+            signs += _LOADED
         elif any(not module.kind.spans_frames for module in pose.mechanism.modules):
             signs.append(Row(SYMBOL, "drives, bearings and springs, as symbols"))
-        for name, words, si in (
-            ("translation", "displacement by 1 N in every direction", "m/N"),
-            ("rotation", "rotation by 1 N m about every axis", "rad/(N m)"),
-        ):
+        for name, (_, si, words, around) in _BLOCKS.items():
             if name in balls:
                 values = balls[name].values
                 unit, factor = readable_unit(values[0], si)
                 ends = [number(value * factor, 3) for value in values if value > 1e-9 * values[0]]
-                signs.append(Row(ELLIPSOIDS[name], f"{words}: {', '.join(ends)} {unit}"))
+                signs.append(Row(ELLIPSOIDS[name], f"{words} {around}: {', '.join(ends)} {unit}"))
         return Legend(
             title=self.robot.name,
             lines=tuple(lines),

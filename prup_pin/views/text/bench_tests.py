@@ -32,9 +32,10 @@ from .diagnosis_words import (
     noise_text,
     parameter_texts,
     recording_rows,
+    seen_rows,
+    then_and_now_rows,
     verdict_text,
 )
-from .since_words import seen_rows, then_and_now_rows
 from .terminal import bullets, heading, lines_of, listed, paragraph, show_table
 
 if TYPE_CHECKING:  # the command line begins without them
