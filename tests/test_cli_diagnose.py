@@ -422,4 +422,4 @@ def test_without_out_the_folder_is_called_after_the_recording(monkeypatch, tmp_p
     Path("bench_diagnosis").write_text("a file", encoding="utf-8")
     done = CliRunner().invoke(app, ["diagnose", str(bench.path)])
     assert done.exit_code == 2
-    assert "--out: 'bench_diagnosis' is not a folder" in " ".join(done.stderr.split())
+    assert "--out: 'bench_diagnosis' is a file; give a folder" in " ".join(done.stderr.split())

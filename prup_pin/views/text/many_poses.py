@@ -15,7 +15,6 @@ from ...robot import Robot
 from ...sweep import QUANTITIES, SweepFile, SweepResult
 from .bench_tests import effect_text, print_failures
 from .terminal import bullets, heading, listed, paragraph, show_table
-from .values import coordinate_text
 
 #: Quantities with more entries are named, not listed.
 _ENTRIES = 8
@@ -60,12 +59,6 @@ def _print_spread(out: Console, found: SweepResult | SweepFile, ok: np.ndarray) 
         show_table(out, ("", ">least", ">mean", ">95 %", ">largest", "unit"), rows)
     if large:
         listed(out, "in --out", [f"{', '.join(large)}: of each pose more than {_ENTRIES} numbers, not listed here"])
-
-
-def axis_text(name: str, kind: str, values: Sequence[float], count: int | None = None) -> str:
-    """Return 'theta -30 deg … 30 deg in 41' of an axis' ends, or of one value; a `kind` is 'length' or 'angle'."""
-    ends = " … ".join(coordinate_text(value, kind, 4) for value in values)
-    return f"{name} {ends}" + ("" if count is None else f" in {count}")
 
 
 # -- a compensation: what the path missed, what the commands leave -----------------------------------------------------
