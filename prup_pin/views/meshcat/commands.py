@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 import re
 import uuid
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -92,11 +92,11 @@ def _inner(shape: Shape) -> Array:
 
 
 def _object(part: Part, targets: Sequence[Array] = ()) -> Command:
-    shape = part.shape
+    shape, thin = part.shape, isinstance(part.shape, Lines)
     geometry, material, mesh = (str(uuid.uuid4()) for _ in range(3))
     look: dict[str, Any] = {
         "uuid": material,
-        "type": "LineBasicMaterial" if isinstance(shape, Lines) else "MeshPhongMaterial",
+        "type": "LineBasicMaterial" if thin else "MeshPhongMaterial",
         "color": int(part.colour[1:], 16),
         "opacity": part.opacity,
         "transparent": part.opacity < 1 or part.on_top,
@@ -105,28 +105,24 @@ def _object(part: Part, targets: Sequence[Array] = ()) -> Command:
         "side": 2,
         "vertexColors": isinstance(shape, Mesh) and shape.colours is not None,
     }
-    if not isinstance(shape, Lines):
+    if not thin:
         look |= {"shininess": 40, "specular": 0x222222}
-    if isinstance(shape, Mesh) and shape.normals is None:
-        look["flatShading"] = True
+        look["flatShading"] = isinstance(shape, Mesh) and shape.normals is None
     entry = {
         "uuid": mesh,
-        "type": "LineSegments" if isinstance(shape, Lines) else "Mesh",
+        "type": "LineSegments" if thin else "Mesh",
         "geometry": geometry,
         "material": material,
         "matrix": _inner(shape).T.ravel().tolist(),
         "renderOrder": 2 if part.on_top else 1 if part.opacity < 1 else 0,
     }
-    return {
-        "type": "set_object",
-        "path": tree_path(part.path),
-        "object": {
-            "metadata": {"version": 4.5, "type": "Object"},
-            "geometries": [{"uuid": geometry, **_geometry(shape, targets)}],
-            "materials": [look],
-            "object": entry,
-        },
+    whole = {
+        "metadata": {"version": 4.5, "type": "Object"},
+        "geometries": [{"uuid": geometry, **_geometry(shape, targets)}],
+        "materials": [look],
+        "object": entry,
     }
+    return {"type": "set_object", "path": tree_path(part.path), "object": whole}
 
 
 def tree_path(path: str) -> str:
@@ -165,13 +161,10 @@ def folders(parts: Sequence[Part]) -> list[str]:
 
 def scene_commands(scene: Scene) -> list[Command]:
     """Return meshcat's commands that draw a scene."""
-    commands = stage(scene)
-    for part in scene.parts:
-        commands += [_object(part), transform(tree_path(part.path), part.placement)]
-    return commands + [transform(f"/{folder}", scene.display_from_base) for folder in folders(scene.parts)]
+    return [*stage(scene), *changes((), scene.parts, scene.display_from_base)]
 
 
-def changes(before: Sequence[Part], after: Sequence[Part]) -> list[Command]:
+def changes(before: Sequence[Part], after: Sequence[Part], display_from_base: Array) -> list[Command]:
     """Return the commands that make a viewer that has the parts of `before` show those of `after`."""
     old, new = ({part.path: part for part in parts} for parts in (before, after))
     commands: list[Command] = [{"type": "delete", "path": tree_path(path)} for path in old if path not in new]
@@ -182,7 +175,12 @@ def changes(before: Sequence[Part], after: Sequence[Part]) -> list[Command]:
         elif np.array_equal(known.placement, part.placement):
             continue
         commands.append(transform(tree_path(path), part.placement))
-    return commands
+    return [*commands, *_displayed(set(folders(after)) - set(folders(before)), display_from_base)]
+
+
+def _displayed(names: Iterable[str], display_from_base: Array) -> list[Command]:
+    """Return the commands that place top folders in the viewer's world."""
+    return [transform(f"/{name}", display_from_base) for name in sorted(names)]
 
 
 def _alike(one: Part, other: Part) -> bool:
@@ -221,7 +219,7 @@ def motion_commands(motion: Motion) -> list[Command]:
         for where, found in ((tree_path(path), tracks), (f"{tree_path(path)}/<object>", on_object)):
             if found:
                 clips.append({"path": where, "clip": {"fps": 30, "name": "default", "tracks": found}})
-    commands += [transform(f"/{folder}", first.display_from_base) for folder in folders(everything)]
+    commands += _displayed(folders(everything), first.display_from_base)
     if clips:
         options = {"play": True, "repetitions": 1_000_000}
         commands.append({"type": "set_animation", "path": "", "animations": clips, "options": options})

@@ -23,7 +23,7 @@ from ..scene.painter import Painter
 from ..scene.scene import Part, Scene
 from ..text.answer import Answer, rigid_texts, stiffness_table
 from ..text.values import clean, coordinate_dimensions, dimension, limits
-from .commands import changes, folders, packed, stage, transform
+from .commands import changes, packed, stage
 from .server import Message, Served
 from .view import words
 
@@ -186,11 +186,9 @@ class Session:
 
     def _difference(self, scene: Scene) -> list[Message]:
         """Return the commands from what the browser has to a scene."""
-        new = [folder for folder in folders(scene.parts) if folder not in folders(self._shown)]
-        commands = changes(self._shown, scene.parts)
-        places = [transform(f"/{name}", self.explorer.first.display_from_base) for name in new]
+        commands = changes(self._shown, scene.parts, self.explorer.first.display_from_base)
         self._shown = scene.parts
-        return list(map(packed, [*commands, *places]))
+        return list(map(packed, commands))
 
     def _told(self, scene: Scene, pose: ClosedPose, wrench: Array, told: dict[str, Any]) -> str:
         shown = words([scene], seen=self.explorer.first)
