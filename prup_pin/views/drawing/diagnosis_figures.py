@@ -22,7 +22,7 @@ from ..scene.colours import AXES, FOUND, INK
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text
 from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool, write_head
-from .plotting import Drawing, Figure, Layout, Line2D, page_figure, plain_axes, plain_words, sheet, zero_lines
+from .plotting import Drawing, Figure, Layout, Line2D, page_figure, panels, plain_axes, plain_words, sheet, zero_lines
 
 #: What is measured less simulated before a diagnosis, and after it; what was measured.
 BEFORE, AFTER, _MEASURED = "#9AA3AD", "#0B6AA8", "#23272E"
@@ -224,16 +224,14 @@ def draw_response(axes, response: Recovered, physics: str, letters: float = 10) 
     low, high = min(float(np.quantile(y, 0.02)), 0.0), max(float(np.quantile(y, 0.98)), 0.0)
     pad = 0.12 * max(high - low, 1e-12)
     axes.set_ylim(max(low - pad, -top), min(high + pad, top))
-    axes.set_xlabel(f"{response.x_label} [{x_unit}]", fontsize=letters)
-    axes.set_ylabel(f"{response.y_label} [{y_unit}]", fontsize=letters)
-    plain_axes(axes, letters - 1)
+    labels = (f"{response.x_label} [{x_unit}]", f"{response.y_label} [{y_unit}]")
+    plain_axes(axes, letters - 1, labels=labels)
 
 
 def _agreement_figure(finding: Finding, response: Agreement, narrow: bool) -> Figure:
     shown = [group for group in response.columns if np.any(response.asked[:, group.where])][:2]
     figure = page_figure(4.0 * max(len(shown), 1) if narrow else 4.6, narrow, finding_text(finding))
-    grid = figure.subplots(*((len(shown), 1) if narrow else (1, 2)), squeeze=False).ravel()
-    for axes, (kind, si, block) in zip(grid, shown, strict=False):
+    for axes, (kind, si, block) in zip(panels(figure, len(shown), 1 if narrow else 2), shown, strict=True):
         asked, law = response.asked[:, block], response.law[:, block]
         largest = float(np.abs(law).max(initial=0.0)) or float(np.abs(asked).max(initial=0.0))
         unit, factor = readable_unit(largest, si)
@@ -243,17 +241,12 @@ def _agreement_figure(finding: Finding, response: Agreement, narrow: bool) -> Fi
         axes.fill_between(line, line - noise, line + noise, color=_BAND, lw=0, zorder=1, label="noise, ± 2 σ")
         axes.plot(line, line, color=FOUND, lw=1.6, zorder=2, label="the law")
         for column, (colour, name) in enumerate(zip(AXES, _AXIS_NAMES[si], strict=True)):
-            axes.plot(
-                factor * law[:, column], factor * asked[:, column], ".", color=colour, ms=4, alpha=0.6, label=name
-            )
+            style = {"color": colour, "ms": 4, "alpha": 0.6, "label": name}
+            axes.plot(factor * law[:, column], factor * asked[:, column], ".", **style)
         axes.set_xlim(-reach, reach)
         axes.set_ylim(-reach - 2 * noise, reach + 2 * noise)
-        axes.set_xlabel(f"{kind} that the law gives [{unit}]", fontsize=10)
-        axes.set_ylabel(f"{kind} that the recording asks for [{unit}]", fontsize=10)
-        plain_axes(axes, 9)
+        plain_axes(axes, 9, labels=[f"{kind} that the {what} [{unit}]" for what in ("law gives", "recording asks for")])
         axes.legend(frameon=False, fontsize=9, loc="best", handlelength=1.2)
-    for axes in grid[len(shown) :]:
-        axes.set_visible(False)
     return figure
 
 
@@ -318,12 +311,11 @@ def histogram_figure(found: Residuals, begun: str = "robot file", *, narrow: boo
     """
     groups = [(name, block) for name, _, block in found.columns if found.exists[:, block].any()]
     across = 1 if narrow else 2
-    lines = max(-(-len(groups) // across), 1)
-    figure = page_figure(3.0 * lines, narrow, width=11)
-    grid = figure.subplots(lines, across, squeeze=False).ravel()
+    figure = page_figure(3.0 * max(-(-len(groups) // across), 1), narrow, width=11)
+    grid = panels(figure, len(groups), across)
     edges = np.linspace(-6, 6, 49).tolist()
     normal = np.linspace(-6, 6, 200)
-    for axes, (name, block) in zip(grid, groups, strict=False):
+    for axes, (name, block) in zip(grid, groups, strict=True):
         there = found.exists[:, block]
         before, after = (np.clip(values[:, block][there], -5.99, 5.99) for values in (found.before, found.after))
         bars = {"bins": edges, "density": True}
@@ -333,13 +325,11 @@ def histogram_figure(found: Residuals, begun: str = "robot file", *, narrow: boo
         axes.plot(normal, density, "--", color=INK, lw=1.2, label="dashed: noise alone", zorder=4)
         axes.set_xlim(-6, 6)
         axes.set_title(name, fontsize=11, loc="left", color=INK)
-        axes.set_xlabel("multiples of the noise (beyond ± 6: in the outermost bars)", fontsize=8.5)
         axes.set_yticks([])
-        plain_axes(axes, 8.5, None, ("top", "right", "left"))
+        labels = ("multiples of the noise (beyond ± 6: in the outermost bars)",)
+        plain_axes(axes, 8, None, ("top", "right", "left"), labels)
     grid[0].legend(frameon=False, fontsize=9, loc="upper left")
     grid[0].set_ylim(top=1.45 * grid[0].get_ylim()[1])  # room for the legend above the curve
-    for axes in grid[len(groups) :]:
-        axes.set_visible(False)
     return figure
 
 
@@ -400,8 +390,7 @@ def _draw_time(axes, efforts: EffortDiagnosis, column: int, shown: np.ndarray, n
     drawn, found = (number(100 * share[of], 3) for of in ("rigid", "heldout"))
     text = f"{drawn} % of it unexplained as drawn, {found} % with the findings"
     axes.set_title(f"{name}\n{text}" if narrow else f"{name}: {text}", fontsize=8.5 if narrow else 9.5, loc="left")
-    axes.set_ylabel(f"effort [{unit}]", fontsize=9)
-    plain_axes(axes, 8.5)
+    plain_axes(axes, 8.5, labels=("", f"effort [{unit}]"))
 
 
 def _draw_left(axes, efforts: EffortDiagnosis, column: int) -> None:
@@ -411,9 +400,8 @@ def _draw_left(axes, efforts: EffortDiagnosis, column: int) -> None:
     for values, colour, order in ((efforts.rigid, BEFORE, 2), (efforts.predicted, AFTER, 3)):
         left = (efforts.measured - values)[good, column]
         axes.scatter(speed, left, s=3, color=colour, linewidths=0, alpha=0.5, zorder=order, rasterized=True)
-    axes.set_ylabel(f"left [{efforts.units[column]}]", fontsize=9)
-    axes.set_xlabel(f"speed [{'m/s' if efforts.joints[column] in efforts.sliding else 'rad/s'}]", fontsize=9)
-    plain_axes(axes, 8.5)
+    unit = "m/s" if efforts.joints[column] in efforts.sliding else "rad/s"
+    plain_axes(axes, 8.5, labels=(f"speed [{unit}]", f"left [{efforts.units[column]}]"))
 
 
 @plain_words
@@ -431,8 +419,7 @@ def effort_curve_figure(finding: Finding, curve: EffortCurve, *, narrow: bool = 
     axes.errorbar(x, curve.y, 1.96 * curve.deviation, fmt="o", ms=5, color=AFTER, lw=1.2, zorder=3, label=words)
     if curve.law is not None:
         axes.plot(x, curve.law, color=FOUND, lw=2.2, zorder=4, label=f"the law: {finding.physics.replace('_', ' ')}")
-    axes.set_xlabel(f"{curve.against} of {curve.joint} [{unit}]", fontsize=10)
-    axes.set_ylabel(f"effort beyond the rest of the model [{curve.y_unit}]", fontsize=10)
-    plain_axes(axes, 8.5)
+    labels = (f"{curve.against} of {curve.joint} [{unit}]", f"effort beyond the rest of the model [{curve.y_unit}]")
+    plain_axes(axes, 8.5, labels=labels)
     figure.legend(frameon=False, fontsize=9, loc="outside lower center", ncols=1 if narrow else 2)
     return figure

@@ -60,14 +60,34 @@ def zero_lines(axes, x: Sequence[float] | Array = ()) -> None:
         axes.axvline(0, color="#C3C9D0", lw=0.8, zorder=1)
 
 
-def plain_axes(axes, letters: float | None, grid: str | None = "both", sides: Sequence[str] = ("top", "right")) -> None:
-    """Draw axes without the lines at some sides, with a pale grid behind all; `letters`: the size of its numbers."""
+def plain_axes(
+    axes,
+    letters: float | None,
+    grid: str | None = "both",
+    sides: Sequence[str] = ("top", "right"),
+    labels: Sequence[str] = (),
+) -> None:
+    """Draw axes without the lines at some sides, with a pale grid behind all.
+
+    letters: the size of its numbers; that of `labels`, along x and y, is 1 more.
+    """
     if letters is not None:
         axes.tick_params(labelsize=letters)
+    for say, text in zip((axes.set_xlabel, axes.set_ylabel), labels, strict=False):
+        say(text, fontsize=None if letters is None else letters + 1)
     if grid is not None:
         axes.grid(axis=grid, color="#EDF0F2", zorder=0)
         axes.set_axisbelow(True)
     axes.spines[list(sides)].set_visible(False)
+
+
+def panels(figure: Figure, count: int, columns: int, **options) -> list[Any]:
+    """Return so many axes of a figure, row by row, at most so many in one."""
+    across = min(columns, max(count, 1))
+    grid = figure.subplots(-(-max(count, 1) // across), across, squeeze=False, **options).ravel()
+    for axes in grid[count:]:
+        axes.set_visible(False)
+    return list(grid[:count])
 
 
 def encoded(figure: Figure, kind: str) -> bytes:

@@ -18,7 +18,7 @@ from ...spatial import Array
 from ...sweep import QUANTITIES, SweepFile, SweepResult
 from ..scene.colours import FAINT, FOUND, INK, map_rgb
 from ..text.values import coordinate_text
-from .plotting import Figure, ListedColormap, MaxNLocator, Patch, plain_axes, plain_words, sheet
+from .plotting import Figure, ListedColormap, MaxNLocator, Patch, panels, plain_axes, plain_words, sheet
 
 #: Quantities that no map shows: where the robot stands, and matrices.
 _NO_MAP = {"C", "K", "K_yielding", "q", "softest"}
@@ -99,16 +99,13 @@ def beside_figure(
     count, wide = len(each[0]), 2 if len(each[0]) > _TALL else 1
     rows, across = ceil(count / wide), wide * len(columns)
     figure = sheet(_SIZE * 1.25 * across + 0.4, _SIZE * rows + 0.7, None, "constrained")
-    grid = figure.subplots(rows, across, squeeze=False)
+    grid = panels(figure, count * len(columns), across)
     figure.suptitle(title, fontsize=11, color=INK)
     for place in range(count):
         levels = _levels(np.concatenate([panels[place][2].ravel() for panels in each]))
         for column, (word, found) in enumerate(columns):
-            axes = grid[place // wide, place % wide * len(columns) + column]
             title, unit, values = each[column][place]
-            _draw(axes, found, (f"{word}: {title}", unit, values), levels)
-    for axes in grid.ravel()[count * len(columns) :]:
-        axes.set_visible(False)
+            _draw(grid[place * len(columns) + column], found, (f"{word}: {title}", unit, values), levels)
     return figure
 
 
@@ -213,15 +210,11 @@ def _heading(found: Swept, summary: str) -> str:
 # -- drawing -----------------------------------------------------------------------------------------------------------
 
 
-def _sheets(count: int) -> tuple[Figure, Sequence[Any]]:
+def _sheets(count: int) -> tuple[Figure, list[Any]]:
     """Return a figure with so many panels, three in a row."""
     columns = min(count, 3)
-    rows = ceil(count / columns)
-    figure = sheet(_SIZE * 1.25 * columns + 0.3, _SIZE * rows + 0.5, None, "constrained")
-    grid = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes in grid[count:]:
-        axes.set_visible(False)
-    return figure, grid[:count]
+    figure = sheet(_SIZE * 1.25 * columns + 0.3, _SIZE * ceil(count / columns) + 0.5, None, "constrained")
+    return figure, panels(figure, count, columns)
 
 
 def _maps(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
