@@ -112,12 +112,12 @@ def pose_figure(
 
 def _of_joints(mechanism: Mechanism, shares: Mapping[str, float], colours: Mapping[str, str]) -> dict[str, str]:
     """Return the colour of each joint on which something other than a beam yields: that of the softest part there."""
-    found: dict[str, tuple[float, str]] = {}
-    for module in mechanism.modules:
-        if not module.kind.spans_frames and module.name in shares:
-            name = str(mechanism.model.names[module.joint])
-            found[name] = max(found.get(name, (-np.inf, "")), (shares[module.name], colours[module.name]))
-    return {name: colour for name, (_, colour) in found.items()}
+    softest = sorted((module for module in mechanism.modules if module.name in shares), key=lambda m: shares[m.name])
+    return {
+        str(mechanism.model.names[module.joint]): colours[module.name]
+        for module in softest
+        if not module.kind.spans_frames
+    }
 
 
 def draw_mechanism(drawing: Drawing, parts: Skeleton, pale: bool = False) -> None:
@@ -283,7 +283,7 @@ def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, scale: float | No
         (not still, f"deflected, drawn × {number(scale or 0)}", line(*((_MIDDLE, 4.5) if beams else (INK, 2.2)))),
         ("link" in kinds, "rigid link", line(INK if still else _PALE, 4)),
         ("slide" in kinds, "slide", line(INK, 1.6, ls=(0, (4, 2)))),
-        (bool(parts.plates), "rigid body, base", None),
+        (bool(parts.plates), "", None),
         ("actuated" in roles, "actuated joint", mark("s" if slides == {True} else "o", "#F2B705", 10)),
         ("passive" in roles, "passive joint", mark("o", "white", 7.5)),
         ("sprung" in roles and "actuated" not in roles, "sprung joint", mark("o", "#9BD1E5", 7.5)),
@@ -291,11 +291,9 @@ def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, scale: float | No
         (bool(parts.closures), "loop closure", mark("D", "none", 8)),
         (loaded, "load on the tool", line(LOAD, 3)),
     ]
-    plate = {"facecolor": _PLATE, "edgecolor": INK, "alpha": 0.5}
+    plate = Patch(facecolor=_PLATE, edgecolor=INK, alpha=0.5, label="rigid body, base")
     handles = [
-        Patch(label=label, **plate) if style is None else Line2D([], [], label=label, **style)
-        for is_there, label, style in signs
-        if is_there
+        plate if style is None else Line2D([], [], label=label, **style) for holds, label, style in signs if holds
     ]
     figure.legend(
         handles=handles, loc="upper left", bbox_to_anchor=layout.legend, frameon=False, fontsize=9.5, handlelength=2.4

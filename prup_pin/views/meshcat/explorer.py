@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -127,8 +127,7 @@ class Explorer(Served):
         if table is None:
             texts = "; ".join(rigid_texts(answer))
             return {"title": "K does not exist", "detail": f"no module yields under {texts}"}
-        parts = {"rows": table.rows, "columns": table.columns, "cells": table.cells}
-        return {"title": table.title, "detail": table.detail, **parts}
+        return asdict(table)
 
     def controls(self) -> dict[str, Any]:
         """Return the sliders as the page makes them."""

@@ -149,8 +149,13 @@ class Served:
 
     def tell(self, messages: Sequence[Message]) -> None:
         """Send messages to all browsers that look at it."""
+
+        def send() -> None:
+            for browser in list(self._sockets):
+                _send(browser, messages)
+
         if self.url is not None:
-            self._loop.call_soon_threadsafe(lambda: [_send(browser, messages) for browser in list(self._sockets)])
+            self._loop.call_soon_threadsafe(send)
 
 
 def _send(browser: Any, messages: Sequence[Message]) -> None:

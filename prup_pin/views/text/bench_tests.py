@@ -19,18 +19,14 @@ from ...recordings.columns import AS_LOGGED, unit_of
 from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
 from .diagnosis_words import (
-    MOST_PARAMETERS,
-    alternative_text,
-    by_place,
     channel_rows,
-    cost_text,
     effort_rows,
+    finding_lines,
     finding_text,
     hidden_rows,
     length_of,
     multiple_text,
     noise_text,
-    parameter_texts,
     recording_rows,
     seen_rows,
     then_and_now_rows,
@@ -39,7 +35,7 @@ from .diagnosis_words import (
 from .terminal import bullets, heading, lines_of, listed, paragraph, show_table
 
 if TYPE_CHECKING:  # the command line begins without them
-    from ...diagnosis import Diagnosis, Finding
+    from ...diagnosis import Diagnosis
     from ...diagnosis.calibration import Calibration
     from ...diagnosis.diagnosis import Detectable
     from ...diagnosis.since import Since
@@ -230,7 +226,9 @@ def print_diagnosis(
         what = "Left out" if since is None else "Changed"
         heading(out, "How to simulate it" if diagnosis.verdict == "nothing_missing" else what)
         for index, finding in enumerate(diagnosis.told, 1):
-            _print_finding(out, diagnosis, index, finding)
+            paragraph(out, finding_text(finding), f"{index}  ")
+            for text in finding_lines(diagnosis, finding):
+                paragraph(out, text, "   ")
     heading(out, "Measured less simulated", "(root mean square)")
     show_table(out, ("", ">before", ">after", ""), channel_rows(diagnosis))
     if rows := effort_rows(diagnosis):
@@ -272,30 +270,6 @@ def _verdict(out: Console, text: str) -> None:
     """Print a bold paragraph at the margin."""
     for line in lines_of(text, out.width):
         out.print(Text(line, style="bold"), soft_wrap=True)
-
-
-def _print_finding(out: Console, diagnosis: Diagnosis, index: int, finding: Finding) -> None:
-    paragraph(out, finding_text(finding), f"{index}  ")
-    paragraph(out, finding.statement, "   ")
-    places = by_place(finding)
-    for place, texts in places.items():
-        told = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in texts)
-        paragraph(out, f"{place}: {told}", "   ")
-    alone = [] if places else parameter_texts(finding.parameters)
-    shown = MOST_PARAMETERS if len(alone) > MOST_PARAMETERS + 1 else len(alone)
-    for name, value, interval in alone[:shown]:
-        paragraph(out, f"{name} {value} (95 %: {interval})", "   ")
-    if shown < len(alone):
-        paragraph(out, f"and {len(alone) - shown} more, in diagnosis.json", "   ")
-    if finding.curve is not None:
-        pairs = zip(finding.curve.load, finding.curve.deformation, strict=True)
-        points = "  ".join(f"{number(load, 3)}: {number(1e6 * moved, 3)}" for load, moved in pairs)
-        paragraph(out, f"curve, load [N, N m]: deformation [µm, µrad]  {points}", "   ")
-    for text in (*alternative_text(diagnosis, finding), cost_text(finding)):
-        if text:
-            paragraph(out, text, "   ")
-    if finding.remedy:
-        paragraph(out, f"to do: {finding.remedy}", "   ")
 
 
 # -- a calibration -----------------------------------------------------------------------------------------------------

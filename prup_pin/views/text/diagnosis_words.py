@@ -194,13 +194,30 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     """Return the verdict, and a paragraph for each finding."""
     lines = [*diagnosis.premises, verdict_text(diagnosis)]
     for index, finding in enumerate(diagnosis.told, 1):
-        lines += ["", f"{index}  {finding_text(finding)}", f"   {finding.statement}"]
-        lines += [f"   {text}" for text in (cost_text(finding), f"to do: {finding.remedy}") if text]
-        lines += [
-            f"   {name} {value} (95 %: {interval})" for name, value, interval in parameter_texts(finding.parameters)
-        ]
-        lines += [f"   {text}" for text in alternative_text(diagnosis, finding)]
+        lines += ["", f"{index}  {finding_text(finding)}"]
+        lines += [f"   {text}" for text in finding_lines(diagnosis, finding, len(finding.parameters))]
     return "\n".join(lines)
+
+
+def finding_lines(diagnosis: Diagnosis, finding: Finding, most: int = MOST_PARAMETERS) -> list[str]:
+    """Return what is told of a finding below its name; of more than `most` values, that there are more."""
+    places = by_place(finding)
+    alone = [] if places else parameter_texts(finding.parameters)
+    shown = most if len(alone) > most + 1 else len(alone)
+    lines = [finding.statement]
+    for place, texts in places.items():
+        told = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in texts)
+        lines.append(f"{place}: {told}")
+    lines += [f"{name} {value} (95 %: {interval})" for name, value, interval in alone[:shown]]
+    if shown < len(alone):
+        lines.append(f"and {len(alone) - shown} more, in diagnosis.json")
+    if finding.curve is not None:
+        pairs = zip(finding.curve.load, finding.curve.deformation, strict=True)
+        points = "  ".join(f"{number(load, 3)}: {number(1e6 * moved, 3)}" for load, moved in pairs)
+        lines.append(f"curve, load [N, N m]: deformation [µm, µrad]  {points}")
+    lines += [*alternative_text(diagnosis, finding), cost_text(finding)]
+    lines.append(f"to do: {finding.remedy}" if finding.remedy else "")
+    return [line for line in lines if line]
 
 
 def summary_text(diagnosis: Diagnosis) -> str:
@@ -509,8 +526,8 @@ def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
 _MOST_CHANGED = 2
 #: Shares from this on are told in per cent.
 _SHARE = 1e-3
-#: A value that does nothing and is so many times another one has no end.
-_ENDLESS = 1e6
+#: What does nothing at a value beyond this, such as a reference load, does nothing where that has no end.
+_ENDLESS = 1e12
 
 
 def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
@@ -606,14 +623,10 @@ def seen_rows(seen: Sequence[Seen]) -> list[tuple[str, str, str]]:
 
 
 def _ends(seen: Sequence[Seen]) -> list[tuple[str, list[Seen]]]:
-    """Return, of each physics in words and parameter, the most and the least sensitive place.
-
-    Left out is what shows at no size that there is.
-    """
+    """Return, of each physics in words and parameter, the most and the least sensitive place."""
     kinds: dict[tuple[str, str, str], list[Seen]] = {}
     for item in seen:
-        if not _is_endless(item) or abs(item.smallest) < _ABSURD:
-            kinds.setdefault((item.physics, item.parameter, item.unit), []).append(item)
+        kinds.setdefault((item.physics, item.parameter, item.unit), []).append(item)
     found = []
     for (physics, _, _), items in kinds.items():
         items.sort(key=lambda item: 1 / item.smallest if _is_endless(item) else abs(item.smallest - item.neutral))
@@ -635,7 +648,7 @@ def _off(*items: Seen) -> str:
 
 def _is_endless(item: Seen) -> bool:
     """Return True for what does nothing where its value is without end, such as a reference load."""
-    return abs(item.neutral) > _ENDLESS * abs(item.smallest) > 0
+    return abs(item.neutral) > _ENDLESS
 
 
 def _size(value: float, unit: str) -> str:
