@@ -370,10 +370,13 @@ def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) 
     axes = figure.add_axes((left, 0.55 / height, 0.97 - left, 1 - (head + 0.55) / height))
     largest = max(share for _, share, _ in rows)
     amounts = fixed([factor * amount for _, _, amount in rows])
-    for row, ((name, share, _), amount) in enumerate(zip(rows, amounts, strict=True)):
-        axes.barh(row, 100 * share, height=0.68, color=colours.get(name, _PALE), zorder=2)
-        text = f"{percent_text(share, coarse=True)} %   {amount} {unit}"
-        axes.text(100 * share + 1.2 * largest, row, text, va="center", fontsize=size, color="#222222")
+    lengths, shades = [100 * share for _, share, _ in rows], [colours.get(name, _PALE) for name, _, _ in rows]
+    bars = axes.barh(range(len(rows)), lengths, 0.68, color=shades, zorder=2)
+    labels = [
+        f"{percent_text(share, coarse=True)} %   {amount} {unit}"
+        for (_, share, _), amount in zip(rows, amounts, strict=True)
+    ]
+    axes.bar_label(bars, labels, padding=7, fontsize=size, color="#222222")
     axes.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=size)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(0, 100 * room * largest)
