@@ -292,7 +292,7 @@ def test_a_file_that_is_not_there(run, tmp_path):
 def test_a_folder_that_cannot_be(clean_bench, run, tmp_path):
     (tmp_path / "file").write_text("")
     done = run("diagnose", clean_bench.path, "--out", tmp_path / "file" / "out")
-    refused(done, tmp_path / "file" / "out", "not a folder")
+    refused(done, tmp_path / "file" / "out", "is a file; give a folder")
     if os.geteuid():
         closed = tmp_path / "closed"
         closed.mkdir(mode=0o500)
