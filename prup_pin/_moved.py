@@ -77,6 +77,7 @@ MOVED: dict[str, str] = {
     "imports.wrench_columns": "imports.columns",
     "imports.yaml_keys": "imports.map",
     "recordings.tool_path": "recordings.recording",
+    "views.drawing.drawing": "views.drawing.plotting",
     "views.drawing.effort_figures": "views.drawing.diagnosis_figures",
     "views.drawing.ellipsoid": "views.drawing.figures",
     "views.drawing.path_figures": "views.drawing.sweep_figures",
@@ -92,6 +93,7 @@ MOVED: dict[str, str] = {
     "views.text.compensation_text": "views.text.many_poses",
     "views.text.diagnosis_text": "views.text.bench_tests",
     "views.text.effect_options": "cli.typed",
+    "views.text.exported": "views.text.bench_tests",
     "views.text.import_text": "views.text.bench_tests",
     "views.text.joints": "views.text.values",
     "views.text.law_text": "views.text.robot_files",
@@ -100,6 +102,7 @@ MOVED: dict[str, str] = {
     "views.text.robot_text": "views.text.robot_files",
     "views.text.sensitivity_text": "views.text.one_pose",
     "views.text.simulation_text": "views.text.bench_tests",
+    "views.text.since_words": "views.text.diagnosis_words",
     "views.text.sweep_text": "views.text.many_poses",
     "views.text.tables": "views.text.answer",
 }

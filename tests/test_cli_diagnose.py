@@ -292,7 +292,7 @@ def test_a_file_that_is_not_there(run, tmp_path):
 def test_a_folder_that_cannot_be(clean_bench, run, tmp_path):
     (tmp_path / "file").write_text("")
     done = run("diagnose", clean_bench.path, "--out", tmp_path / "file" / "out")
-    refused(done, tmp_path / "file" / "out", "not a folder")
+    refused(done, tmp_path / "file" / "out", "is a file; give a folder")
     if os.geteuid():
         closed = tmp_path / "closed"
         closed.mkdir(mode=0o500)
@@ -422,4 +422,4 @@ def test_without_out_the_folder_is_called_after_the_recording(monkeypatch, tmp_p
     Path("bench_diagnosis").write_text("a file", encoding="utf-8")
     done = CliRunner().invoke(app, ["diagnose", str(bench.path)])
     assert done.exit_code == 2
-    assert "--out: 'bench_diagnosis' is not a folder" in " ".join(done.stderr.split())
+    assert "--out: 'bench_diagnosis' is a file; give a folder" in " ".join(done.stderr.split())

@@ -46,6 +46,9 @@ def test_nothing_has_changed_in_the_terminal_the_json_and_the_report(tested, run
     page = (tmp_path / "friday" / "report.html").read_text()
     assert "has changed since an earlier test" in page
     assert "Then and now" in page
+    assert "How well the earlier model holds" in page
+    assert "filled bars with the earlier model" in page
+    assert "before</th>" not in page  # nothing fell
     # the next test may be compared with this one
     again = json.loads((tmp_path / "friday" / "corrected_model.json").read_text())
     assert again["posterior"]["root"]

@@ -19,10 +19,9 @@ from ..recordings import Convention, Recording, add_noise, read_plan, write_pred
 from ..robot import Robot
 from ..simulation import CorrectedModel, Prediction, as_recorded, in_format, read_model
 from ..views.text import terminal
-from ..views.text.bench_tests import print_simulation
-from ..views.text.exported import print_exported
+from ..views.text.bench_tests import print_exported, print_simulation
 from . import progress
-from .files import check_csv, check_folder, file_name, list_written
+from .files import check_csv, check_folder, file_name, folder_for, list_written
 from .options import (
     ConventionOption,
     Effects,
@@ -265,6 +264,7 @@ def diagnose(
     from ..views.text.bench_tests import print_diagnosis
 
     out = Path(f"{file_name(recordings[0].stem)}_diagnosis") if out is None else out
+    folder_for(out, "--out")
     check_before(out, recordings)
     if against is not None and (out / MODEL).resolve() == against.resolve():
         raise InputError(

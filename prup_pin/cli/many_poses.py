@@ -28,7 +28,8 @@ from ..spatial import as_wrench
 from ..sweep import QUANTITIES
 from ..sweep.places import MAX_DRAWS
 from ..views.text import terminal
-from ..views.text.many_poses import axis_text, print_compensation, print_sweep
+from ..views.text.many_poses import print_compensation, print_sweep
+from ..views.text.values import coordinate_text
 from . import progress
 from .files import check_csv, check_folder, folder_for, list_written, write_figures
 from .options import Effects, ModelOption, Reading, RobotName, RobotOption, SetParameters, Workers, robot_beside
@@ -218,15 +219,17 @@ def _dimensions(mechanism: Mechanism) -> dict[str, str]:
 
 
 def _axis(name: str, kind: str, value: Any) -> str:
-    if isinstance(value, np.ndarray):
-        return axis_text(name, kind, (value[0], value[-1]), len(value))
-    return axis_text(name, kind, value if isinstance(value, tuple) else (value,))
+    """Return 'theta -30 deg … 30 deg in 41' of an axis, its two ends where poses are drawn, or one value."""
+    grid = isinstance(value, np.ndarray)
+    ends = (value[0], value[-1]) if grid else value if isinstance(value, tuple) else (value,)
+    text = " … ".join(coordinate_text(end, kind, 4) for end in ends)
+    return f"{name} {text} in {len(value)}" if grid else f"{name} {text}"
 
 
 def _print_quantities() -> None:
     """Print what can be asked of a pose."""
     rows = [(quantity.name, quantity.summary, quantity.unit) for quantity in QUANTITIES.values()]
-    terminal.print_table(terminal.console(), terminal.make_table(("name", "what", "unit"), rows))
+    terminal.show_table(terminal.console(), ("name", "what", "unit"), rows)
 
 
 # -- compensate --------------------------------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -143,8 +142,7 @@ def _serve(shown: View | Explorer, open_browser: bool) -> None:
         typer.echo(f"Serving {url} on this machine; Ctrl-C stops it")
         if open_browser:
             webbrowser.open(url)
-        while True:
-            time.sleep(3600)
+        shown.wait()
     except KeyboardInterrupt:
         typer.echo("Stopped")
     finally:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -16,10 +16,16 @@ from ..modules import KINDS
 from ..recordings.writer import write_whole
 from ..robots import packaged_names
 from ..views.report.as_json import dump, info_as_json
-from ..views.text import robot_files as text
 from ..views.text import terminal
-from ..views.text.robot_files import laws_named, print_check, print_laws
-from ..views.text.terminal import make_table, print_table
+from ..views.text.robot_files import (
+    laws_named,
+    print_check,
+    print_info,
+    print_kinds,
+    print_laws,
+    print_prospects,
+    print_robots,
+)
 from . import progress
 from .files import list_written, write
 from .options import (
@@ -49,14 +55,14 @@ def info(
             return
         if as_json is not None:
             write(Path(as_json), document + "\n", "--json")
-        text.print_info(terminal.console(), loaded, wanted)
+        print_info(terminal.console(), loaded, wanted)
     if as_json is not None:
         list_written([Path(as_json)])
 
 
 def robots() -> None:
     """Robots that can be loaded by name."""
-    text.print_robots(terminal.console())
+    print_robots(terminal.console())
 
 
 def kinds(
@@ -66,7 +72,7 @@ def kinds(
     chosen = [known for known in KINDS if kind in (None, known.kind)]
     if not chosen:
         raise UnknownNameError("kind of module", str(kind), [known.kind for known in KINDS])
-    text.print_kinds(terminal.console(), chosen)
+    print_kinds(terminal.console(), chosen)
 
 
 def laws(
@@ -87,6 +93,10 @@ def laws(
     print_laws(terminal.console(), laws_named(physics, loaded.mechanism), loaded)
 
 
+#: Endings of recordings; all else that is checked is a robot.
+_TABLES = (".csv", ".tsv", ".txt", ".log", ".dat", ".xlsx", ".xls", ".ods")
+
+
 # -- check -------------------------------------------------------------------------------------------------------------
 
 
@@ -103,14 +113,20 @@ def check(
 
     Ends with exit code 2 where a robot's loops do not close at home.
     """
-    _CHECKED.get(Path(file).suffix.lower(), _robot)(file, reading, robot, convention)
-
-
-def _robot(file: str, reading: Reading, robot: str | None, conventions: Sequence[str] | None) -> None:
-    if robot is not None:
+    suffix = Path(file).suffix.lower()
+    if suffix == ".json":
+        raise InputError(f"'{file}' is no robot file; expected a URDF or MJCF file, or a name of `prup-pin robots`")
+    if suffix in _TABLES:
+        _check_recording(Path(file), reading, robot, convention)
+    elif robot is not None:
         raise InputError("--robot names the robot of a recording; expected a recording (.csv) before it")
-    if conventions:
+    elif convention:
         raise InputError("--convention says how a recording is written; expected a recording (.csv) before it")
+    else:
+        _check_robot(file, reading)
+
+
+def _check_robot(file: str, reading: Reading) -> None:
     with limits_as_notes([]):
         loaded = reading.load(file)
         print_check(terminal.console(), loaded)
@@ -122,27 +138,15 @@ def _robot(file: str, reading: Reading, robot: str | None, conventions: Sequence
             raise typer.Exit(2) from None
 
 
-def _recording(file: str, reading: Reading, robot: str | None, conventions: Sequence[str] | None) -> None:
+def _check_recording(file: Path, reading: Reading, robot: str | None, conventions: Sequence[str] | None) -> None:
     from ..diagnosis.prospects import prospects
-    from ..views.text.robot_files import print_prospects
 
-    recording = recording_typed(Path(file), robot, conventions)
+    recording = recording_typed(file, robot, conventions)
     loaded = reading.load(robot or robot_of_all([recording]))
     with progress.stages() as tell:
         tell("what the recording could show", 0.1)
         found = prospects(loaded, recording)
     print_prospects(terminal.console(), loaded, recording, found)
-
-
-def _no_robot(file: str, reading: Reading, robot: str | None, conventions: Sequence[str] | None) -> None:
-    raise InputError(f"'{file}' is no robot file; expected a URDF or MJCF file, or a name of `prup-pin robots`")
-
-
-#: What is checked how, by the ending of its name; all else is a robot.
-_CHECKED: dict[str, Callable[[str, Reading, str | None, Sequence[str] | None], None]] = {
-    **dict.fromkeys((".csv", ".tsv", ".txt", ".log", ".dat", ".xlsx", ".xls", ".ods"), _recording),
-    ".json": _no_robot,
-}
 
 
 # -- examples ----------------------------------------------------------------------------------------------------------
@@ -156,7 +160,7 @@ def examples(
     files = sorted(path for path in folder.iterdir() if path.is_file())
     if copy is None:
         out = terminal.console()
-        print_table(out, make_table(("file", "what it is"), [(path.name, _about(path)) for path in files]))
+        terminal.show_table(out, ("file", "what it is"), [(path.name, _about(path)) for path in files])
         out.print("\nTo try them: prup-pin examples --copy DIR")
         return
     target = copy.expanduser()

@@ -43,17 +43,6 @@ _LARGEST_BARE = {"angle": (7.0, "rad", "deg"), "length": (20.0, "m", "mm")}
 WRENCH_DIMENSIONS: Mapping[str, str] = {name: "force" if name[0] == "f" else "moment" for name in WRENCH_NAMES}
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
-_ARTICLE = {
-    "length": "a length",
-    "angle": "an angle",
-    "force": "a force",
-    "moment": "a moment",
-    "number": "a number",
-    "joint": "a joint value",
-    "stiffness": "a stiffness",
-    "angular stiffness": "an angular stiffness",
-    "joint stiffness": "the stiffness of a joint",
-}
 _WINDOW = 72
 
 
@@ -68,11 +57,17 @@ def _refuse(option: str, text: str, position: int, message: str) -> InputError:
     return InputError(f"{option}: {message}, at character {position + 1}:\n{mark_position(text, position)}")
 
 
+def _article(dimension: str) -> str:
+    """Return 'a length', 'an angle'."""
+    named = {"joint": "a joint value", "joint stiffness": "the stiffness of a joint"}
+    return named.get(dimension, f"{'an' if dimension.startswith('a') else 'a'} {dimension}")
+
+
 def _units_in_words(dimension: str, si: str = "") -> str:
     units = [unit for unit in UNITS[dimension] if not re.search("um|μm|/°", unit)]
     if not units:
-        return f"{_ARTICLE[dimension]} without unit{si and f', in {si}'}"
-    return f"{_ARTICLE[dimension]} in {', '.join(units[:-1])} or {units[-1]}"
+        return f"{_article(dimension)} without unit{si and f', in {si}'}"
+    return f"{_article(dimension)} in {', '.join(units[:-1])} or {units[-1]}"
 
 
 def parse_quantity(
@@ -114,7 +109,7 @@ def parse_quantity(
         other = next((name for name, known in UNITS.items() if unit in known), None)
         if other is not None:
             raise _refuse(
-                option, whole, at, f"'{unit}' is a unit of {_ARTICLE[other]}; expected {_units_in_words(dimension, si)}"
+                option, whole, at, f"'{unit}' is a unit of {_article(other)}; expected {_units_in_words(dimension, si)}"
             )
         near = nearest_names(unit, list(units)) if units else ""
         hint = f" ({near.rstrip('.')})" if near.startswith("Did") else ""

@@ -129,7 +129,7 @@ def test_ghost_and_deformed_stand_apart(browser, page):
     for path in (*others, *states):
         browser.show(path, True)
     ghost, bent = masks
-    assert area(bent & ~ghost) > 0.25 * area(bent) > 1000
+    assert area(bent & ~ghost) > 0.2 * area(bent) > 1000
     assert area(ghost & ~bent) > 0.15 * area(ghost) > 500
 
 

@@ -15,17 +15,7 @@ from prup_pin.views.scene.colours import MAP, map_colour, rgb_of
 from prup_pin.views.scene.elastic import Deflections
 from prup_pin.views.scene.motions import load_ramp, path_motion, vibration
 from prup_pin.views.scene.painter import pose_scene
-from prup_pin.views.scene.scene import (
-    Box,
-    Ellipsoid,
-    Mesh,
-    Tube,
-    ball_mesh,
-    belt_mesh,
-    box_mesh,
-    clustered,
-    thread_mesh,
-)
+from prup_pin.views.scene.scene import Mesh, Solid, Tube, ball_mesh, belt_mesh, box_mesh, clustered, thread_mesh
 from prup_pin.views.scene.skeleton import skeleton
 from prup_pin.views.scene.workspace import workspace_cloud
 
@@ -52,8 +42,10 @@ def scene(robot, compliance):
 
 
 def line_of(part):
-    """Centre line of a tube, base axes."""
-    return part.shape.points @ part.placement[:3, :3].T + part.placement[:3, 3]
+    """Centre line of a tube or a cylinder, base axes."""
+    shape = part.shape
+    points = shape.points if isinstance(shape, Tube) else np.outer([-0.5, 0.5], [0, 0, shape.size[2]])
+    return points @ part.placement[:3, :3].T + part.placement[:3, 3]
 
 
 def volume(mesh):
@@ -184,7 +176,7 @@ def test_deflection_arrow_and_tool_frame(compliance, scene):
     tool = compliance.pose.base_from_tool[:3, 3]
     moved = SCALE * compliance.deflection(WRENCH)
     head = scene.part("deflection/head")
-    tip = head.placement[:3, 3] + head.shape.length * head.placement[:3, 2]
+    tip = head.placement[:3, 3] + head.shape.size[2] / 2 * head.placement[:3, 2]
     np.testing.assert_allclose(tip - tool, moved[:3], atol=1e-12)
     assert f"{1e3 * np.linalg.norm(compliance.deflection(WRENCH)[:3]):.2f} mm" in [label.text for label in scene.labels]
 
@@ -207,12 +199,12 @@ def test_wrench_arrows(compliance, scene):
 def test_ellipsoid_axes_are_eigenvectors(compliance, scene, name, block):
     c = compliance.C[block, block]
     ball, part = scene.ellipsoids[name], scene.part(f"ellipsoids/{name}/surface")
-    assert isinstance(part.shape, Ellipsoid)
+    assert part.shape.kind == "ball"
     turn = part.placement[:3, :3]
     np.testing.assert_allclose(turn.T @ turn, np.eye(3), atol=1e-12)
     assert np.linalg.det(turn) == pytest.approx(1)
     np.testing.assert_allclose(
-        turn @ np.diag(part.shape.semi_axes) @ turn.T / ball.scale, c, rtol=1e-9, atol=1e-9 * np.abs(c).max()
+        turn @ np.diag(part.shape.size) / 2 @ turn.T / ball.scale, c, rtol=1e-9, atol=1e-9 * np.abs(c).max()
     )
     for value, axis in zip(ball.values, ball.axes.T, strict=True):
         np.testing.assert_allclose(c @ axis, value * axis, atol=1e-12 * np.abs(c).max())
@@ -371,7 +363,7 @@ def test_primitives(tmp_path):
         '<material name="m"><color rgba="1 0 0 0.5"/></material></visual>',
     )
     part = pose_scene(robot).part("robot/links/arm")
-    assert part.shape == Box((0.8, 0.1, 0.1))
+    assert part.shape == Solid("box", (0.8, 0.1, 0.1))
     assert (part.colour, part.opacity) == ("#ff0000", 0.5)
     np.testing.assert_allclose(part.placement[:3, 3], [0.4, 0, 0])
 
@@ -445,8 +437,11 @@ def test_cloud_is_coloured_by_the_index(robot):
     np.testing.assert_allclose(colours[int(np.argmax(values))], rgb_of(MAP[-1]))
     np.testing.assert_allclose(colours[int(np.argmin(values))], rgb_of(MAP[0]))
     assert scene.legend.scale_ends[1].endswith("µm/N")
-    own = workspace_cloud(robot, poses, lambda compliance: compliance.C[5, 5], name="turning about z", unit="rad/(N m)")
-    assert own.legend.scale_title == "turning about z"
+
+    def turning_about_z(compliance):
+        return compliance.C[5, 5]
+
+    assert workspace_cloud(robot, poses, turning_about_z).legend.scale_title == "turning_about_z"
     with pytest.raises(prup_pin.InputError, match="not finite"):
         workspace_cloud(robot, poses, lambda compliance: np.nan)
 
@@ -462,9 +457,12 @@ def test_surfaces_are_closed_and_face_outwards():
     assert volume(ball_mesh(3)) == pytest.approx(4 / 3 * np.pi, rel=0.02)
     assert volume(belt_mesh(1.0, 0.2, 0.2, 0.1, 0.01)) == pytest.approx(0.1 * 0.01 * (2 + 0.41 * np.pi), rel=0.02)
     assert np.abs(np.linalg.norm(thread_mesh(1.0, 5.0).vertices[:, :2], axis=1) - 0.91).max() <= 0.09 + 1e-12
-    box = box_mesh(Box((0.1, 0.2, 0.3)), 2, 9)
-    assert volume(box) == pytest.approx(0.006)
-    for mesh in (bent, ball_mesh(1), box):
+    for along in range(3):
+        box = box_mesh((0.1, 0.2, 0.3), along, 9)
+        assert volume(box) == pytest.approx(0.006)
+        np.testing.assert_allclose(np.ptp(box.vertices, axis=0), [0.1, 0.2, 0.3])
+        assert len(np.unique(np.round(box.vertices[:, along], 9))) == 9
+    for mesh in (bent, ball_mesh(1)):
         a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
         flat = np.cross(b - a, c - a)
         assert (np.einsum("ni,ni->n", flat, mesh.normals[mesh.faces[:, 0]]) > 0).mean() > 0.97

@@ -21,9 +21,8 @@ from ..scene.camera import camera_of
 from ..scene.colours import AXES, FOUND, INK
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text
-from .drawing import Drawing, Layout
-from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool
-from .plotting import Figure, Line2D, page_figure, plain_axes, plain_words, sheet, zero_lines
+from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool, write_head
+from .plotting import Drawing, Figure, Layout, Line2D, page_figure, panels, plain_axes, plain_words, sheet, zero_lines
 
 #: What is measured less simulated before a diagnosis, and after it; what was measured.
 BEFORE, AFTER, _MEASURED = "#9AA3AD", "#0B6AA8", "#23272E"
@@ -74,30 +73,27 @@ def marks(robot: Robot, pose: ClosedPose, findings: Sequence[Finding]) -> list[M
 
 
 def _points(robot: Robot, pose: ClosedPose, parts: Skeleton, name: str) -> Array | None:
+    """Return the points (n, 3) of a place: a beam's ends, a module, a joint, a frame; None of the robot as a whole."""
     mechanism = robot.mechanism
+    module = next((item for item in mechanism.modules if item.name == name), None)
+    seats = {item.name: item.at[None] for item in parts.joints}
     for segment in parts.segments:
         if segment.name == name and segment.kind == "beam":
             return np.array([segment.start, segment.end])
-    module = next((item for item in mechanism.modules if item.name == name), None)
     if module is not None and isinstance(module.kind, DriveModule):
-        # the drive is drawn where its joint has its seat
-        joint = str(mechanism.model.names[module.joint])
-        return next((item.at[None] for item in parts.joints if item.name == joint), None)
+        return seats.get(str(mechanism.model.names[module.joint]))  # drawn where its joint has its seat
     if module is not None:
         return (pose.placements[module.frame.joint] @ module.frame.placement)[None, :3, 3]
-    for length in mechanism.description.lengths:
-        if length.parameter.owner == name:
-            joints = [joint for joint, _ in length.moves if mechanism.model.existJointName(joint)]
-            if joints:
-                return next((item.at[None] for item in parts.joints if item.name == joints[0]), None)
+    lengths = [length for length in mechanism.description.lengths if length.parameter.owner == name]
+    for joint in (joint for length in lengths for joint, _ in length.moves if mechanism.model.existJointName(joint)):
+        return seats.get(joint)
     if mechanism.model.existJointName(name):
         return pose.placements[mechanism.joint_id(name)][None, :3, 3]
     if name in mechanism.frame_names:
         return pose.placement(name)[None, :3, 3]
-    if name == "robot" or name in (length.parameter.owner for length in mechanism.description.lengths):
+    if name == "robot" or lengths:
         return None
-    # what the mechanism does not know stands at its tool: a sensor, a payload
-    return parts.tool[None, :3, 3]
+    return parts.tool[None, :3, 3]  # what the mechanism does not know: a sensor, a payload
 
 
 @plain_words
@@ -128,7 +124,7 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, *, narrow: bool = False) ->
     draw_compass(figure, camera, robot.mechanism.gravity, layout)
     draw_legend(figure, parts, False, None, layout)
     _draw_list(figure, diagnosis, found, (0.06, 0.33) if narrow else (0.655, 0.87), layout.line, 4 if narrow else 9)
-    figure.text(0.025, 0.95, robot.name, fontsize=16, weight="bold", va="center")
+    write_head(figure, robot.name)
     return figure
 
 
@@ -140,19 +136,11 @@ def _draw_marks(drawing: Drawing, found: Sequence[Mark]) -> None:
         if len(flat) == 2:
             thick, alpha = (15.0, 0.35) if strong else (10.0, 0.16)
             drawing.axes.plot(*flat.T, color=FOUND, lw=thick, alpha=alpha, solid_capstyle="round", zorder=3)
-        size, width = (24, 2.6) if strong else (17, 1.2)
-        at = flat.mean(axis=0) if len(flat) == 2 else flat[0]
-        line = "-" if strong else (0, (2, 1.5))
+        at = flat.mean(axis=0)
         if len(flat) == 1:
-            drawing.axes.scatter(
-                *at[:, None],
-                s=size**2,
-                facecolors=FOUND + "22" if strong else "none",
-                edgecolors=FOUND,
-                linewidths=width,
-                linestyles=[line],
-                zorder=200,
-            )
+            size, width, line, face = (24, 2.6, "-", FOUND + "22") if strong else (17, 1.2, (0, (2, 1.5)), "none")
+            style = {"facecolors": face, "edgecolors": FOUND, "linewidths": width, "linestyles": [line]}
+            drawing.axes.scatter(*at[:, None], s=size**2, zorder=200, **style)
         ring = np.linspace(0, 2 * np.pi, 13)[:, None] * np.array([1.0, 1.0]) + np.array([0.0, np.pi / 2])
         drawing.labels.avoid(at + 0.024 * span * np.sin(ring))
 
@@ -178,7 +166,7 @@ def _draw_list(
         lines.append("dashed: these data cannot tell them apart")
     if len(lines) > most:
         lines[most - 1 :] = ["…"]
-    text = "\n".join(lines) or "nothing is missing"
+    text = "\n".join(lines) or ("nothing is missing" if diagnosis.since is None else "nothing has changed")
     figure.text(*place, text, fontsize=11, color=FOUND, va="top", linespacing=1.6)
 
 
@@ -236,16 +224,14 @@ def draw_response(axes, response: Recovered, physics: str, letters: float = 10) 
     low, high = min(float(np.quantile(y, 0.02)), 0.0), max(float(np.quantile(y, 0.98)), 0.0)
     pad = 0.12 * max(high - low, 1e-12)
     axes.set_ylim(max(low - pad, -top), min(high + pad, top))
-    axes.set_xlabel(f"{response.x_label} [{x_unit}]", fontsize=letters)
-    axes.set_ylabel(f"{response.y_label} [{y_unit}]", fontsize=letters)
-    plain_axes(axes, letters - 1)
+    labels = (f"{response.x_label} [{x_unit}]", f"{response.y_label} [{y_unit}]")
+    plain_axes(axes, letters - 1, labels=labels)
 
 
 def _agreement_figure(finding: Finding, response: Agreement, narrow: bool) -> Figure:
     shown = [group for group in response.columns if np.any(response.asked[:, group.where])][:2]
     figure = page_figure(4.0 * max(len(shown), 1) if narrow else 4.6, narrow, finding_text(finding))
-    grid = figure.subplots(*((len(shown), 1) if narrow else (1, 2)), squeeze=False).ravel()
-    for axes, (kind, si, block) in zip(grid, shown, strict=False):
+    for axes, (kind, si, block) in zip(panels(figure, len(shown), 1 if narrow else 2), shown, strict=True):
         asked, law = response.asked[:, block], response.law[:, block]
         largest = float(np.abs(law).max(initial=0.0)) or float(np.abs(asked).max(initial=0.0))
         unit, factor = readable_unit(largest, si)
@@ -255,17 +241,12 @@ def _agreement_figure(finding: Finding, response: Agreement, narrow: bool) -> Fi
         axes.fill_between(line, line - noise, line + noise, color=_BAND, lw=0, zorder=1, label="noise, ± 2 σ")
         axes.plot(line, line, color=FOUND, lw=1.6, zorder=2, label="the law")
         for column, (colour, name) in enumerate(zip(AXES, _AXIS_NAMES[si], strict=True)):
-            axes.plot(
-                factor * law[:, column], factor * asked[:, column], ".", color=colour, ms=4, alpha=0.6, label=name
-            )
+            style = {"color": colour, "ms": 4, "alpha": 0.6, "label": name}
+            axes.plot(factor * law[:, column], factor * asked[:, column], ".", **style)
         axes.set_xlim(-reach, reach)
         axes.set_ylim(-reach - 2 * noise, reach + 2 * noise)
-        axes.set_xlabel(f"{kind} that the law gives [{unit}]", fontsize=10)
-        axes.set_ylabel(f"{kind} that the recording asks for [{unit}]", fontsize=10)
-        plain_axes(axes, 9)
+        plain_axes(axes, 9, labels=[f"{kind} that the {what} [{unit}]" for what in ("law gives", "recording asks for")])
         axes.legend(frameon=False, fontsize=9, loc="best", handlelength=1.2)
-    for axes in grid[len(shown) :]:
-        axes.set_visible(False)
     return figure
 
 
@@ -323,35 +304,32 @@ def _lines(channel: str) -> list[str]:
 
 
 @plain_words
-def histogram_figure(found: Residuals, *, narrow: bool = False) -> Figure:
+def histogram_figure(found: Residuals, begun: str = "robot file", *, narrow: bool = False) -> Figure:
     """Return histograms of the residuals in multiples of the noise, before and after, against the normal curve.
 
-    `narrow`: for a phone.
+    begun: what the residual before is less. narrow: for a phone.
     """
     groups = [(name, block) for name, _, block in found.columns if found.exists[:, block].any()]
     across = 1 if narrow else 2
-    lines = max(-(-len(groups) // across), 1)
-    figure = page_figure(3.0 * lines, narrow, width=11)
-    grid = figure.subplots(lines, across, squeeze=False).ravel()
+    figure = page_figure(3.0 * max(-(-len(groups) // across), 1), narrow, width=11)
+    grid = panels(figure, len(groups), across)
     edges = np.linspace(-6, 6, 49).tolist()
     normal = np.linspace(-6, 6, 200)
-    for axes, (name, block) in zip(grid, groups, strict=False):
+    for axes, (name, block) in zip(grid, groups, strict=True):
         there = found.exists[:, block]
         before, after = (np.clip(values[:, block][there], -5.99, 5.99) for values in (found.before, found.after))
         bars = {"bins": edges, "density": True}
-        axes.hist(before, color=BEFORE, alpha=0.55, label="filled: with the robot file", zorder=2, **bars)
+        axes.hist(before, color=BEFORE, alpha=0.55, label=f"filled: with the {begun}", zorder=2, **bars)
         axes.hist(after, histtype="step", color=AFTER, lw=1.8, label="outline: corrected model", zorder=3, **bars)
         density = np.exp(-0.5 * normal**2) / np.sqrt(2 * np.pi)
         axes.plot(normal, density, "--", color=INK, lw=1.2, label="dashed: noise alone", zorder=4)
         axes.set_xlim(-6, 6)
         axes.set_title(name, fontsize=11, loc="left", color=INK)
-        axes.set_xlabel("multiples of the noise (beyond ± 6: in the outermost bars)", fontsize=8.5)
         axes.set_yticks([])
-        plain_axes(axes, 8.5, None, ("top", "right", "left"))
+        labels = ("multiples of the noise (beyond ± 6: in the outermost bars)",)
+        plain_axes(axes, 8, None, ("top", "right", "left"), labels)
     grid[0].legend(frameon=False, fontsize=9, loc="upper left")
     grid[0].set_ylim(top=1.45 * grid[0].get_ylim()[1])  # room for the legend above the curve
-    for axes in grid[len(groups) :]:
-        axes.set_visible(False)
     return figure
 
 
@@ -412,8 +390,7 @@ def _draw_time(axes, efforts: EffortDiagnosis, column: int, shown: np.ndarray, n
     drawn, found = (number(100 * share[of], 3) for of in ("rigid", "heldout"))
     text = f"{drawn} % of it unexplained as drawn, {found} % with the findings"
     axes.set_title(f"{name}\n{text}" if narrow else f"{name}: {text}", fontsize=8.5 if narrow else 9.5, loc="left")
-    axes.set_ylabel(f"effort [{unit}]", fontsize=9)
-    plain_axes(axes, 8.5)
+    plain_axes(axes, 8.5, labels=("", f"effort [{unit}]"))
 
 
 def _draw_left(axes, efforts: EffortDiagnosis, column: int) -> None:
@@ -423,9 +400,8 @@ def _draw_left(axes, efforts: EffortDiagnosis, column: int) -> None:
     for values, colour, order in ((efforts.rigid, BEFORE, 2), (efforts.predicted, AFTER, 3)):
         left = (efforts.measured - values)[good, column]
         axes.scatter(speed, left, s=3, color=colour, linewidths=0, alpha=0.5, zorder=order, rasterized=True)
-    axes.set_ylabel(f"left [{efforts.units[column]}]", fontsize=9)
-    axes.set_xlabel(f"speed [{'m/s' if efforts.joints[column] in efforts.sliding else 'rad/s'}]", fontsize=9)
-    plain_axes(axes, 8.5)
+    unit = "m/s" if efforts.joints[column] in efforts.sliding else "rad/s"
+    plain_axes(axes, 8.5, labels=(f"speed [{unit}]", f"left [{efforts.units[column]}]"))
 
 
 @plain_words
@@ -443,8 +419,7 @@ def effort_curve_figure(finding: Finding, curve: EffortCurve, *, narrow: bool = 
     axes.errorbar(x, curve.y, 1.96 * curve.deviation, fmt="o", ms=5, color=AFTER, lw=1.2, zorder=3, label=words)
     if curve.law is not None:
         axes.plot(x, curve.law, color=FOUND, lw=2.2, zorder=4, label=f"the law: {finding.physics.replace('_', ' ')}")
-    axes.set_xlabel(f"{curve.against} of {curve.joint} [{unit}]", fontsize=10)
-    axes.set_ylabel(f"effort beyond the rest of the model [{curve.y_unit}]", fontsize=10)
-    plain_axes(axes, 8.5)
+    labels = (f"{curve.against} of {curve.joint} [{unit}]", f"effort beyond the rest of the model [{curve.y_unit}]")
+    plain_axes(axes, 8.5, labels=labels)
     figure.legend(frameon=False, fontsize=9, loc="outside lower center", ncols=1 if narrow else 2)
     return figure

@@ -6,7 +6,7 @@ labels are placed where nothing else is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from textwrap import wrap
 
 import numpy as np
@@ -20,14 +20,28 @@ from ...spatial import Array, as_wrench, wrench_text
 from ...statics import Compliance
 from ..scene.camera import FORCE_LENGTH, Camera, camera_of, hull
 from ..scene.colours import AXES, BEAM, ELLIPSOIDS, FAINT, GHOST, INK, LOAD, MAP, map_rgb, rgb_of, share_colours
-from ..scene.elastic import Deflections, fitting_scale, principal
+from ..scene.elastic import Deflections, fitting_scale, principal, tips_apart
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.answer import Answer, load_text, ranked
 from ..text.values import percent_text, pose_words
-from .drawing import NARROW, WIDE, Drawing, Layout
-from .plotting import Figure, Line2D, ListedColormap, Patch, PolyCollection, Polygon, plain_axes, plain_words, sheet
+from .plotting import (
+    NARROW,
+    WIDE,
+    Drawing,
+    Figure,
+    Layout,
+    Line2D,
+    ListedColormap,
+    Patch,
+    Polygon,
+    plain_axes,
+    plain_words,
+    sheet,
+)
 
 _PLATE, _PALE = "#aeb6bf", "#c3c9d0"
+#: Beams under load, where a legend stands for all their colours; letters in an ellipsoid.
+_MIDDLE, _DARK = MAP[len(MAP) // 2], "#14352B"
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
@@ -74,7 +88,8 @@ def pose_figure(
     extent.append(camera.flat(tool) + 0.16 * size * np.array([[-1, -1], [1, 1]]))
     flat = np.concatenate(extent)
     drawing = Drawing(figure, layout.drawing, camera, flat.min(axis=0) - 0.07 * size, flat.max(axis=0) + 0.07 * size)
-    shares = _shares(compliance, load)
+    answer = None if compliance is None or load is None else Answer(compliance, load)
+    shares = (answer.shares if answer is not None else None) or {}
     colours, top = share_colours(shares)
     draw_mechanism(drawing, parts, pale=ghost is not None)
     if compliance is not None:
@@ -95,24 +110,14 @@ def pose_figure(
     return figure
 
 
-def _shares(compliance: Compliance | None, load: Array | None) -> dict[str, float]:
-    """Return the shares of all modules; none where nothing deflects."""
-    if compliance is None or load is None:
-        return {}
-    try:
-        return compliance.shares(load)
-    except InputError:
-        return {}
-
-
 def _of_joints(mechanism: Mechanism, shares: Mapping[str, float], colours: Mapping[str, str]) -> dict[str, str]:
     """Return the colour of each joint on which something other than a beam yields: that of the softest part there."""
-    found: dict[str, tuple[float, str]] = {}
-    for module in mechanism.modules:
-        if not module.kind.spans_frames and module.name in shares:
-            name = str(mechanism.model.names[module.joint])
-            found[name] = max(found.get(name, (-np.inf, "")), (shares[module.name], colours[module.name]))
-    return {name: colour for name, (_, colour) in found.items()}
+    softest = sorted((module for module in mechanism.modules if module.name in shares), key=lambda m: shares[m.name])
+    return {
+        str(mechanism.model.names[module.joint]): colours[module.name]
+        for module in softest
+        if not module.kind.spans_frames
+    }
 
 
 def draw_mechanism(drawing: Drawing, parts: Skeleton, pale: bool = False) -> None:
@@ -264,49 +269,34 @@ def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, scale: float | No
     """Explain every sign that occurs; `scale`: how many times larger the deflection is drawn, where it is."""
     kinds = {segment.kind for segment in parts.segments}
     roles = {word.strip() for joint in parts.joints for word in joint.role.split(",")}
-    handles: list = []
+    slides = {joint.type == "prismatic" for joint in parts.joints if "actuated" in joint.role}
+    still, beams = scale is None, "beam" in kinds
 
-    def add(label: str, **style) -> None:
-        handles.append(Line2D([], [], label=label, **style))
+    def line(colour: str, width: float, **style) -> dict:
+        return {"color": colour, "lw": width, **style}
 
-    def mark(label: str, marker: str, face: str, size: float = 9) -> None:
-        add(label, marker=marker, ls="", mfc=face, mec=INK, ms=size)
+    def mark(marker: str, face: str, size: float) -> dict:
+        return {"marker": marker, "ls": "", "mfc": face, "mec": INK, "ms": size}
 
-    if "beam" in kinds:
-        if scale is None:
-            add("elastic beam", color=BEAM, lw=7)
-        else:
-            add("elastic beam without load", color=_PALE, lw=7)
-            add(f"deflected, drawn × {number(scale)}", color=MAP[len(MAP) // 2], lw=4.5)
-    elif scale is not None:
-        add(f"deflected, drawn × {number(scale)}", color=INK, lw=2.2)
-    if "link" in kinds:
-        add("rigid link", color=INK if scale is None else _PALE, lw=4)
-    if "slide" in kinds:
-        add("slide", color=INK, lw=1.6, ls=(0, (4, 2)))
-    if any(plate.body for plate in parts.plates) or any(not plate.body for plate in parts.plates):
-        handles.append(Patch(facecolor=_PLATE, edgecolor=INK, alpha=0.5, label="rigid body, base"))
-    if "actuated" in roles:
-        shapes = {joint.type == "prismatic" for joint in parts.joints if "actuated" in joint.role}
-        mark("actuated joint", "s" if shapes == {True} else "o", "#F2B705", 10)
-    if "passive" in roles:
-        mark("passive joint", "o", "white", 7.5)
-    if "sprung" in roles and "actuated" not in roles:
-        mark("sprung joint", "o", "#9BD1E5", 7.5)
-    if "locked" in roles:
-        mark("locked joint", "o", "black", 7.5)
-    if parts.closures:
-        mark("loop closure", "D", "none", 8)
-    if loaded:
-        add("load on the tool", color=LOAD, lw=3)
+    signs = [
+        (beams, "elastic beam" if still else "elastic beam without load", line(BEAM if still else _PALE, 7)),
+        (not still, f"deflected, drawn × {number(scale or 0)}", line(*((_MIDDLE, 4.5) if beams else (INK, 2.2)))),
+        ("link" in kinds, "rigid link", line(INK if still else _PALE, 4)),
+        ("slide" in kinds, "slide", line(INK, 1.6, ls=(0, (4, 2)))),
+        (bool(parts.plates), "", None),
+        ("actuated" in roles, "actuated joint", mark("s" if slides == {True} else "o", "#F2B705", 10)),
+        ("passive" in roles, "passive joint", mark("o", "white", 7.5)),
+        ("sprung" in roles and "actuated" not in roles, "sprung joint", mark("o", "#9BD1E5", 7.5)),
+        ("locked" in roles, "locked joint", mark("o", "black", 7.5)),
+        (bool(parts.closures), "loop closure", mark("D", "none", 8)),
+        (loaded, "load on the tool", line(LOAD, 3)),
+    ]
+    plate = Patch(facecolor=_PLATE, edgecolor=INK, alpha=0.5, label="rigid body, base")
+    handles = [
+        plate if style is None else Line2D([], [], label=label, **style) for holds, label, style in signs if holds
+    ]
     figure.legend(
-        handles=handles,
-        loc="upper left",
-        bbox_to_anchor=layout.legend,
-        frameon=False,
-        fontsize=9.5,
-        handlelength=2.4,
-        labelspacing=0.55,
+        handles=handles, loc="upper left", bbox_to_anchor=layout.legend, frameon=False, fontsize=9.5, handlelength=2.4
     )
 
 
@@ -323,10 +313,15 @@ def _write_title(
         if scale:
             line += f"; deflection drawn × {number(scale)}"
         lines += wrap(line, layout.line)
-    size, height = (11, layout.size[1]) if layout is WIDE else (9.5, layout.size[1])
-    figure.text(0.025, 1 - 0.32 / height, robot.name, fontsize=16, weight="bold", va="center")
+    write_head(figure, robot.name, lines, 11 if layout is WIDE else 9.5)
+
+
+def write_head(figure: Figure, title: str, lines: Sequence[str] = (), size: float = 11.0) -> None:
+    """Write a title and lines under it at the upper left."""
+    height = figure.get_figheight()
+    figure.text(0.025, 1 - 0.32 / height, title, fontsize=1.45 * size, weight="bold", va="center")
     for index, line in enumerate(lines):
-        place = 1 - (0.61 + 0.265 * (size / 11) * index) / height
+        place = 1 - (0.61 + 0.024 * size * index) / height
         figure.text(0.025, place, line, fontsize=size, color=INK, va="center")
 
 
@@ -375,29 +370,26 @@ def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) 
     axes = figure.add_axes((left, 0.55 / height, 0.97 - left, 1 - (head + 0.55) / height))
     largest = max(share for _, share, _ in rows)
     amounts = fixed([factor * amount for _, _, amount in rows])
-    for row, ((name, share, _), amount) in enumerate(zip(rows, amounts, strict=True)):
-        axes.barh(row, 100 * share, height=0.68, color=colours.get(name, _PALE), zorder=2)
-        text = f"{percent_text(share, coarse=True)} %   {amount} {unit}"
-        axes.text(100 * share + 1.2 * largest, row, text, va="center", fontsize=size, color="#222222")
+    lengths, shades = [100 * share for _, share, _ in rows], [colours.get(name, _PALE) for name, _, _ in rows]
+    bars = axes.barh(range(len(rows)), lengths, 0.68, color=shades, zorder=2)
+    labels = [
+        f"{percent_text(share, coarse=True)} %   {amount} {unit}"
+        for (_, share, _), amount in zip(rows, amounts, strict=True)
+    ]
+    axes.bar_label(bars, labels, padding=7, fontsize=size, color="#222222")
     axes.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=size)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(0, 100 * room * largest)
     axes.set_xlabel("share of the work done by the load [%]", fontsize=size)
     axes.tick_params(axis="y", length=0)
     axes.tick_params(axis="x", labelsize=size)
-    axes.grid(axis="x", color="#E3E6EA", zorder=0)
-    axes.set_axisbelow(True)
-    plain_axes(axes, None, None, ("top", "right", "left"))
+    plain_axes(axes, None, "x", ("top", "right", "left"))
     if compliance.legs:
         parts = {leg: answer.share_of(part) or 0.0 for leg, part in compliance.legs.items()}
         legs = [f"{leg}  {percent_text(share, coarse=True)} %" for leg, share in parts.items()]
         text = "\n".join(["all of a leg", *legs[:12]])
         axes.text(0.98, 0.03, text, transform=axes.transAxes, ha="right", va="bottom", fontsize=size, linespacing=1.5)
-    title = f"{answer.mechanism.name}: which part yields"
-    figure.text(0.025, 1 - 0.35 / height, title, fontsize=14, weight="bold", va="center")
-    for index, line in enumerate(lines):
-        place = 1 - (0.72 + 0.22 * index) / height
-        figure.text(0.025, place, line, fontsize=size + 0.5, color=INK, va="center")
+    write_head(figure, f"{answer.mechanism.name}: which part yields", lines, size + 0.5)
     return figure
 
 
@@ -430,78 +422,30 @@ def draw_ellipsoid(figure: Figure, camera: Camera, compliance: Compliance, layou
     drawing = Drawing(figure, layout.beside, camera, (-1.75, -1.6), (1.75, 1.6))
     axes, labels = drawing.axes, drawing.labels
     axes.set_title("Compliance at the tool", fontsize=11, weight="bold", loc="center", pad=14)
-    axes.text(
-        0.5,
-        1.0,
-        "displacement by 1 N in every direction" if layout is WIDE else "displacement by 1 N",
-        transform=axes.transAxes,
-        ha="center",
-        fontsize=9,
-        color=FAINT,
-    )
+    words = "displacement by 1 N in every direction" if layout is WIDE else "displacement by 1 N"
+    axes.text(0.5, 1.0, words, transform=axes.transAxes, ha="center", fontsize=9, color=FAINT)
     if values[0] <= 0:
         axes.text(0, 0, "no force moves the tool", ha="center", color=FAINT)
         return
-    size = values / values[0]
-    faces, shades = _surface(camera, size, vectors)
-    axes.add_collection(PolyCollection(faces, facecolors=shades, edgecolors="face", lw=0.4, zorder=2))
-    outline = _silhouette(camera, size, vectors)
-    axes.plot(*outline.T, color="#2F6355", lw=1.2, zorder=3)
-    flat = _spread_ends(camera, size, vectors)
-    labels.avoid(outline)
-    labels.obstacles.append(_filled(outline))
     yields = values > 1e-9 * values[0]
-    for value, tip in zip(values[yields], flat[yields], strict=True):
+    outline = _silhouette(camera, values / values[0], vectors)
+    shine = 0.45 * outline[np.argmax(outline @ [-0.6, 0.8])]
+    pale = 0.45 + 0.55 * rgb_of(SOFT)
+    for share in np.linspace(1.0, 0.04, 25):
+        axes.fill(*(share * outline + (1 - share) * shine).T, color=np.clip((1.2 - 0.4 * share) * pale, 0, 1), zorder=2)
+    axes.plot(*outline.T, color="#2F6355", lw=1.2, zorder=3)
+    labels.avoid(outline)
+    labels.obstacles.append(np.concatenate([outline * share for share in np.linspace(0.1, 0.95, 12)]))
+    ends = camera.plane @ vectors * (values / values[0])
+    ends *= tips_apart(ends / np.maximum(np.linalg.norm(ends, axis=0), 1e-9), yields)
+    for value, tip in zip(values[yields], ends.T[yields], strict=True):
         length = float(np.linalg.norm(tip))
         direction = tip / length if length > 1e-6 else np.array([0.0, 1.0])
         edge = max(float((outline @ direction).max()), length) * 1.02
-        axes.plot(*np.array([-tip, tip]).T, color="#14352B", lw=1.4, zorder=5)
-        axes.plot(*np.array([tip, direction * (edge + 0.18)]).T, color="#14352B", lw=0.8, ls=":", zorder=5)
-        axes.plot(*tip, "o", ms=4, color="#14352B", zorder=6)
-        labels.put(quantity(value, "m/N"), direction * (edge + 0.16), "#14352B", direction, 10.5, "bold")
+        axes.plot(*np.array([-tip, tip]).T, color=_DARK, lw=1.4, zorder=5)
+        axes.plot(*np.array([tip, direction * (edge + 0.18)]).T, color=_DARK, lw=0.8, ls=":", zorder=5)
+        axes.plot(*tip, "o", ms=4, color=_DARK, zorder=6)
+        labels.put(quantity(value, "m/N"), direction * (edge + 0.16), _DARK, direction, 10.5, "bold")
     if not yields.all():
         text = "rigid across" if yields.sum() == 1 else "rigid in the third direction"
-        axes.text(0.5, 0.0, text, transform=axes.transAxes, ha="center", fontsize=9.5, color="#14352B")
-
-
-def _surface(camera: Camera, size: Array, vectors: Array) -> tuple[list[Array], Array]:
-    """Return the visible faces of an ellipsoid on the page, far ones first, and their shades."""
-    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 49), np.linspace(0, np.pi, 25))
-    ball = np.stack((np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)), axis=-1)
-    points = ball * size @ vectors.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        normals = np.nan_to_num(ball / np.maximum(size, 1e-3)) @ vectors.T
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    light = camera.viewer + 0.8 * camera.plane[1] - 0.6 * camera.plane[0]
-    light /= np.linalg.norm(light)
-    corners, normal = _quads(points), _quads(normals).mean(axis=1)
-    seen = normal @ camera.viewer >= -0.1
-    corners, normal = corners[seen], normal[seen]
-    bright = 0.62 + 0.45 * np.maximum(normal @ light, 0.0)[:, None]
-    base = 0.55 * rgb_of(SOFT) + 0.45
-    shades = np.clip(base * bright + 0.18 * (bright - 0.62), 0, 1)
-    order = np.argsort((corners @ camera.viewer).mean(axis=1), kind="stable")
-    return list(camera.flat(corners[order])), shades[order]
-
-
-def _quads(grid: Array) -> Array:
-    """Return the corners (n, 4, 3) of the faces of a grid (rows, columns, 3) of points."""
-    return np.stack((grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]), axis=2).reshape(-1, 4, 3)
-
-
-def _filled(outline: Array) -> Array:
-    """Return points that fill an outline, so that labels stay outside."""
-    return np.concatenate([outline * share for share in np.linspace(0.1, 0.95, 12)])
-
-
-def _spread_ends(camera: Camera, size: Array, vectors: Array) -> Array:
-    """Return the ends of the three semi-axes, on the page, whose labels are farthest apart."""
-    ends = camera.flat((vectors * size).T)
-    angles = np.arctan2(ends[:, 1], ends[:, 0])
-    best, found = -1.0, (1, 1, 1)
-    for signs in ((1, a, b) for a in (1, -1) for b in (1, -1)):
-        turned = angles + np.where(np.array(signs) > 0, 0, np.pi)
-        gaps = [abs(np.angle(np.exp(1j * (turned[i] - turned[j])))) for i, j in ((0, 1), (1, 2), (0, 2))]
-        if min(gaps) > best + 1e-9:
-            best, found = min(gaps), signs
-    return ends * np.array(found)[:, None]
+        axes.text(0.5, 0.0, text, transform=axes.transAxes, ha="center", fontsize=9.5, color=_DARK)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import ceil
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from ...spatial import Array
 from ...sweep import QUANTITIES, SweepFile, SweepResult
 from ..scene.colours import FAINT, FOUND, INK, map_rgb
 from ..text.values import coordinate_text
-from .plotting import Figure, ListedColormap, MaxNLocator, Patch, plain_axes, plain_words, sheet
+from .plotting import Figure, ListedColormap, MaxNLocator, Patch, panels, plain_axes, plain_words, sheet
 
 #: Quantities that no map shows: where the robot stands, and matrices.
 _NO_MAP = {"C", "K", "K_yielding", "q", "softest"}
@@ -98,18 +99,13 @@ def beside_figure(
     count, wide = len(each[0]), 2 if len(each[0]) > _TALL else 1
     rows, across = ceil(count / wide), wide * len(columns)
     figure = sheet(_SIZE * 1.25 * across + 0.4, _SIZE * rows + 0.7, None, "constrained")
-    grid = figure.subplots(rows, across, squeeze=False)
+    grid = panels(figure, count * len(columns), across)
     figure.suptitle(title, fontsize=11, color=INK)
     for place in range(count):
         levels = _levels(np.concatenate([panels[place][2].ravel() for panels in each]))
         for column, (word, found) in enumerate(columns):
-            axes = grid[place // wide, place % wide * len(columns) + column]
             title, unit, values = each[column][place]
-            drawn = _draw(axes, found, values, levels)
-            axes.set_title(_with_unit(f"{word}: {title}", unit), fontsize=9, color=INK)
-            figure.colorbar(drawn, ax=axes, shrink=0.85).ax.tick_params(labelsize=7)
-    for axes in grid.ravel()[count * len(columns) :]:
-        axes.set_visible(False)
+            _draw(grid[place * len(columns) + column], found, (f"{word}: {title}", unit, values), levels)
     return figure
 
 
@@ -125,8 +121,7 @@ def share_figure(found: Swept) -> Figure:
     shares = _plane(found, found["shares"])
     flat = shares.reshape(-1, len(modules))
     most = np.argsort(-np.round(np.nan_to_num(flat).max(axis=0), _SHARE_DIGITS), kind="stable")[:_SHARES]
-    figure = _figure(len(most) + 1)
-    grid = figure.subplots(*_grid(len(most) + 1), squeeze=False).ravel()
+    figure, grid = _sheets(len(most) + 1)
     known = np.isfinite(shares).all(axis=-1)
     largest = np.where(known, np.round(np.nan_to_num(shares), _SHARE_DIGITS).argmax(axis=-1), -1)
     often = np.bincount(largest[known], minlength=len(modules))
@@ -146,12 +141,9 @@ def share_figure(found: Swept) -> Figure:
         handles.append(Patch(color=_DOMINANT[-1], label="another"))
     grid[0].legend(handles=handles, fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, frameon=False)
     _label(grid[0], found)
-    for axes, index in zip(grid[1:], most, strict=False):
-        drawn = _draw(axes, found, 100 * shares[..., index], _levels(100 * shares[..., most]))
-        axes.set_title(f"{modules[index]} [%]", fontsize=9, color=INK)
-        figure.colorbar(drawn, ax=axes, shrink=0.85).ax.tick_params(labelsize=7)
-    for axes in grid[len(most) + 1 :]:
-        axes.set_visible(False)
+    levels = _levels(100 * shares[..., most])
+    for axes, index in zip(grid[1:], most, strict=True):
+        _draw(axes, found, (modules[index], "%", 100 * shares[..., index]), levels)
     return figure
 
 
@@ -218,26 +210,18 @@ def _heading(found: Swept, summary: str) -> str:
 # -- drawing -----------------------------------------------------------------------------------------------------------
 
 
-def _grid(count: int) -> tuple[int, int]:
+def _sheets(count: int) -> tuple[Figure, list[Any]]:
+    """Return a figure with so many panels, three in a row."""
     columns = min(count, 3)
-    return ceil(count / columns), columns
-
-
-def _figure(count: int) -> Figure:
-    rows, columns = _grid(count)
-    return sheet(_SIZE * 1.25 * columns + 0.3, _SIZE * rows + 0.5, None, "constrained")
+    figure = sheet(_SIZE * 1.25 * columns + 0.3, _SIZE * ceil(count / columns) + 0.5, None, "constrained")
+    return figure, panels(figure, count, columns)
 
 
 def _maps(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
-    figure = _figure(len(panels))
-    grid = figure.subplots(*_grid(len(panels)), squeeze=False).ravel()
+    figure, grid = _sheets(len(panels))
     figure.suptitle(_heading(found, summary), fontsize=10, color=INK, wrap=True)
-    for axes, (title, unit, values) in zip(grid, panels, strict=False):
-        drawn = _draw(axes, found, values, _levels(values))
-        axes.set_title(_with_unit(title, unit), fontsize=9, color=INK)
-        figure.colorbar(drawn, ax=axes, shrink=0.85).ax.tick_params(labelsize=7)
-    for axes in grid[len(panels) :]:
-        axes.set_visible(False)
+    for axes, panel in zip(grid, panels, strict=True):
+        _draw(axes, found, panel, _levels(panel[2]))
     return figure
 
 
@@ -271,15 +255,16 @@ def _levels(values: Array) -> Array:
     return np.asarray(MaxNLocator(_LEVELS).tick_values(low, high))
 
 
-def _draw(axes, found: Swept, values: Array, levels: Array):
-    """Draw one map; what has no answer stays white."""
+def _draw(axes, found: Swept, panel: Panel, levels: Array) -> None:
+    """Draw one map with its title and scale; what has no answer stays white."""
     _, (x, y) = _two(found)
-    drawn = axes.contourf(
-        x, y, values.T, levels=levels, cmap=ListedColormap(map_rgb(np.linspace(0, 1, len(levels) - 1)))
-    )
+    title, unit, values = panel
+    colours = ListedColormap(map_rgb(np.linspace(0, 1, len(levels) - 1)))
+    drawn = axes.contourf(x, y, values.T, levels=levels, cmap=colours)
     axes.contour(x, y, values.T, levels=levels, colors="white", linewidths=0.3)
+    axes.set_title(_with_unit(title, unit), fontsize=9, color=INK)
+    axes.figure.colorbar(drawn, ax=axes, shrink=0.85).ax.tick_params(labelsize=7)
     _label(axes, found)
-    return drawn
 
 
 def _label(axes, found: Swept) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 import re
 import uuid
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,14 +16,20 @@ import numpy as np
 from ...errors import InputError, MissingExtraError
 from ...spatial import Array
 from ..scene.motions import Motion
-from ..scene.scene import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Part, Ring, Scene, Shape, Tube, half_size
+from ..scene.scene import Lines, Mesh, Part, Scene, Shape, Solid, Tube
 
 Command = dict[str, Any]
 #: Vertical opening of the eye [deg].
 FIELD_OF_VIEW = 28
-#: Shapes whose axis is z here and y in three.js.
-_Y_UP = (Cylinder, Cone)
-_Z_TO_Y = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
+#: Solids of size 1 in three.js, whose cylinders and cones stand along y; a ring is made in its own size.
+_CYLINDER = {"type": "CylinderGeometry", "radiusTop": 0.5, "radiusBottom": 0.5, "height": 1.0, "radialSegments": 40}
+_UNIT = {
+    "box": {"type": "BoxGeometry", "width": 1.0, "height": 1.0, "depth": 1.0},
+    "ball": {"type": "SphereGeometry", "radius": 0.5, "widthSegments": 48, "heightSegments": 32},
+    "cylinder": _CYLINDER,
+    "cone": {**_CYLINDER, "radiusTop": 0.0},
+}
+_Z_TO_Y = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
 
 
 def _msgpack():
@@ -69,42 +75,28 @@ def _geometry(shape: Shape, targets: Sequence[Array] = ()) -> dict[str, Any]:
         return {"type": "BufferGeometry", "data": data}
     if isinstance(shape, Lines):
         return {"type": "BufferGeometry", "data": {"attributes": {"position": _array(shape.ends.reshape(-1, 3))}}}
-    if isinstance(shape, Box):
-        width, height, depth = shape.size
-        return {"type": "BoxGeometry", "width": width, "height": height, "depth": depth}
-    if isinstance(shape, Ball):
-        return {"type": "SphereGeometry", "radius": shape.radius, "widthSegments": 24, "heightSegments": 16}
-    if isinstance(shape, Ellipsoid):
-        return {"type": "SphereGeometry", "radius": 1.0, "widthSegments": 48, "heightSegments": 32}
-    if isinstance(shape, Cylinder):
-        radii = {"radiusTop": shape.radius, "radiusBottom": shape.radius}
-        return {"type": "CylinderGeometry", **radii, "height": shape.length, "radialSegments": 40}
-    if isinstance(shape, Cone):
-        radii = {"radiusTop": 0.0, "radiusBottom": shape.radius}
-        return {"type": "CylinderGeometry", **radii, "height": shape.length, "radialSegments": 32}
-    assert isinstance(shape, Ring)
+    assert isinstance(shape, Solid)
+    if shape.kind in _UNIT:
+        return _UNIT[shape.kind]
+    tube = shape.size[2] / 2
     segments = {"radialSegments": 12, "tubularSegments": 40}
-    return {"type": "TorusGeometry", "radius": shape.radius, "tube": shape.thickness, **segments}
+    return {"type": "TorusGeometry", "radius": shape.size[0] / 2 - tube, "tube": tube, **segments}
 
 
 def _inner(shape: Shape) -> Array:
     """Return shape_from_geometry, 4 x 4: what turns and stretches three.js's geometry into the shape."""
     matrix = np.eye(4)
-    if isinstance(shape, _Y_UP):
-        matrix = _Z_TO_Y.copy()
-        if isinstance(shape, Cone):
-            matrix[2, 3] = shape.length / 2
-    elif isinstance(shape, Ellipsoid):
-        matrix[:3, :3] = np.diag(shape.semi_axes)
+    if isinstance(shape, Solid) and shape.kind in _UNIT:
+        matrix[:3, :3] = np.diag(shape.size) @ (_Z_TO_Y if shape.kind in ("cylinder", "cone") else np.eye(3))
     return matrix
 
 
 def _object(part: Part, targets: Sequence[Array] = ()) -> Command:
-    shape = part.shape
+    shape, thin = part.shape, isinstance(part.shape, Lines)
     geometry, material, mesh = (str(uuid.uuid4()) for _ in range(3))
     look: dict[str, Any] = {
         "uuid": material,
-        "type": "LineBasicMaterial" if isinstance(shape, Lines) else "MeshPhongMaterial",
+        "type": "LineBasicMaterial" if thin else "MeshPhongMaterial",
         "color": int(part.colour[1:], 16),
         "opacity": part.opacity,
         "transparent": part.opacity < 1 or part.on_top,
@@ -113,28 +105,24 @@ def _object(part: Part, targets: Sequence[Array] = ()) -> Command:
         "side": 2,
         "vertexColors": isinstance(shape, Mesh) and shape.colours is not None,
     }
-    if not isinstance(shape, Lines):
+    if not thin:
         look |= {"shininess": 40, "specular": 0x222222}
-    if isinstance(shape, Mesh) and shape.normals is None:
-        look["flatShading"] = True
+        look["flatShading"] = isinstance(shape, Mesh) and shape.normals is None
     entry = {
         "uuid": mesh,
-        "type": "LineSegments" if isinstance(shape, Lines) else "Mesh",
+        "type": "LineSegments" if thin else "Mesh",
         "geometry": geometry,
         "material": material,
         "matrix": _inner(shape).T.ravel().tolist(),
         "renderOrder": 2 if part.on_top else 1 if part.opacity < 1 else 0,
     }
-    return {
-        "type": "set_object",
-        "path": tree_path(part.path),
-        "object": {
-            "metadata": {"version": 4.5, "type": "Object"},
-            "geometries": [{"uuid": geometry, **_geometry(shape, targets)}],
-            "materials": [look],
-            "object": entry,
-        },
+    whole = {
+        "metadata": {"version": 4.5, "type": "Object"},
+        "geometries": [{"uuid": geometry, **_geometry(shape, targets)}],
+        "materials": [look],
+        "object": entry,
     }
+    return {"type": "set_object", "path": tree_path(part.path), "object": whole}
 
 
 def tree_path(path: str) -> str:
@@ -173,13 +161,10 @@ def folders(parts: Sequence[Part]) -> list[str]:
 
 def scene_commands(scene: Scene) -> list[Command]:
     """Return meshcat's commands that draw a scene."""
-    commands = stage(scene)
-    for part in scene.parts:
-        commands += [_object(part), transform(tree_path(part.path), part.placement)]
-    return commands + [transform(f"/{folder}", scene.display_from_base) for folder in folders(scene.parts)]
+    return [*stage(scene), *changes((), scene.parts, scene.display_from_base)]
 
 
-def changes(before: Sequence[Part], after: Sequence[Part]) -> list[Command]:
+def changes(before: Sequence[Part], after: Sequence[Part], display_from_base: Array) -> list[Command]:
     """Return the commands that make a viewer that has the parts of `before` show those of `after`."""
     old, new = ({part.path: part for part in parts} for parts in (before, after))
     commands: list[Command] = [{"type": "delete", "path": tree_path(path)} for path in old if path not in new]
@@ -190,7 +175,12 @@ def changes(before: Sequence[Part], after: Sequence[Part]) -> list[Command]:
         elif np.array_equal(known.placement, part.placement):
             continue
         commands.append(transform(tree_path(path), part.placement))
-    return commands
+    return [*commands, *_displayed(set(folders(after)) - set(folders(before)), display_from_base)]
+
+
+def _displayed(names: Iterable[str], display_from_base: Array) -> list[Command]:
+    """Return the commands that place top folders in the viewer's world."""
+    return [transform(f"/{name}", display_from_base) for name in sorted(names)]
 
 
 def _alike(one: Part, other: Part) -> bool:
@@ -229,7 +219,7 @@ def motion_commands(motion: Motion) -> list[Command]:
         for where, found in ((tree_path(path), tracks), (f"{tree_path(path)}/<object>", on_object)):
             if found:
                 clips.append({"path": where, "clip": {"fps": 30, "name": "default", "tracks": found}})
-    commands += [transform(f"/{folder}", first.display_from_base) for folder in folders(everything)]
+    commands += _displayed(folders(everything), first.display_from_base)
     if clips:
         options = {"play": True, "repetitions": 1_000_000}
         commands.append({"type": "set_animation", "path": "", "animations": clips, "options": options})
@@ -272,10 +262,10 @@ def _tracks(parts: Sequence[Part | None], rate: float) -> tuple[tuple, list, lis
                 on_object.append(_influence(index, which == index, rate))
     elif any(shape is not shapes[0] and shape != shapes[0] for shape in shapes):
         # the largest is drawn, the others are stretched copies of it
-        drawn = max(filled, key=lambda part: float(np.prod(_reach(part.shape))))
-        own = _reach(drawn.shape)
-        scales = [(_reach(shape) / own).tolist() for shape in shapes]
-        tracks.append(_track("scale", "vector3", rate, scales))
+        sizes = np.array([np.maximum(shape.size, 1e-9) for shape in shapes if isinstance(shape, Solid)])
+        largest = int(np.argmax(sizes.prod(axis=1)))
+        drawn = filled[largest]
+        tracks.append(_track("scale", "vector3", rate, (sizes / sizes[largest]).tolist()))
     if np.ptp(placements, axis=0).max() > 1e-12:
         tracks.append(_track("position", "vector3", rate, placements[:, :3, 3].tolist()))
         tracks.append(_track("quaternion", "quaternion", rate, _quaternions(placements[:, :3, :3]).tolist()))
@@ -304,12 +294,6 @@ def _influence(index: int, shown: np.ndarray, rate: float) -> dict[str, Any]:
     turns = np.flatnonzero(np.diff(shown.astype(int)))
     times = sorted({0, len(shown) - 1, *turns.tolist(), *(turns + 1).tolist()})
     return _track(f"morphTargetInfluences[{index}]", "number", rate, [float(shown[time]) for time in times], times)
-
-
-def _reach(shape: Shape) -> Array:
-    """Return the lengths of a shape along its own axes, never zero."""
-    assert not isinstance(shape, Mesh | Tube | Lines)
-    return np.maximum(half_size(shape), 1e-9)
 
 
 def _quaternions(rotations: Array) -> Array:

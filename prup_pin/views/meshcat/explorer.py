@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from ..scene.painter import Painter
 from ..scene.scene import Part, Scene
 from ..text.answer import Answer, rigid_texts, stiffness_table
 from ..text.values import clean, coordinate_dimensions, dimension, limits
-from .commands import changes, folders, packed, stage, transform
+from .commands import changes, packed, stage
 from .server import Message, Served
 from .view import words
 
@@ -127,8 +127,7 @@ class Explorer(Served):
         if table is None:
             texts = "; ".join(rigid_texts(answer))
             return {"title": "K does not exist", "detail": f"no module yields under {texts}"}
-        parts = {"rows": table.rows, "columns": table.columns, "cells": table.cells}
-        return {"title": table.title, "detail": table.detail, **parts}
+        return asdict(table)
 
     def controls(self) -> dict[str, Any]:
         """Return the sliders as the page makes them."""
@@ -186,11 +185,9 @@ class Session:
 
     def _difference(self, scene: Scene) -> list[Message]:
         """Return the commands from what the browser has to a scene."""
-        new = [folder for folder in folders(scene.parts) if folder not in folders(self._shown)]
-        commands = changes(self._shown, scene.parts)
-        places = [transform(f"/{name}", self.explorer.first.display_from_base) for name in new]
+        commands = changes(self._shown, scene.parts, self.explorer.first.display_from_base)
         self._shown = scene.parts
-        return list(map(packed, [*commands, *places]))
+        return list(map(packed, commands))
 
     def _told(self, scene: Scene, pose: ClosedPose, wrench: Array, told: dict[str, Any]) -> str:
         shown = words([scene], seen=self.explorer.first)

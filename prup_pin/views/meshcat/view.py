@@ -96,9 +96,8 @@ class View(Served):
         return motion_commands(self.shown) if isinstance(self.shown, Motion) else scene_commands(self.shown)
 
     def _words(self) -> dict[str, Any]:
-        if isinstance(self.shown, Motion):
-            return words(self.shown.frames, self.shown.rate)
-        return words([self.shown])
+        shown = self.shown
+        return words(shown.frames, shown.rate) if isinstance(shown, Motion) else words([shown])
 
     def static_html(self) -> str:
         """Return a self-contained page: it needs no network."""
@@ -132,8 +131,7 @@ class View(Served):
         """Show another scene; browsers that look at the server follow."""
         gone = [packed({"type": "delete", "path": f"/{folder}"}) for folder in folders(self.scene.parts)]
         self.shown = shown.shown if isinstance(shown, View) else shown
-        if self._server is not None:
-            self._server.tell([*gone, *self.greeting()])
+        self.tell([*gone, *self.greeting()])
 
     def _repr_html_(self) -> str:
         return (

@@ -26,8 +26,8 @@ from ..text.values import coordinate_dimensions, dimension, joint_type, limits
 if TYPE_CHECKING:
     from ...diagnosis import Diagnosis, Finding
     from ...diagnosis.calibrate import CalibratedParameter
-    from ...diagnosis.diagnosis import ByRecording
-    from ...diagnosis.efforts import EffortCurve, EffortDiagnosis
+    from ...diagnosis.diagnosis import ByRecording, FittedParameter
+    from ...diagnosis.efforts import EffortDiagnosis
     from ...diagnosis.locate import LocalCurve
     from ...diagnosis.since import Since
 
@@ -134,23 +134,20 @@ def info_as_json(robot: Robot, tolerances: Tolerances | None, version: str) -> d
     return plain(document)
 
 
-def _sensitivity(sensitivity: Sensitivity) -> dict[str, Any]:
+def _sensitivity(found: Sensitivity) -> dict[str, Any]:
     """Return the lines of 'stiffen this first', and both derivatives of every parameter."""
-    first = [
-        {"parameter": line.parameter.name, "percent": line.percent, "percent_per_kilogram": line.per_kilogram}
-        for line in sensitivity.stiffen_first
-    ]
-    parameters = {
-        name: {
-            "value": parameter.value,
-            "unit": parameter.unit,
-            "displacement": sensitivity.displacement[name],
-            "motion": sensitivity.motion[name],
-            "C": sensitivity.compliance[name],
-        }
-        for name, parameter in sensitivity.parameters.items()
+    slopes = {"displacement": found.displacement, "motion": found.motion, "C": found.compliance}
+    return {
+        "stiffen_first": [
+            {"parameter": line.parameter.name, "percent": line.percent, "percent_per_kilogram": line.per_kilogram}
+            for line in found.stiffen_first
+        ],
+        "parameters": {
+            name: _picked(parameter, "value unit") | {key: by_name[name] for key, by_name in slopes.items()}
+            for name, parameter in found.parameters.items()
+        },
+        "impossible": list(found.impossible),
     }
-    return {"stiffen_first": first, "parameters": parameters, "impossible": list(sensitivity.impossible)}
 
 
 def dump(document: Mapping[str, Any]) -> str:
@@ -174,7 +171,7 @@ def plain(value: Any) -> Any:
 # -- a diagnosis -------------------------------------------------------------------------------------------------------
 
 
-_NOISE = ("source", "position", "rotation", "force", "moment")
+_NOISE = "source position rotation force moment"
 #: In what residuals are counted.
 UNIT = "multiples of the noise (RMS of whitened residual)"
 
@@ -184,139 +181,103 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
 
     Without a robot (nothing could be compared) it has no name and no curves.
     """
-    noise = diagnosis.noise
+    noise, efforts = diagnosis.noise, diagnosis.efforts
+    estimated = {}
+    if efforts is not None and not efforts.declared:
+        sizes = {"how": efforts.how, "efforts": efforts.noise}  # of a sample of each joint's effort
+        estimated = {key: dict(zip(efforts.joints, each, strict=True)) for key, each in sizes.items()}
+    hidden = "physics location parameter smallest below unit reason"
+    several = [_recording(part) for part in diagnosis.recordings] if len(diagnosis.recordings) > 1 else []
     document: dict[str, Any] = {
         "prup_pin": version,
         "robot": None if robot is None else robot.name,
         "verdict": diagnosis.verdict,
-        "noise": {
-            **_picked(noise, _NOISE),
-            "effort": noise.effort or None,
-            **_noise_of_efforts(diagnosis.efforts),
-        },
+        "noise": {**_picked(noise, _NOISE), "effort": noise.effort or None, **estimated},
         "residual": {
             "unit": UNIT,
-            "before": dict(diagnosis.before),
-            "after": dict(diagnosis.after),
+            **_picked(diagnosis, "before after"),
             **diagnosis.within,
-            "by_channel": {name: dict(values) for name, values in diagnosis.by_channel.items()},
+            "by_channel": diagnosis.by_channel,
         },
-        "findings": [_finding(finding, robot, diagnosis.efforts) for finding in diagnosis.findings],
+        "findings": [_finding(finding, robot, efforts) for finding in diagnosis.findings],
         "calibration": [_calibrated(item) for item in diagnosis.calibration],
-        "not_detectable": [
-            _picked(item, ("physics", "location", "parameter", "smallest", "below", "unit", "reason"))
-            for item in diagnosis.not_detectable
-        ],
-        "next_experiment": dict(diagnosis.next_experiment),
-        **(
-            {"recordings": [_recording(part) for part in diagnosis.recordings]} if len(diagnosis.recordings) > 1 else {}
-        ),
-        "premises": list(diagnosis.premises),
-        "remarks": list(diagnosis.remarks),
-        "unused_columns": list(diagnosis.unused_columns),
+        "not_detectable": [_picked(item, hidden) for item in diagnosis.not_detectable],
+        "next_experiment": diagnosis.next_experiment,
+        **({"recordings": several} if several else {}),
+        **_picked(diagnosis, "premises remarks unused_columns"),
     }
     if diagnosis.since is not None:
         document["since"] = _since(diagnosis.since)
     if diagnosis.own_by_run:
-        document["own_sensors"] = {"by_run": list(diagnosis.own_by_run)}
+        document["own_sensors"] = {"by_run": diagnosis.own_by_run}
     return plain(document)
+
+
+def _picked(item: object, names: str) -> dict[str, Any]:
+    """Return some attributes by their names."""
+    return {name: getattr(item, name) for name in names.split()}
+
+
+def _fitted(fitted: FittedParameter) -> dict[str, Any]:
+    return {"value": fitted.value, "ci95": sorted(fitted.interval)}
 
 
 def _since(since: Since) -> dict[str, Any]:
     """Return what has changed since an earlier test: values then and now, and what would have been seen."""
     values = [
-        _picked(item, ("physics", "location", "aspect", "parameter", "unit"))
-        | {
-            name: {"value": fitted.value, "ci95": sorted(fitted.interval)}
-            for name, fitted in (("then", item.then), ("now", item.now), ("difference", item.difference))
-        }
+        _picked(item, "physics location aspect parameter unit")
+        | {name: _fitted(getattr(item, name)) for name in ("then", "now", "difference")}
         | {"changed": item.has_changed, "seen_from": item.seen}
         for item in since.values
     ]
     return {
-        "notes": since.notes,
-        "explained": since.explained,
-        "set_up": list(since.set_up),
+        **_picked(since, "notes explained set_up"),
         "values": values,
-        "seen": [item._asdict() for item in since.seen],
-    }
-
-
-def _picked(item: object, names: Sequence[str]) -> dict[str, Any]:
-    """Return some attributes by their names."""
-    return {name: getattr(item, name) for name in names}
-
-
-def _noise_of_efforts(efforts: EffortDiagnosis | None) -> dict[str, Any]:
-    """Return how the noise of a sample of each joint's effort was told, and its size, where none was declared."""
-    if efforts is None or efforts.declared:
-        return {}
-    return {
-        "how": dict(zip(efforts.joints, efforts.how, strict=True)),
-        "efforts": dict(zip(efforts.joints, efforts.noise.tolist(), strict=True)),
+        "seen": [each._asdict() for each in since.seen],
     }
 
 
 def _recording(part: ByRecording) -> dict[str, Any]:
     return {
         "recording": part.name,
-        "own_sensors": list(part.own),
+        "own_sensors": part.own,
         "noise": _picked(part.noise, _NOISE),
         "samples": part.samples,
         "used": len(part.used),
-        "residual": {"before": part.before, "after": part.after},
+        "residual": _picked(part, "before after"),
     }
 
 
 def _calibrated(item: CalibratedParameter) -> dict[str, Any]:
-    return {
-        "parameter": item.name,
-        "nominal": item.nominal,
-        "value": item.value,
-        "sd": item.sd,
-        "tolerance": item.tolerance,
-        "unit": item.deviation.unit,
-        "learned": item.learned,
-    }
-
-
-def _effort_curve(curve: EffortCurve) -> dict[str, Any]:
-    return {
-        "joint": curve.joint,
-        "against": curve.against,
-        curve.against: curve.x,
-        "effort": curve.y,
-        "deviation": curve.deviation,
-        "law": curve.law,
-        "units": {curve.against: curve.x_unit, "effort": curve.y_unit},
-    }
+    values = _picked(item, "nominal value sd tolerance")
+    return {"parameter": item.name, **values, "unit": item.deviation.unit, "learned": item.learned}
 
 
 def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | None = None) -> dict[str, Any]:
     from ...diagnosis.efforts import effort_curve_of
 
-    value: dict[str, Any] = {
-        "physics": finding.physics,
-        "location": finding.location,
+    value = _picked(finding, "physics location") | {
         "aspect": "" if finding.effect is None else finding.effect.place.aspect,
-        "candidates": list(finding.candidates),
+        "candidates": finding.candidates,
         "parameters": {
             name: {"value": fitted.value, "unit": fitted.unit, "ci95": sorted(fitted.interval)}
             | ({} if fitted.drawn is None else {"robot_file": fitted.drawn})
             | ({} if fitted.before is None else {"before": fitted.before})
             for name, fitted in finding.parameters.items()
         },
-        "heldout_gain": finding.heldout_gain,
-        "statement": finding.statement,
-        "remedy": finding.remedy,
-        "alternatives": list(finding.alternatives),
+        **_picked(finding, "heldout_gain statement remedy alternatives"),
         **({"conventions": as_json(finding.conventions)} if finding.conventions else {}),
-        **({"evidence": dict(finding.evidence)} if finding.evidence else {}),
+        **({"evidence": finding.evidence} if finding.evidence else {}),
     }
     if finding.curve is not None and robot is not None:
         value["curve"] = _curve(finding.curve, robot)
     elif (drawn := effort_curve_of(finding, efforts)) is not None:
-        value["curve"] = _effort_curve(drawn)
+        value["curve"] = _picked(drawn, "joint against") | {
+            drawn.against: drawn.x,
+            "effort": drawn.y,
+            **_picked(drawn, "deviation law"),
+            "units": {drawn.against: drawn.x_unit, "effort": drawn.y_unit},
+        }
     return value
 
 
@@ -326,8 +287,6 @@ def _curve(curve: LocalCurve, robot: Robot) -> dict[str, Any]:
     return {
         "module": curve.module,
         "component": module.kind.loads[curve.component],
-        "load": curve.load,
-        "deformation": curve.deformation,
-        "deviation": curve.deviation,
+        **_picked(curve, "load deformation deviation"),
         "units": {"load": load, "deformation": deformation},
     }

@@ -63,8 +63,7 @@ def compliance_html(compliance: Compliance) -> str:
         facts["K does not exist"] = f"no module yields under {'; '.join(rigid_texts(answer))}"
     tables = []
     for table in (*stiffness_tables(answer), compliance_table(answer)):
-        rows = [(name, *cells) for name, cells in zip(table.rows, table.cells, strict=True)]
-        tables.append((f"{table.title} {table.detail}", ("", *table.columns), 1, rows))
+        tables.append((f"{table.title} {table.detail}", table.headers, table.lines))
     bars = first_shares(answer.shares or {}, _SHOWN)
     largest = max((abs(share) for _, share in bars), default=0.0) or 1.0
     amount = quantity(answer.amount, "rad" if answer.load.turns else "m")
@@ -85,14 +84,14 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
             rows.append((*(("", "") if index else (str(count), finding_text(finding))), *texts))
     known = not any(value != value for value in diagnosis.before.values())
     tables = [
-        ("", ("", "left out", "parameter", "value", "95 % interval"), 3, rows),
-        ("", ("residual, RMS", "before", "after", ""), 1, channel_rows(diagnosis) if known else []),
-        ("", ("joint", "noise", "× noise", "% of the effort"), 1, effort_rows(diagnosis)),
+        ("", ("", "left out", "parameter", ">value", ">95 % interval"), rows),
+        ("", ("residual, RMS", ">before", ">after", ""), channel_rows(diagnosis) if known else []),
+        ("", ("joint", ">noise", ">× noise", ">% of the effort"), effort_rows(diagnosis)),
     ]
     return _cell("Diagnosis", verdict=verdict_text(diagnosis), tables=tables, remarks=diagnosis.remarks)
 
 
 def _cell(title: str, **parts) -> str:
-    """Return what a cell shows; tables are (caption, columns, how many of them are words, rows), if they have rows."""
+    """Return what a cell shows; tables are (caption, columns with > before numbers, rows), if they have rows."""
     empty = {"verdict": "", "facts": {}, "tables": (), "yields": "", "bars": (), "remarks": ()}
     return page_template("cell.html").render(title=title, **{**empty, **parts})

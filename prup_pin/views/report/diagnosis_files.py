@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -35,23 +34,14 @@ def missing_for_report() -> str:
     return ""
 
 
-def check_before(folder: Path, recordings: Path | Sequence[Path]) -> None:
-    """Raise InputError, before anything is computed, where the files cannot be written."""
-    there = folder
+def check_before(folder: Path, recordings: Sequence[Path]) -> None:
+    """Raise InputError, before anything is computed, where a file would replace what it must not."""
     try:
-        while not there.exists() and there != there.parent:
-            there = there.parent
         for name in FILES:
             check_replaceable(folder / name)
-    except InputError as error:
+    except (InputError, OSError) as error:
         raise InputError(f"--out: {error}") from error
-    except OSError as error:
-        raise InputError(f"--out: cannot write to '{folder}': {error.strerror or error}") from error
-    if not there.is_dir():
-        raise InputError(f"--out: '{there}' is not a folder; give a folder for {VERDICT}, {MODEL}, {REPORT}")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise InputError(f"--out: cannot write to '{there}'")
-    for recording in [recordings] if isinstance(recordings, Path) else recordings:
+    for recording in recordings:
         for name in (VERDICT, MODEL, PLAN):
             if (folder / name).resolve() == recording.with_suffix(".json").resolve():
                 raise InputError(f"--out: '{folder / name}' would replace the recording's JSON file; choose another")

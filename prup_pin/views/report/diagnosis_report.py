@@ -32,10 +32,11 @@ from ..text.diagnosis_words import (
     noise_text,
     parameter_texts,
     recording_rows,
+    seen_rows,
     summary_text,
+    then_and_now_rows,
     verdict_text,
 )
-from ..text.since_words import seen_rows, then_and_now_rows
 from ..text.values import clean, dimension
 from .pages import Picture, page_template, picture
 
@@ -48,9 +49,11 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
     recordings = [recording] if isinstance(recording, Recording) else list(recording)
     template = page()
     white, efforts = diagnosis.residuals, diagnosis.efforts
+    begun = "robot file" if diagnosis.since is None else "earlier model"
     drawn = white is not None and bool(white.exists.any())
     many = len(diagnosis.samples) > _MOST_DRAWN
     plan = diagnosis.next_experiment.get("plan") or {}
+    channels = channel_rows(diagnosis)
     return template.render(
         name=robot.name,
         version=__version__,
@@ -62,20 +65,21 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         premises=diagnosis.premises,
         sentence=verdict_text(diagnosis),
         summary=summary_text(diagnosis),
-        facts=_facts(diagnosis),
+        facts=_facts(diagnosis, begun),
         measured=_measured(diagnosis, robot, recordings),
         place=picture(figures.place_figure, robot, diagnosis),
         findings=[_finding(diagnosis, finding) for finding in diagnosis.told],
-        channels=channel_rows(diagnosis),
+        channels=channels if diagnosis.told else [(what, after, unit) for what, _, after, unit in channels],
         joints=effort_rows(diagnosis),
         samples=picture(figures.sample_figure, diagnosis, pixels=many) if drawn else None,
-        histogram=picture(figures.histogram_figure, white) if drawn else None,
+        histogram=picture(figures.histogram_figure, white, begun) if drawn else None,
+        begun=begun,
         efforts=None if efforts is None else picture(figures.effort_figure, efforts, pixels=True),
         hidden=hidden_rows(diagnosis.not_detectable),
         remarks=list(diagnosis.remarks),
         why=_sentence(str(diagnosis.next_experiment.get("why", ""))),
         plan=_plan(plan, robot),
-        poses=len(plan.get("poses", ())),
+        poses=[f">pose {count}" for count, _ in enumerate(plan.get("poses", ()), 1)],
         effects=len(diagnosis.effects),
         since=diagnosis.since,
         then_and_now=[] if diagnosis.since is None else then_and_now_rows(diagnosis.since),
@@ -89,26 +93,27 @@ def page():
     return page_template("diagnosis_page.html")
 
 
-def _facts(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
-    before, after = (number(values["heldout"], 3) for values in (diagnosis.before, diagnosis.after))
-    facts = [
-        ("Before", f"{before} ×", f"the noise: recording against the {_begun(diagnosis)}"),
-        ("After", f"{after} ×", "the noise, on held-out samples"),
-    ]
+def _facts(diagnosis: Diagnosis, begun: str) -> list[tuple[str, str, str]]:
+    """Return what fell from where to where; one number where nothing did."""
+    before, after = (f"{number(values['heldout'], 3)} ×" for values in (diagnosis.before, diagnosis.after))
+    against = f"the noise: recording against the {begun}"
+    facts = [("Before", before, against), ("After", after, "the noise, on held-out samples")]
+    if before == after and not diagnosis.findings:
+        facts = [("Residual", after, against)]
     for name, unit, _ in diagnosis.columns:
         values = diagnosis.by_channel.get(name)
         if values is not None:
             ends = (number(values[f"{key}_u{unit}"], 3) for key in ("before", "after"))
-            facts.append((f"{name.capitalize()} residual", " → ".join(ends), f"µ{unit}, root mean square"))
+            facts.append((f"{name.capitalize()} residual", _fell(*ends), f"µ{unit}, root mean square"))
     if diagnosis.efforts is not None:
         shares = diagnosis.efforts.shares["all"]
         ends = (number(100 * shares[key], 3) for key in ("rigid", "heldout"))
-        facts.append(("Residual of the efforts", " → ".join(ends), "% of the efforts, root mean square"))
+        facts.append(("Residual of the efforts", _fell(*ends), "% of the efforts, root mean square"))
     return facts
 
 
-def _begun(diagnosis: Diagnosis) -> str:
-    return "robot file" if diagnosis.since is None else "earlier model"
+def _fell(before: str, after: str) -> str:
+    return after if before == after else f"{before} → {after}"
 
 
 def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording]) -> list[tuple[str, list[str]]]:
@@ -179,16 +184,17 @@ def _sentence(text: str) -> str:
     """Return a text with a capital and a full stop; a text that begins with a place keeps its letters."""
     first = text.split(" ", 1)[0]
     started = text if "/" in first or "_" in first else text[:1].upper() + text[1:]
-    return started if not started or started.endswith((".", ")")) else f"{started}."
+    return started if not started or started.endswith(".") else f"{started}."
 
 
-def _plan(plan: dict[str, Any], robot: Robot) -> list[tuple[str, str, list[str]]]:
+def _plan(plan: dict[str, Any], robot: Robot) -> list[tuple[str, ...]]:
     """Return rows of actuator positions, then of full loads: name, unit, a number for each pose of the plan."""
-    rows, poses = [], plan.get("poses", ())
+    rows: list[tuple[str, ...]] = []
+    poses = plan.get("poses", ())
     for name in robot.mechanism.actuated if poses else ():
         turning = dimension(robot.mechanism, name) == "angle"
         unit, factor = ("°", 180 / np.pi) if turning else ("mm", 1e3)
-        rows.append((name, unit, [number(clean(pose["actuators"][name]) * factor, 5) for pose in poses]))
+        rows.append((name, unit, *(number(clean(pose["actuators"][name]) * factor, 5) for pose in poses)))
     loads: list[dict[str, float]] = [
         next((item["wrench"] for item in plan["loads"] if place in item.get("poses", [place])), {})
         for place in range(len(poses))
@@ -196,5 +202,5 @@ def _plan(plan: dict[str, Any], robot: Robot) -> list[tuple[str, str, list[str]]
     for index, name in enumerate(WRENCH_NAMES):
         values = [wrench.get(name, 0.0) for wrench in loads]
         if any(values):
-            rows.append((name, "N" if index < 3 else "N m", [number(value, 3) for value in values]))
+            rows.append((name, "N" if index < 3 else "N m", *(number(value, 3) for value in values)))
     return rows

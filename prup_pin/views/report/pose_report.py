@@ -118,7 +118,7 @@ def report_html(
         rigid=rigid_texts(answer) if answer.stiffness is None else [],
         why_rigid=why_rigid(robot, answer) if answer.stiffness is None else "",
         compliance=compliance_table(answer),
-        displacements=_displacements(answer),
+        **_displacements(answer),
         groups=group_rows(answer),
         chart=None if answer.shares is None else picture(shares_figure, compliance, answer.load.wrench),
         softest=_softest(robot, answer),
@@ -183,14 +183,16 @@ def _facts(answer: Answer) -> list[tuple[str, str, str]]:
 
 def _displacements(answer: Answer) -> dict[str, Any]:
     """Return the table of displacements in common units, the sag among them, and where down is."""
-    columns, rows, units = displacements(answer)
+    columns, found, units = displacements(answer)
+    rows, down = [(name, *cells) for name, cells in found.items()], ""
     gravity = answer.mechanism.gravity
-    sags = gravity.any()
+    if gravity.any():
+        rows.append(("sag by own weight", *displacement_cells(answer.sag, units)[:4], *("", "", "")))
+        down = direction_text(gravity / np.linalg.norm(gravity))
     return {
-        "columns": columns,
-        "rows": rows,
-        "sag": displacement_cells(answer.sag, units)[:4] if sags else [],
-        "down": direction_text(gravity / np.linalg.norm(gravity)) if sags else "",
+        "displacement_columns": ("frame", *(f">{name}" for name in columns)),
+        "displacement_rows": rows,
+        "down": down,
     }
 
 

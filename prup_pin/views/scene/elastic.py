@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations, product
+
 import numpy as np
 
 from ...kinematics import ClosedPose
@@ -153,6 +155,17 @@ def principal(compliance: Compliance, block: slice) -> tuple[Array, Array]:
     """
     values, vectors = np.linalg.eigh(compliance.C[block, block])
     return np.maximum(values[::-1], 0.0), vectors[:, ::-1].copy()
+
+
+def tips_apart(ends: Array, drawn: np.ndarray) -> tuple[int, ...]:
+    """Return a sign per semi-axis (columns of `ends`, on the page) whose tips lie apart, rather to the right."""
+
+    def apart(signs: tuple[int, ...]) -> float:
+        tips = (ends * signs)[:, drawn].T
+        gaps = [float(np.linalg.norm(one - other)) for one, other in combinations(tips, 2)]
+        return round(min(gaps, default=0.0) + 0.3 * float(tips[:, 0].mean()), 12)
+
+    return max(product((1, -1), repeat=3), key=apart)
 
 
 def nice_below(value: float) -> float:

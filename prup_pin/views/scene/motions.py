@@ -122,16 +122,14 @@ def path_motion(
         raise InputError("a path needs at least one pose")
     load = None if wrench is None else as_wrench(wrench)
     painter = Painter(robot, poses[len(poses) // 2])
-    deflects = load is not None and bool(load.any())
-    compliances = [compliance_of(robot, pose) if deflects or robot.mechanism.modules else None for pose in poses]
     moves: list[Deflections | None] = [None] * len(poses)
+    compliances: list[Compliance | None] = [None] * len(poses)
+    if robot.mechanism.modules or (load is not None and load.any()):
+        compliances = [compliance_of(robot, pose) for pose in poses]
     if load is not None and load.any():
-        moves = [
-            Deflections(compliance_of(robot, p) if c is None else c, load)
-            for p, c in zip(poses, compliances, strict=True)
-        ]
-        fitting = [fitting_scale(moved, painter.size) for moved in moves if moved is not None]
+        moves = [Deflections(each, load) for each in compliances if each is not None]
         if scale is None:
+            fitting = (fitting_scale(moved, painter.size) for moved in moves if moved is not None)
             scale = min((value for value in fitting if value is not None), default=None)
     scenes = []
     trace = np.array([pose.base_from_tool[:3, 3] for pose in poses])

@@ -20,14 +20,9 @@ from ..text.answer import first_shares
 from ..text.values import pose_words
 from .camera import camera_of
 from .colours import AXES, ELLIPSOIDS, GHOST, INK, LOAD, MOVED, SYMBOL, grey_of, map_colour, share_colours
-from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below, principal
+from .elastic import SECTIONS, Deflections, beam_frame, fitting_scale, nice_below, principal, tips_apart
 from .scene import (
-    Ball,
-    Box,
     ComplianceEllipsoid,
-    Cone,
-    Cylinder,
-    Ellipsoid,
     Label,
     Legend,
     Lines,
@@ -36,9 +31,12 @@ from .scene import (
     Row,
     Scene,
     Shape,
+    Solid,
     Tube,
+    ball,
     box_mesh,
     outline,
+    rod,
 )
 from .skeleton import Segment, skeleton
 from .symbols import symbols
@@ -46,6 +44,17 @@ from .visuals import Visual, visuals
 
 #: Parts of a scene, and the words beside them.
 Signs = tuple[list[Part], list[Label]]
+#: Diagonal blocks of C: which rows, their unit, what an ellipsoid of each shows.
+_BLOCKS = {
+    "translation": (slice(0, 3), "m/N", "displacement by 1 N", "in every direction"),
+    "rotation": (slice(3, 6), "rad/(N m)", "rotation by 1 N m", "about every axis"),
+}
+#: What the signs of a load mean.
+_LOADED = (
+    Row(GHOST, "see-through: without load", sign="ghost"),
+    Row(LOAD, "load on the tool", sign="line"),
+    Row(MOVED, "displacement of the tool", sign="line"),
+)
 #: How far a deflection may be drawn at most, in sizes of the robot, or rotated [rad].
 _FARTHEST = 100.0
 
@@ -155,7 +164,7 @@ class Painter:
                     put(name, visual.shape, body(frame.joint, seat) @ visual.placement, colour, visual.opacity)
         for module in self.bare_beams:
             frame_, length = beam_frame(module, pose)
-            visual = Visual("", Cylinder(self._beam_radius(module), length), np.eye(4), "#8a929b")
+            visual = Visual("", rod(self._beam_radius(module), length), np.eye(4), "#8a929b")
             middle = frame_ @ placement(np.eye(3), np.array([0, 0, length / 2]))
             shape, where = self._bent(module, pose, moved, scale, visual, middle)
             put(f"beams/{module.name}", shape, where, visual.colour if colours is None else colours[module.name])
@@ -174,28 +183,23 @@ class Painter:
     def _bent(
         self, beam: Module, pose: ClosedPose, moved: Deflections | None, scale: float, visual: Visual, at: Array
     ) -> tuple[Shape, Array]:
-        """Return a beam's own geometry bent along its elastic line, in the beam's frame."""
-        frame, length = beam_frame(beam, pose)
-        still = np.zeros((2, 3))
-        line = BentLine(frame, length, still, still) if moved is None else moved.bent(beam, pose, scale)
-        own = np.linalg.inv(frame) @ at
+        """Return a beam's own geometry bent along its elastic line, and where it stands."""
         shape = visual.shape
-        if isinstance(shape, Box) and moved is not None:
-            shape = box_mesh(shape, int(np.argmax(np.abs(own[2, :3]))), SECTIONS)
-        if isinstance(shape, Cylinder) and abs(own[2, 2]) > 1 - 1e-6:
-            low, high = own[2, 3] - shape.length / 2, own[2, 3] + shape.length / 2
-            if moved is None:
-                stations = np.array([low, high])
-            else:
-                stations = np.clip(np.concatenate(([low], np.linspace(0, length, SECTIONS), [high])), low, high)
-            points = np.column_stack((np.full(len(stations), own[0, 3]), np.full(len(stations), own[1, 3]), stations))
-            return Tube(points + line.displacement(points), shape.radius), frame
-        if isinstance(shape, Mesh) and moved is not None:
+        if moved is None:
+            return shape, at
+        frame, length = beam_frame(beam, pose)
+        own, line = np.linalg.inv(frame) @ at, moved.bent(beam, pose, scale)
+        if isinstance(shape, Solid) and shape.kind == "cylinder" and abs(own[2, 2]) > 1 - 1e-6:
+            low, high = own[2, 3] - shape.size[2] / 2, own[2, 3] + shape.size[2] / 2
+            stations = np.clip(np.concatenate(([low], np.linspace(0, length, SECTIONS), [high])), low, high)
+            points = np.column_stack((np.tile(own[:2, 3], (len(stations), 1)), stations))
+            return Tube(points + line.displacement(points), shape.size[0] / 2), frame
+        if isinstance(shape, Solid) and shape.kind == "box":
+            shape = box_mesh(shape.size, int(np.argmax(np.abs(own[2, :3]))), SECTIONS)
+        if isinstance(shape, Mesh):
             points = shape.vertices @ own[:3, :3].T + own[:3, 3]
             normals = None if shape.normals is None else shape.normals @ own[:3, :3].T
             return Mesh(points + line.displacement(points), shape.faces, normals), frame
-        if moved is None:
-            return shape, at
         centre = own[:3, 3]
         turned = rotation_exp(line.rotation(centre[None])[0]) @ own[:3, :3]
         return shape, frame @ placement(turned, centre + line.displacement(centre[None])[0])
@@ -235,12 +239,8 @@ class Painter:
             index = pose.mechanism.joint_id(joint.name)
             if index in self.drawn_bodies or index in sprung:
                 continue
-            put(
-                f"skeleton/joints/{joint.name}",
-                Ball(1.7 * radius),
-                placement(np.eye(3), there(joint.body, joint.at)),
-                "#4a5058",
-            )
+            at = placement(np.eye(3), there(joint.body, joint.at))
+            put(f"skeleton/joints/{joint.name}", ball(1.7 * radius), at, "#4a5058")
 
     # -- the scene -------------------------------------------------------------------------------------------------
 
@@ -330,30 +330,25 @@ class Painter:
         force, moment = np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])
         origin, size = at[:3, 3], self.size
         if force > 0:
-            axis = wrench[:3] / force
-            frame = placement(axis_as_z(axis), origin)
+            frame = placement(axis_as_z(wrench[:3] / force), origin)
             length = 0.3 * size * max(arrow, 0.02)
             parts += _arrow("wrench/force", frame, length, 0.0105 * size, LOAD)
-            tip = frame[:3, 3] + length * frame[:3, 2]
+            tip = origin + length * frame[:3, 2]
             labels.append(Label("wrench/force", f"{number(arrow * force, 4)} N", tip, origin, LOAD, True))
         if moment > 0:
-            axis = wrench[3:] / moment
-            turn = axis_as_z(axis)
+            frame = placement(axis_as_z(wrench[3:] / moment), origin)
             # the gap of the arc faces away from the eye
-            to_eye = np.arctan2(turn[:, 1] @ self.viewer, turn[:, 0] @ self.viewer)
-            span = np.radians(280) * arrow
-            start = to_eye - span / 2
-            angle = start + np.linspace(0, 1, 49) * span
-            radius = 0.115 * size
-            points = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), np.zeros(49)))
-            frame = placement(turn, origin)
-            parts.append(Part("wrench/moment/arc", Tube(points, 0.0085 * size, 12), frame, LOAD))
+            to_eye = np.arctan2(frame[:3, 1] @ self.viewer, frame[:3, 0] @ self.viewer)
+            angle = to_eye + np.linspace(-0.5, 0.5, 49) * np.radians(280) * arrow
+            points = 0.115 * size * np.column_stack((np.cos(angle), np.sin(angle), np.zeros(49)))
             tangent = np.array([-np.sin(angle[-1]), np.cos(angle[-1]), 0.0])
-            head = frame @ placement(axis_as_z(tangent), points[-1])
-            parts.append(Part("wrench/moment/head", Cone(0.026 * size, 0.06 * size), head, LOAD))
-            parts.append(Part("wrench/moment/axis", Cylinder(0.003 * size, 0.3 * size), frame, LOAD))
-            at_label = (frame @ np.append(points[24], 1.0))[:3]
-            labels.append(Label("wrench/moment", f"{number(arrow * moment, 4)} N m", at_label, origin, LOAD, True))
+            head = frame @ placement(axis_as_z(tangent), points[-1] + 0.03 * size * tangent)
+            cone = Solid("cone", (0.052 * size, 0.052 * size, 0.06 * size))
+            parts.append(Part("wrench/moment/arc", Tube(points, 0.0085 * size, 12), frame, LOAD))
+            parts.append(Part("wrench/moment/head", cone, head, LOAD))
+            parts.append(Part("wrench/moment/axis", rod(0.003 * size, 0.3 * size), frame, LOAD))
+            middle = (frame @ np.append(points[24], 1.0))[:3]
+            labels.append(Label("wrench/moment", f"{number(arrow * moment, 4)} N m", middle, origin, LOAD, True))
         return parts, labels
 
     def _deflection(self, tool: Array, there: Array, moved: Deflections, factor: float) -> Signs:
@@ -364,7 +359,7 @@ class Painter:
         frame = placement(axis_as_z(end - start), start)
         parts = _arrow("deflection", frame, length, 0.006 * self.size, MOVED, True)
         text = quantity(factor * float(np.linalg.norm(moved.tool[:3])), "m")
-        parts.append(Part("deflection/start", Ball(0.011 * self.size), tool, MOVED, on_top=True))
+        parts.append(Part("deflection/start", ball(0.011 * self.size), tool, MOVED, on_top=True))
         return parts, [Label("deflection", text, start + 0.5 * (end - start), start - self.up, MOVED, True)]
 
     def _ellipsoids(
@@ -379,43 +374,34 @@ class Painter:
         found: dict[str, ComplianceEllipsoid] = {}
         parts: list[Part] = []
         labels: list[Label] = []
-        for index, (name, block, unit) in enumerate(
-            (("translation", slice(0, 3), "m/N"), ("rotation", slice(3, 6), "rad/(N m)"))
-        ):
+        for index, (name, (block, unit, words, _)) in enumerate(_BLOCKS.items()):
             values, vectors = principal(compliance, block)
             lever = (size, 1 / size)[index]
             other = float(np.trace(compliance.C[3:, 3:] if index == 0 else compliance.C[:3, :3]))
             if values[0] <= 1e-12 * other * lever**2:  # rigid but for rounding
                 continue
             # signs: every axis to the right on the page, the last one right-handed
-            for column in range(2):
-                if self.page[0] @ vectors[:, column] < 0:
-                    vectors[:, column] *= -1
+            vectors[:, :2] *= np.where(self.page[0] @ vectors[:, :2] < 0, -1, 1)
             vectors[:, 2] = np.cross(vectors[:, 0], vectors[:, 1])
             centre = there[:3, 3]
             if where == "beside":
-                across = high[0] + 0.3 * size
                 height = (low[1] + high[1]) / 2 + (0.26 - 0.52 * index) * size
-                depth = self.viewer @ self.middle
-                centre = across * self.page[0] + height * self.page[1] + depth * self.viewer
+                flat = np.array([high[0] + 0.3 * size, height, self.viewer @ self.middle])
+                centre = flat @ [*self.page, self.viewer]
             scale = largest / values[0]
             found[name] = ComplianceEllipsoid(values, vectors, centre, scale)
             semi = np.maximum(values * scale, 1e-3 * largest)
-            colour = ELLIPSOIDS[name]
-            path = f"ellipsoids/{name}"
-            at = placement(vectors, centre)
-            parts.append(Part(f"{path}/surface", Ellipsoid(tuple(semi.tolist())), at, colour, 0.5))
-            for axis in range(3):
-                frame = placement(axis_as_z(vectors[:, axis]), centre)
-                bar = Cylinder(0.0035 * size, 2 * values[axis] * scale + 0.02 * size)
-                parts.append(Part(f"{path}/axis_{axis + 1}", bar, frame, MOVED))
+            colour, path = ELLIPSOIDS[name], f"ellipsoids/{name}"
+            ball_ = Solid("ball", tuple((2 * semi).tolist()))
+            parts.append(Part(f"{path}/surface", ball_, placement(vectors, centre), colour, 0.5))
             drawn = values > 1e-9 * values[0]
-            ends = _apart(self.page @ vectors * semi, drawn)
-            for axis in range(3):
+            ends = tips_apart(self.page @ vectors * semi, drawn)
+            for axis, along in enumerate(vectors.T):
+                bar = rod(0.0035 * size, 2 * values[axis] * scale + 0.02 * size)
+                parts.append(Part(f"{path}/axis_{axis + 1}", bar, placement(axis_as_z(along), centre), MOVED))
                 if drawn[axis]:
-                    tip = centre + ends[axis] * vectors[:, axis] * (semi[axis] + 0.01 * size)
+                    tip = centre + ends[axis] * along * (semi[axis] + 0.01 * size)
                     labels.append(Label(path, quantity(values[axis], unit), tip, centre, colour))
-            words = "displacement by 1 N" if name == "translation" else "rotation by 1 N m"
             reach = float(np.linalg.norm(self.page[1] @ vectors * semi))
             top = centre + (reach + 0.075 * size) * self.page[1]
             labels.append(Label(path, words, top, top - self.page[1] * size, colour, True))
@@ -460,22 +446,15 @@ class Painter:
             for name, share in first_shares(shares, 6) if top else ():
                 colour = map_colour(share / top) if name in shares else ""
                 rows.append(Row(colour, name, f"{100 * share:.1f} %"))
-            signs += [
-                Row(GHOST, "see-through: without load", sign="ghost"),
-                Row(LOAD, "load on the tool", sign="line"),
-                Row(MOVED, "displacement of the tool", sign="line"),
-            ]
+            signs += _LOADED
         elif any(not module.kind.spans_frames for module in pose.mechanism.modules):
             signs.append(Row(SYMBOL, "drives, bearings and springs, as symbols"))
-        for name, words, si in (
-            ("translation", "displacement by 1 N in every direction", "m/N"),
-            ("rotation", "rotation by 1 N m about every axis", "rad/(N m)"),
-        ):
+        for name, (_, si, words, around) in _BLOCKS.items():
             if name in balls:
                 values = balls[name].values
                 unit, factor = readable_unit(values[0], si)
                 ends = [number(value * factor, 3) for value in values if value > 1e-9 * values[0]]
-                signs.append(Row(ELLIPSOIDS[name], f"{words}: {', '.join(ends)} {unit}"))
+                signs.append(Row(ELLIPSOIDS[name], f"{words} {around}: {', '.join(ends)} {unit}"))
         return Legend(
             title=self.robot.name,
             lines=tuple(lines),
@@ -519,22 +498,11 @@ def pose_scene(
 def _arrow(path: str, frame: Array, length: float, radius: float, colour: str, on_top: bool = False) -> list[Part]:
     """Return an arrow along z of a frame, from its origin."""
     head = min(6.5 * radius, 0.6 * length)
-    shaft = length - head
-    middle = frame @ placement(np.eye(3), np.array([0, 0, shaft / 2]))
-    neck = frame @ placement(np.eye(3), np.array([0, 0, shaft]))
+    pieces = (
+        ("shaft", rod(radius, length - head), (length - head) / 2),
+        ("head", Solid("cone", (4.8 * radius, 4.8 * radius, head)), length - head / 2),
+    )
     return [
-        Part(f"{path}/shaft", Cylinder(radius, shaft), middle, colour, on_top=on_top),
-        Part(f"{path}/head", Cone(2.4 * radius, head), neck, colour, on_top=on_top),
+        Part(f"{path}/{name}", shape, frame @ placement(np.eye(3), np.array([0, 0, middle])), colour, on_top=on_top)
+        for name, shape, middle in pieces
     ]
-
-
-def _apart(ends: Array, drawn: np.ndarray) -> tuple[int, ...]:
-    """Return a sign per semi-axis (columns of `ends`, on the page) whose tips lie apart, rather to the right."""
-    best, found = -np.inf, (1, 1, 1)
-    for signs in ((a, b, c) for a in (1, -1) for b in (1, -1) for c in (1, -1)):
-        tips = (ends * np.array(signs))[:, drawn].T
-        gaps = [float(np.linalg.norm(p - q)) for i, p in enumerate(tips) for q in tips[:i]] or [0.0]
-        score = min(gaps) + 0.3 * tips[:, 0].mean()
-        if score > best + 1e-12:
-            best, found = score, signs
-    return found

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import product
+from typing import Literal
 
 import numpy as np
 
@@ -27,48 +28,29 @@ def frozen(values, shape: tuple[int, ...], kind=float) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Box:
-    """A box centred at its origin."""
+class Solid:
+    """A box, ball, cylinder, cone or ring, centred at its origin, with its axis (a cone's tip) along z.
 
+    `size` is how far it reaches along its own x, y, z in all [m]; a ball of three sizes is an ellipsoid.
+    """
+
+    kind: Literal["box", "ball", "cylinder", "cone", "ring"]
     size: tuple[float, float, float]
 
 
-@dataclass(frozen=True)
-class Ball:
-    """A sphere."""
-
-    radius: float
+def rod(radius: float, length: float) -> Solid:
+    """Return a cylinder."""
+    return Solid("cylinder", (2 * radius, 2 * radius, length))
 
 
-@dataclass(frozen=True)
-class Cylinder:
-    """A cylinder centred at its origin, axis z."""
-
-    radius: float
-    length: float
+def ball(radius: float) -> Solid:
+    """Return a sphere."""
+    return Solid("ball", (2 * radius, 2 * radius, 2 * radius))
 
 
-@dataclass(frozen=True)
-class Cone:
-    """The head of an arrow: base at the origin, tip at z = length."""
-
-    radius: float
-    length: float
-
-
-@dataclass(frozen=True)
-class Ring:
-    """A torus about z."""
-
-    radius: float
-    thickness: float
-
-
-@dataclass(frozen=True)
-class Ellipsoid:
-    """An ellipsoid with semi-axes along x, y, z."""
-
-    semi_axes: tuple[float, float, float]
+def ring(radius: float, thickness: float) -> Solid:
+    """Return a torus, by the radius of its centre line and that of its bar."""
+    return Solid("ring", (2 * (radius + thickness), 2 * (radius + thickness), 2 * thickness))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,24 +85,16 @@ def clustered(mesh: Mesh, cell: float) -> Mesh:
 
     Normals and colours are left out; a vertex moves by less than the cell's diagonal.
     """
-    cells = np.floor((mesh.vertices - mesh.vertices.min(axis=0)) / cell).astype(np.int64)
-    _, place, count = np.unique(_numbered(cells), return_inverse=True, return_counts=True)
-    sums = [np.bincount(place, mesh.vertices[:, axis], len(count)) for axis in range(3)]
-    faces = place[mesh.faces]
-    a, b, c = faces.T
-    faces = faces[(a != b) & (b != c) & (c != a)]
-    _, first = np.unique(_numbered(np.sort(faces, axis=1)), return_index=True)
-    faces = faces[np.sort(first)]
-    used, faces = np.unique(faces, return_inverse=True)
-    return Mesh((np.array(sums) / count).T[used], faces.reshape(-1, 3))
+    from trimesh import Trimesh, grouping
 
-
-def _numbered(rows: np.ndarray) -> np.ndarray:
-    """Return one whole number for each row (n, 3) of whole numbers, equal for equal rows alone."""
-    span = rows.max(axis=0, initial=0).astype(object) + 1
-    if span[0] * span[1] * span[2] >= 2**62:
-        return np.unique(rows, axis=0, return_inverse=True)[1].ravel()
-    return (rows[:, 0] * int(span[1]) + rows[:, 1]) * int(span[2]) + rows[:, 2]
+    place = grouping.unique_rows(np.floor(mesh.vertices / cell), digits=0)[1]
+    sums = np.stack([np.bincount(place, mesh.vertices[:, axis]) for axis in range(3)], axis=1)
+    corners = np.sort(faces := place[mesh.faces], axis=1)
+    faces = faces[(np.diff(corners, axis=1) > 0).all(axis=1)]
+    coarse = Trimesh(sums / np.bincount(place)[:, None], faces, process=False)
+    coarse.update_faces(coarse.unique_faces())
+    coarse.remove_unreferenced_vertices()
+    return Mesh(coarse.vertices, coarse.faces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,12 +134,12 @@ class Tube:
         return Mesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(directions))
 
 
-Shape = Box | Ball | Cylinder | Cone | Ring | Ellipsoid | Lines | Mesh | Tube
+Shape = Solid | Lines | Mesh | Tube
 
 
-def _between_rings(rings: int, points: int, closed: bool = True) -> np.ndarray:
-    """Return the triangles (n, 3) between each ring of points and the next; of closed ones the last meets the first."""
-    row, column = points * np.arange(rings - 1)[:, None], np.arange(points if closed else points - 1)
+def _between_rings(rings: int, points: int) -> np.ndarray:
+    """Return the triangles (n, 3) between each closed ring of points and the next."""
+    row, column = points * np.arange(rings - 1)[:, None], np.arange(points)
     first, second = (row + column).ravel(), (row + (column + 1) % points).ravel()
     return np.concatenate(
         [np.column_stack((first, second, second + points)), np.column_stack((first, second + points, first + points))]
@@ -211,46 +185,25 @@ def dots(points: Array, radius: float, colours: Array, level: int = 1) -> Mesh:
     return Mesh(vertices, faces, normals, np.repeat(colours, count, axis=0))
 
 
-def box_mesh(box: Box, along: int, count: int) -> Mesh:
+def box_mesh(size: tuple[float, float, float], along: int, count: int) -> Mesh:
     """Return a box whose edges along one of its axes (0, 1, 2) have `count` points, so that it can bend."""
-    u, v = (along + 1) % 3, (along + 2) % 3
-    half = np.array(box.size) / 2
-    stations = np.linspace(-half[along], half[along], count)
-    around = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half[[u, v]]
-    vertices: list[Array] = []
-    faces: list[np.ndarray] = []
-    normals: list[Array] = []
-    for side in range(4):
-        start, ends = len(vertices) * 2 * count, around[[side, (side + 1) % 4]]
-        points = np.zeros((2 * count, 3))
-        points[:, along] = np.repeat(stations, 2)
-        points[:, [u, v]] = np.tile(ends, (count, 1))
-        i = start + 2 * np.arange(count - 1)
-        faces += [np.column_stack((i, i + 1, i + 3)), np.column_stack((i, i + 3, i + 2))]
-        vertices.append(points)
-        normal = np.zeros(3)
-        normal[[u, v]] = ((0, -1), (1, 0), (0, 1), (-1, 0))[side]
-        normals.append(np.tile(normal, (2 * count, 1)))
-    for end, order in ((0, (0, 2, 1, 0, 3, 2)), (-1, (0, 1, 2, 0, 2, 3))):
-        start = sum(map(len, vertices))
-        points = np.zeros((4, 3))
-        points[:, along], points[:, [u, v]] = stations[end], around
-        faces.append(start + np.array(order).reshape(2, 3))
-        vertices.append(points)
-        normals.append(np.tile(np.eye(3)[along] * (1 if end else -1), (4, 1)))
-    return Mesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals))
+    bar = Tube(_stations(-0.5, 0.5, count), 1.0, sides=4).mesh
+    square = bar.vertices @ np.array([[0.5, 0.5, 0], [-0.5, 0.5, 0], [0, 0, 1]])
+    return Mesh(np.roll(square, along - 2, axis=1) * size, bar.faces)
+
+
+def _stations(low: float, high: float, count: int) -> Array:
+    """Return points along z."""
+    return np.outer(np.linspace(low, high, count), [0.0, 0.0, 1.0])
 
 
 @lru_cache(maxsize=64)
-def thread_mesh(radius: float, length: float, turns: int = 30, sides: int = 12) -> Mesh:
+def thread_mesh(radius: float, length: float, turns: int = 30) -> Mesh:
     """Return a screw about z from 0 to `length`: a bar whose radius follows a helix."""
-    count = 6 * turns + 1
-    z = np.linspace(0, length, count)[:, None]
-    angle = np.linspace(0, 2 * np.pi, sides + 1)[None, :]
-    r = radius * (0.91 + 0.09 * np.cos(angle - 2 * np.pi * turns * z / length))
-    x, y = r * np.cos(angle), r * np.sin(angle)
-    vertices = np.stack((x, y, np.broadcast_to(z, x.shape)), axis=-1).reshape(-1, 3)
-    return Mesh(vertices, _between_rings(count, sides + 1, closed=False))
+    bar = Tube(_stations(0, length, 6 * turns + 1), radius, sides=12, capped=False).mesh
+    x, y, z = bar.vertices.T
+    share = 0.91 + 0.09 * np.cos(np.arctan2(y, x) - 2 * np.pi * turns * z / length)
+    return Mesh(np.column_stack((share * x, share * y, z)), bar.faces)
 
 
 @lru_cache(maxsize=64)
@@ -369,8 +322,8 @@ class Scene:
             if isinstance(shape, Tube):
                 line = shape.points[np.linspace(0, len(shape.points) - 1, 9).astype(int)]
                 points.append(line @ at[:3, :3].T + at[:3, 3])
-            elif isinstance(shape, Cylinder):
-                points.append(at[:3, 3] + np.outer(along * shape.length / 2, at[:3, 2]))
+            elif isinstance(shape, Solid) and shape.kind == "cylinder":
+                points.append(at[:3, 3] + np.outer(along * shape.size[2] / 2, at[:3, 2]))
             elif part.path.startswith("modules"):
                 points.append(at[None, :3, 3])
         return np.concatenate(points)
@@ -413,26 +366,13 @@ class Scene:
 
 
 def outline(part: Part) -> Array:
-    """Return points around a part, (n, 3), base axes."""
+    """Return the corners (8, 3) of a part's box along its own axes, base axes."""
     shape = part.shape
-    if isinstance(shape, Tube | Mesh | Lines):
-        points = {Tube: "points", Mesh: "vertices", Lines: "ends"}[type(shape)]
-        cloud = getattr(shape, points).reshape(-1, 3)
-        ends = np.array([cloud.min(axis=0), cloud.max(axis=0)])
+    if isinstance(shape, Solid):
+        ends = np.outer([-0.5, 0.5], shape.size)
     else:
-        ends = np.outer([-1, 1], half_size(shape))
+        cloud = {Tube: "points", Mesh: "vertices", Lines: "ends"}[type(shape)]
+        points = getattr(shape, cloud).reshape(-1, 3)
+        ends = np.array([points.min(axis=0), points.max(axis=0)])
     corners = ends[list(product((0, 1), repeat=3)), range(3)]
     return corners @ part.placement[:3, :3].T + part.placement[:3, 3]
-
-
-def half_size(shape: Box | Ball | Cylinder | Cone | Ring | Ellipsoid) -> Array:
-    """Return how far a shape reaches from its origin along its own axes [m]."""
-    if isinstance(shape, Box):
-        return np.array(shape.size) / 2
-    if isinstance(shape, Ellipsoid):
-        return np.array(shape.semi_axes)
-    if isinstance(shape, Cylinder | Cone):
-        return np.array([shape.radius, shape.radius, shape.length / (2 if isinstance(shape, Cylinder) else 1)])
-    if isinstance(shape, Ring):
-        return np.array([shape.radius + shape.thickness] * 2 + [shape.thickness])
-    return np.full(3, shape.radius)

@@ -89,14 +89,11 @@ def skeleton(pose: ClosedPose) -> Skeleton:
     legs: dict[str, Array] = {}
     for module in beams:
         assert module.root is not None
-        ends = (module.root, module.frame)
-        segments.append(
-            Segment(
-                "beam", position(ends[0]), position(ends[1]), (ends[0].joint, ends[1].joint), module.name, module.leg
-            )
-        )
-        for end in ends:
-            points[end.joint].append(position(end))
+        root, tip = module.root, module.frame
+        at = position(root), position(tip)
+        segments.append(Segment("beam", *at, (root.joint, tip.joint), module.name, module.leg))
+        for end, there in zip((root, tip), at, strict=True):
+            points[end.joint].append(there)
     for index in range(1, model.njoints):
         name, parent = model.names[index], int(model.parents[index])
         own = placements[index][:3, 3]

@@ -14,11 +14,11 @@ import numpy as np
 from ...kinematics import ClosedPose
 from ...mechanism import Module
 from ...spatial import Array, axis_as_z, placement
-from .scene import Box, Cylinder, Ring, Shape, Tube, belt_mesh, thread_mesh
+from .scene import Shape, Solid, Tube, belt_mesh, ring, rod, thread_mesh
 
-_SCREWS = ("ball_screw",)
+_SCREW = "ball_screw"
 _NUTS = ("ball_nut", "preloaded_ball_nut")
-_DRIVES = (*_SCREWS, *_NUTS, "support_bearing", "timing_belt", "motor")
+_DRIVES = (_SCREW, *_NUTS, "support_bearing", "timing_belt", "motor")
 _BEARINGS = ("bearing", "bearing_pair", "hertzian_bearing")
 _METAL = "#8a929b"
 
@@ -71,17 +71,17 @@ def _sign(pose: ClosedPose, module: Module, size: float, slot: int, sliding: boo
     at = base @ placement(np.eye(3), np.array([0, 0, 0.022 * size * slot]))
     shape: Shape
     if kind in _BEARINGS:
-        shape = Ring(0.036 * size, 0.0085 * size)
+        shape = ring(0.036 * size, 0.0085 * size)
     elif kind == "joint_spring" and sliding:
         shape = _coil(0.03 * size, 0.09 * size, 0.005 * size)
     elif kind in ("joint_spring", *_NUTS, "support_bearing"):
-        shape = Ring(radius, 0.0085 * size)
+        shape = ring(radius, 0.0085 * size)
     elif kind == "motor":
-        shape = Cylinder(0.04 * size, 0.07 * size)
+        shape = rod(0.04 * size, 0.07 * size)
     elif kind == "timing_belt":
         shape = belt_mesh(0.12 * size, 0.035 * size, 0.025 * size, 0.018 * size, 0.004 * size)
     else:
-        shape = Box((0.04 * size, 0.04 * size, 0.04 * size))
+        shape = Solid("box", (0.04 * size, 0.04 * size, 0.04 * size))
     return [Symbol(module.name, module.name, shape, at, module.frame.joint)]
 
 
@@ -118,52 +118,43 @@ def _drive(pose: ClosedPose, joint: int, modules: list[Module], size: float, mid
         return frame @ placement(np.eye(3), np.array([x, y, z]) * size)
 
     kinds = {module.kind.kind: module for module in modules}
-    screw = next((kinds[kind] for kind in _SCREWS if kind in kinds), None)
+    screw = kinds.get(_SCREW)
     length = float(screw.values.get("length", np.nan)) if screw is not None else np.nan
     if not np.isfinite(length) or length > 20 * size:
         length = travel + 0.1 * size
-    prefix = mechanism.model.names[joint]
-    leg = modules[0].leg or prefix
-    found: list[Symbol] = []
-    radius = 0.0145 * size
+    leg = modules[0].leg or mechanism.model.names[joint]
+    quarter = placement(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.zeros(3))
 
-    def add(module: Module | None, name: str, shape: Shape, where: Array, body: int) -> None:
-        found.append(
-            Symbol(name if module is None else module.name, None if module is None else module.name, shape, where, body)
-        )
+    def box(x: float, y: float, z: float) -> Solid:
+        return Solid("box", (x * size, y * size, z * size))
 
-    for kind, module in kinds.items():
-        if kind in _SCREWS:
-            add(module, "", thread_mesh(radius, length), frame, parent)
-        elif kind in _NUTS:
-            add(module, "", Cylinder(0.03 * size, 0.05 * size), at(0, 0, travel / size), joint)
-            add(
-                None,
-                f"{leg}/bracket",
-                Box((0.068 * size, 0.03 * size, 0.02 * size)),
-                at(-0.034, 0, travel / size),
-                joint,
-            )
-        elif kind == "support_bearing":
-            add(module, "", Ring(0.026 * size, 0.0115 * size), at(0, 0, 0.016), parent)
-        elif kind == "timing_belt":
-            add(
-                module,
+    # the module's own sign has no name, what only connects has one
+    drawn: dict[str, list[tuple[str, Shape, Array, int]]] = {
+        "support_bearing": [("", ring(0.026 * size, 0.0115 * size), at(0, 0, 0.016), parent)],
+        "timing_belt": [
+            (
                 "",
                 belt_mesh(0.13 * size, 0.028 * size, 0.046 * size, 0.02 * size, 0.006 * size),
-                _belt(at),
+                at(0, 0, -0.065) @ quarter,  # from the screw to the motor, in the plane of the pulleys
                 parent,
-            )
-            add(None, f"{leg}/pulleys/screw", Cylinder(0.027 * size, 0.016 * size), at(0, 0, -0.065), parent)
-            add(None, f"{leg}/pulleys/motor", Cylinder(0.045 * size, 0.016 * size), at(0, 0.13, -0.065), parent)
-            add(None, f"{leg}/pulleys/shaft", Cylinder(0.008 * size, 0.07 * size), at(0, 0, -0.035), parent)
-        elif kind == "motor":
-            add(module, "", Box((0.085 * size, 0.085 * size, 0.11 * size)), at(0, 0.13, -0.135), parent)
-            add(None, f"{leg}/motor_shaft", Cylinder(0.01 * size, 0.03 * size), at(0, 0.13, -0.07), parent)
-    return found
-
-
-def _belt(at) -> Array:
-    """Return the placement of the belt: from the screw (x = 0) to the motor, in the plane of the pulleys."""
-    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    return at(0, 0, -0.065) @ placement(quarter, np.zeros(3))
+            ),
+            ("pulleys/screw", rod(0.027 * size, 0.016 * size), at(0, 0, -0.065), parent),
+            ("pulleys/motor", rod(0.045 * size, 0.016 * size), at(0, 0.13, -0.065), parent),
+            ("pulleys/shaft", rod(0.008 * size, 0.07 * size), at(0, 0, -0.035), parent),
+        ],
+        "motor": [
+            ("", box(0.085, 0.085, 0.11), at(0, 0.13, -0.135), parent),
+            ("motor_shaft", rod(0.01 * size, 0.03 * size), at(0, 0.13, -0.07), parent),
+        ],
+    }
+    nut: list[tuple[str, Shape, Array, int]] = [
+        ("", rod(0.03 * size, 0.05 * size), at(0, 0, travel / size), joint),
+        ("bracket", box(0.068, 0.03, 0.02), at(-0.034, 0, travel / size), joint),
+    ]
+    drawn |= dict.fromkeys(_NUTS, nut)
+    drawn[_SCREW] = [("", thread_mesh(0.0145 * size, length), frame, parent)]
+    return [
+        Symbol(f"{leg}/{name}" if name else module.name, None if name else module.name, shape, where, body)
+        for kind, module in kinds.items()
+        for name, shape, where, body in drawn[kind]
+    ]

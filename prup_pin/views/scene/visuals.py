@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os.path
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -20,7 +20,7 @@ from ...mechanism.mesh_paths import mesh_problem
 from ...robots import example_folder
 from ...spatial import Array, placement, rotation_rpy
 from .colours import hex_of
-from .scene import Ball, Box, Cylinder, Mesh, Shape, clustered
+from .scene import Mesh, Shape, Solid, ball, clustered, rod
 
 _PLAIN = "#9aa3ad"
 #: Larger mesh files are not drawn.
@@ -137,15 +137,14 @@ def _read(link: str, element, named: Mapping, home: Path, folders: Sequence[Path
             Visual(link, _scaled(mesh, scale), at, colour or own or _PLAIN, opacity if colour else 1.0)
             for mesh, own in parts
         ]
-    primitives: dict[str, Callable[[], Shape]] = {
-        "box": lambda: Box(tuple(_numbers(shape.get("size"), (1, 1, 1)).tolist())),
-        "sphere": lambda: Ball(float(shape.get("radius"))),
-        "cylinder": lambda: Cylinder(float(shape.get("radius")), float(shape.get("length"))),
-        "capsule": lambda: Cylinder(float(shape.get("radius")), float(shape.get("length"))),
-    }
-    if shape.tag not in primitives:
+    if shape.tag not in ("box", "sphere", "cylinder", "capsule"):
         raise ValueError(f"a <{shape.tag}> is not drawn")
-    return [Visual(link, primitives[shape.tag](), at, colour or _PLAIN, opacity)]
+    if shape.tag == "box":
+        solid = Solid("box", tuple(_numbers(shape.get("size"), (1, 1, 1)).tolist()))
+    else:
+        radius = float(shape.get("radius"))
+        solid = ball(radius) if shape.tag == "sphere" else rod(radius, float(shape.get("length")))
+    return [Visual(link, solid, at, colour or _PLAIN, opacity)]
 
 
 def _colour(material, named: Mapping) -> tuple[str | None, float]:

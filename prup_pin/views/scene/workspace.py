@@ -35,23 +35,21 @@ def workspace_cloud(
     poses: Sequence[ClosedPose],
     index: Callable[[Compliance], float] | None = None,
     *,
-    name: str | None = None,
-    unit: str | None = None,
-    factor: float | None = None,
     pointer: float | None = None,
 ) -> Scene:
     """Return a dot for each pose, coloured by an index of its compliance, around the robot at the middle pose.
 
-    index: from the Compliance at a pose to a number; none: the largest translational compliance, in µm/N. `name`,
-        `unit` and `factor` (shown = factor x index) say what it is.
+    index: from the Compliance at a pose to a number; none: the largest translational compliance, in µm/N.
     pointer: the dot stands this far [m] from the tool's point along the tool's z, so that poses that differ in
         rotation alone stand apart; none: zero where the tool's points fill a volume, else a quarter of the robot.
     """
     if not poses:
         raise InputError("a workspace cloud needs at least one pose")
-    if index is None:
-        index, name, unit, factor = softest_translation, name or "Largest compliance", unit or "µm/N", factor or 1e6
-    values = (factor or 1.0) * np.array([float(index(compliance_of(robot, pose))) for pose in poses])
+    title, unit, factor = (
+        ("Largest compliance", "µm/N", 1e6) if index is None else (getattr(index, "__name__", "index"), "", 1.0)
+    )
+    index = index or softest_translation
+    values = factor * np.array([float(index(compliance_of(robot, pose))) for pose in poses])
     if not np.isfinite(values).all():
         raise InputError(f"the index is not finite at {int((~np.isfinite(values)).sum())} of {len(poses)} poses")
     places = np.array([pose.base_from_tool for pose in poses])
@@ -65,10 +63,9 @@ def workspace_cloud(
     colours = map_rgb((values - low) / (high - low) if high > low else np.zeros(len(values)))
     cloud = Part("workspace/cloud", dots(points, 0.011 * painter.size, colours), np.eye(4), "#ffffff")
     scene = painter.scene(middle, None)
-    title = str(name or getattr(index, "__name__", "index"))
 
     def shown(value: float) -> str:
-        return f"{number(value, 3)} {unit or ''}".strip()
+        return f"{number(value, 3)} {unit}".strip()
 
     worst, best = int(np.argmax(values)), int(np.argmin(values))
     labels = [
@@ -121,14 +118,8 @@ def boundary_scene(found: Workspace, name: str) -> Scene:
         for end, value in zip(ends, (lows[index], highs[index]), strict=True):
             at = ends[0].copy() if column < 2 else np.array([ends[0][0], ends[1][1], 0.0])
             at[column] = end[column]
-            labels.append(
-                Label(
-                    "workspace/spans",
-                    f"{found.names[index]} {coordinate_text(value, found.units[index], 4, '°')}",
-                    at,
-                    middle,
-                )
-            )
+            text = f"{found.names[index]} {coordinate_text(value, found.units[index], 4, '°')}"
+            labels.append(Label("workspace/spans", text, at, middle))
     cells = ", ".join(
         f"{name} {coordinate_text(size, unit, 4, '°')}"
         for (name, size), unit in zip(found.resolution.items(), found.units, strict=True)

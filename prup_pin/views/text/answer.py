@@ -6,6 +6,7 @@ First the numbers, then tables and phrases of them, where they get their units.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -108,18 +109,16 @@ class Answer:
     @cached_property
     def stiffness(self) -> Array | None:
         """K, or None where some directions are rigid."""
-        try:
+        with suppress(NoStiffnessError):
             return self.compliance.K
-        except NoStiffnessError:
-            return None
+        return None
 
     @cached_property
     def task_stiffness(self) -> Array | None:
         """K in the task coordinates of a robot with fewer than six; None where it has others or some are rigid."""
-        try:
+        with suppress(InputError, NoStiffnessError):
             return self.compliance.K_task if len(self.mechanism.tasks) < 6 else None
-        except (InputError, NoStiffnessError):
-            return None
+        return None
 
     @cached_property
     def deflection(self) -> Array:
@@ -146,10 +145,9 @@ class Answer:
     @cached_property
     def shares(self) -> dict[str, float] | None:
         """Share of each module in the work of the load, or None where the load deflects nothing."""
-        try:
+        with suppress(InputError):
             return self.compliance.shares(self.load.wrench)
-        except InputError:
-            return None
+        return None
 
     def share_of(self, part: Array) -> float | None:
         """Return the share of a (6, 6) part of C in the work of the load."""
@@ -211,6 +209,16 @@ class MatrixTable:
     columns: tuple[str, ...]
     cells: tuple[tuple[str, ...], ...]
     note: str = ""
+
+    @property
+    def headers(self) -> tuple[str, ...]:
+        """Headers of all columns, '>' before those of numbers."""
+        return ("", *(f">{name}" for name in self.columns))
+
+    @property
+    def lines(self) -> list[tuple[str, ...]]:
+        """Rows with their names."""
+        return [(name, *cells) for name, cells in zip(self.rows, self.cells, strict=True)]
 
 
 #: What the stiffness along a load is.

@@ -1,4 +1,4 @@
-"""Logs, simulations, diagnoses and calibrations as text."""
+"""Logs, simulations, diagnoses, calibrations and exported models as text."""
 
 from __future__ import annotations
 
@@ -19,29 +19,27 @@ from ...recordings.columns import AS_LOGGED, unit_of
 from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
 from .diagnosis_words import (
-    MOST_PARAMETERS,
-    alternative_text,
-    by_place,
     channel_rows,
-    cost_text,
     effort_rows,
+    finding_lines,
     finding_text,
     hidden_rows,
     length_of,
     multiple_text,
     noise_text,
-    parameter_texts,
     recording_rows,
+    seen_rows,
+    then_and_now_rows,
     verdict_text,
 )
-from .since_words import seen_rows, then_and_now_rows
-from .terminal import bullets, heading, lines_of, listed, make_table, paragraph, print_table
+from .terminal import bullets, heading, lines_of, listed, paragraph, show_table
 
 if TYPE_CHECKING:  # the command line begins without them
-    from ...diagnosis import Diagnosis, Finding
+    from ...diagnosis import Diagnosis
     from ...diagnosis.calibration import Calibration
     from ...diagnosis.diagnosis import Detectable
     from ...diagnosis.since import Since
+    from ...export import Exported
     from ...imports import Conversion, Log, LogMap
     from ...imports.map import Column
 
@@ -71,7 +69,7 @@ def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> 
         ends = [number(float(end), 4) for end in (known.min(), known.max())] if len(known) else ["", ""]
         factor = f" x {number(column.sign * column.scale, 4)}" if column.sign * column.scale != 1 else ""
         rows.append((name, column.source, column.unit.name + factor, *ends, _si_of(name, column)))
-    print_table(out, make_table(("recording", "column of the log", "in", ">from", ">to", ""), rows))
+    show_table(out, ("recording", "column of the log", "in", ">from", ">to", ""), rows)
     for group in plan.motors:
         paragraph(out, f"{', '.join(group.joints)} from the motors {', '.join(group.names)} by their matrix.", "- ")
     odd = [*done.remarks, *suspicions(recording), *recording.remarks]
@@ -187,7 +185,7 @@ def _print_agreement(out: Console, robot: Robot, found: Sequence[Agreement], own
         cells = [item.channel, number(factor * item.rms, 4), unit, noise, multiple]
         rows.append((*cells, *["" if item.share is None else number(100 * item.share, 3)] * efforts))
     columns = ("", ">RMS", "unit", ">noise", ">RMS / noise", *[">% of the effort"] * efforts)
-    print_table(out, make_table(columns, rows))
+    show_table(out, columns, rows)
 
 
 def _unit(robot: Robot, channel: str, own: Collection[str]) -> tuple[str, float]:
@@ -228,12 +226,14 @@ def print_diagnosis(
         what = "Left out" if since is None else "Changed"
         heading(out, "How to simulate it" if diagnosis.verdict == "nothing_missing" else what)
         for index, finding in enumerate(diagnosis.told, 1):
-            _print_finding(out, diagnosis, index, finding)
+            paragraph(out, finding_text(finding), f"{index}  ")
+            for text in finding_lines(diagnosis, finding):
+                paragraph(out, text, "   ")
     heading(out, "Measured less simulated", "(root mean square)")
-    print_table(out, make_table(("", ">before", ">after", ""), channel_rows(diagnosis)))
+    show_table(out, ("", ">before", ">after", ""), channel_rows(diagnosis))
     if rows := effort_rows(diagnosis):
         heading(out, "Efforts, joint by joint", "(held out)")
-        print_table(out, make_table(("joint", ">noise", ">× noise", ">% of the effort"), rows))
+        show_table(out, ("joint", ">noise", ">× noise", ">% of the effort"), rows)
         if note := multiple_text(diagnosis):
             paragraph(out, f"({note})")
     if since is not None:
@@ -252,7 +252,7 @@ def _print_since(out: Console, since: Since) -> None:
     if since.values:
         heading(out, "What was found before")
         columns = ("", ">then", ">now", ">changed by (95 %)", ">would show from")
-        print_table(out, make_table(columns, then_and_now_rows(since)))
+        show_table(out, columns, then_and_now_rows(since))
     if rows := seen_rows(since.seen):
         heading(out, "What else would have been seen", "(from which size, at the best to the worst place)")
         for physics, places, sizes in rows:
@@ -270,30 +270,6 @@ def _verdict(out: Console, text: str) -> None:
     """Print a bold paragraph at the margin."""
     for line in lines_of(text, out.width):
         out.print(Text(line, style="bold"), soft_wrap=True)
-
-
-def _print_finding(out: Console, diagnosis: Diagnosis, index: int, finding: Finding) -> None:
-    paragraph(out, finding_text(finding), f"{index}  ")
-    paragraph(out, finding.statement, "   ")
-    places = by_place(finding)
-    for place, texts in places.items():
-        told = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in texts)
-        paragraph(out, f"{place}: {told}", "   ")
-    alone = [] if places else parameter_texts(finding.parameters)
-    shown = MOST_PARAMETERS if len(alone) > MOST_PARAMETERS + 1 else len(alone)
-    for name, value, interval in alone[:shown]:
-        paragraph(out, f"{name} {value} (95 %: {interval})", "   ")
-    if shown < len(alone):
-        paragraph(out, f"and {len(alone) - shown} more, in diagnosis.json", "   ")
-    if finding.curve is not None:
-        pairs = zip(finding.curve.load, finding.curve.deformation, strict=True)
-        points = "  ".join(f"{number(load, 3)}: {number(1e6 * moved, 3)}" for load, moved in pairs)
-        paragraph(out, f"curve, load [N, N m]: deformation [µm, µrad]  {points}", "   ")
-    for text in (*alternative_text(diagnosis, finding), cost_text(finding)):
-        if text:
-            paragraph(out, text, "   ")
-    if finding.remedy:
-        paragraph(out, f"to do: {finding.remedy}", "   ")
 
 
 # -- a calibration -----------------------------------------------------------------------------------------------------
@@ -328,7 +304,7 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
             unit, factor = readable_unit(max(abs(item.value), item.sd), item.deviation.unit)
             value = f"{number(factor * item.value, 5)} ± {number(factor * item.sd, 2)}"
             rows.append((item.name, value, unit, f"{item.x:+.2f}", f"{number(100 * item.share, 3)} %"))
-    print_table(out, make_table(("", ">calibrated", "", ">off", ">known"), rows))
+    show_table(out, ("", ">calibrated", "", ">off", ">known"), rows)
     if found.twins:
         heading(out, "Told only together")
         for group in found.twins:
@@ -351,3 +327,34 @@ def _within_tolerances(found: Calibration) -> str:
         "which is noise" if found.is_explained else "more than noise: the model lacks something, see prup-pin diagnose"
     )
     return f"The drawing leaves {before} times the noise; within its tolerances it leaves {after}, {end}."
+
+
+# -- an exported model: what the robot file holds, and what it leaves out --------------------------------------------
+
+
+#: Values of an effect that are listed; the file's comment holds all of them.
+_LISTED_VALUES = 6
+
+
+def print_exported(out: Console, made: Exported) -> None:
+    """Print which effects the file holds, and of what is left out how much it explained."""
+    heading(out, "In the file", "" if made.said else "  the robot as it was drawn")
+    if made.said:
+        rows = [(item.physics, item.place, _values(item.values)) for item in made.said]
+        show_table(out, ("physics", "place", "values"), rows)
+    if made.left_out:
+        heading(out, "Left out", "  and what its effect explained of the held-out squared residual")
+        lost = [(item.physics, item.place, item.what, _share(item.share)) for item in made.left_out]
+        show_table(out, ("physics", "place", "what", ">explained"), lost)
+    if made.remarks:
+        heading(out, "To know")
+        listed(out, "", made.remarks)
+
+
+def _values(values: tuple[str, ...]) -> str:
+    more = len(values) - _LISTED_VALUES
+    return "\n".join((*values[:_LISTED_VALUES], *([f"and {more} more"] if more > 0 else [])))
+
+
+def _share(share: float | None) -> str:
+    return "unknown" if share is None else f"{number(100 * share, 3)} %"

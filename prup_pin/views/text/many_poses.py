@@ -14,8 +14,7 @@ from ...numbers import counted, fixed, number, readable_unit
 from ...robot import Robot
 from ...sweep import QUANTITIES, SweepFile, SweepResult
 from .bench_tests import effect_text, print_failures
-from .terminal import bullets, heading, listed, make_table, paragraph, print_table
-from .values import coordinate_text
+from .terminal import bullets, heading, listed, paragraph, show_table
 
 #: Quantities with more entries are named, not listed.
 _ENTRIES = 8
@@ -57,15 +56,9 @@ def _print_spread(out: Console, found: SweepResult | SweepFile, ok: np.ndarray) 
             rows.append((" ".join((name, *labels)), *fixed(factor * value for value in shown), unit))
     if rows:
         heading(out, "Over the poses that answered")
-        print_table(out, make_table(("", ">least", ">mean", ">95 %", ">largest", "unit"), rows))
+        show_table(out, ("", ">least", ">mean", ">95 %", ">largest", "unit"), rows)
     if large:
         listed(out, "in --out", [f"{', '.join(large)}: of each pose more than {_ENTRIES} numbers, not listed here"])
-
-
-def axis_text(name: str, kind: str, values: Sequence[float], count: int | None = None) -> str:
-    """Return 'theta -30 deg … 30 deg in 41' of an axis' ends, or of one value; a `kind` is 'length' or 'angle'."""
-    ends = " … ".join(coordinate_text(value, kind, 4) for value in values)
-    return f"{name} {ends}" + ("" if count is None else f" in {count}")
 
 
 # -- a compensation: what the path missed, what the commands leave -----------------------------------------------------
@@ -93,7 +86,7 @@ def print_compensation(out: Console, robot: Robot, effects: Sequence[Effect], fo
             sizes = (np.sqrt(np.mean(error**2)), np.abs(error).max()) if len(error) else (np.nan, np.nan)
             cells += [f"< {_ROUNDING:g}" if size < _ROUNDING else number(float(size), 4) for size in sizes]
         rows.append((name, *cells, "µm" if unit == "m" else "µrad"))
-    print_table(out, make_table(("", ">before", ">largest", ">after", ">largest", ""), rows))
+    show_table(out, ("", ">before", ">largest", ">after", ">largest", ""), rows)
     moved = [
         f"{name} by up to {_largest(found, name)} {'mm' if robot.mechanism.joint(name).unit == 'm' else 'mrad'}"
         for name in robot.mechanism.actuated

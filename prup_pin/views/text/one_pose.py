@@ -28,7 +28,7 @@ from .answer import (
     stiffness_tables,
     why_rigid,
 )
-from .terminal import bullets, fits, heading, listed, make_table, paragraph, print_table
+from .terminal import bullets, fits, heading, listed, make_table, paragraph, print_table, show_table
 from .values import percent_text, pose_text, position_text, value_text, workshop_text
 
 #: Width of a full bar.
@@ -219,6 +219,6 @@ def print_stiffen_first(out: Console, sensitivity: Sensitivity) -> None:
     ]
     wide = 4 if any(columns[3]) else 3  # what a kilogram brings, where any value brings mass
     names = ("parameter", ">value", ">% per %", ">% per kg")
-    print_table(out, make_table(names[:wide], zip(*columns[:wide], strict=True)))
+    show_table(out, names[:wide], zip(*columns[:wide], strict=True))
     if len(lines) > _MOST:
         paragraph(out, f"{len(lines) - _MOST} more move it less; --json FILE writes all.")

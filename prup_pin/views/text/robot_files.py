@@ -25,7 +25,7 @@ from ...recordings import KINDS_OF_TOLERANCE, Recording, Tolerances
 from ...review import robot_remarks
 from ...robot import Robot
 from .bench_tests import print_hidden
-from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, print_table
+from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, print_table, show_table
 from .values import (
     clean,
     default_parameters,
@@ -96,7 +96,7 @@ def _print_joints(out: Console, robot: Robot) -> None:
         factor, unit = (1e3, "mm") if kind == "prismatic" else (180 / np.pi, "deg")
         ends = " to ".join(number(value * factor) for value in span) if span else "-"
         rows.append((name, kind, ends, unit if span else "", joint_role(mechanism, name)))
-    print_table(out, make_table(("name", "type", ">limits", "", "role"), rows))
+    show_table(out, ("name", "type", ">limits", "", "role"), rows)
 
 
 def _print_loops(out: Console, robot: Robot) -> None:
@@ -108,7 +108,7 @@ def _print_loops(out: Console, robot: Robot) -> None:
     for loop in loops:
         free = [axis for axis in ("x", "y", "z", "rx", "ry", "rz") if axis in loop.free]
         rows.append((loop.name, loop.first.name, loop.second.name, " ".join(free) or "nothing"))
-    print_table(out, make_table(("name", "frame 1", "frame 2", "free between them"), rows))
+    show_table(out, ("name", "frame 1", "frame 2", "free between them"), rows)
 
 
 def _print_mobility(out: Console, robot: Robot) -> None:
@@ -161,7 +161,7 @@ def _print_parameters(
         name = parameter.name if full else parameter.short
         off = [_tolerance_text(parameter, tolerances.get(parameter.name))] if known else []
         rows.append((name, value_text(parameter.value), parameter.unit, *off, parameter.source))
-    print_table(out, make_table(columns, rows), indent=4)
+    show_table(out, columns, rows, indent=4)
 
 
 def _tolerance_text(parameter: Parameter, tolerance: float | None) -> str:
@@ -188,7 +188,7 @@ def _print_tolerances(out: Console, tolerances: Tolerances) -> None:
         return
     declared = [kind for kind in KINDS_OF_TOLERANCE if kind.name in tolerances.declared]
     rows = [(kind.name, number(tolerances.declared[kind.name]), kind.unit, kind.description) for kind in declared]
-    print_table(out, make_table(("kind", ">", "unit", "of"), rows))
+    show_table(out, ("kind", ">", "unit", "of"), rows)
 
 
 def print_robots(out: Console) -> None:
@@ -205,7 +205,7 @@ def print_robots(out: Console) -> None:
                 (name, f"{name}.urdf", ", ".join(f"{name}_{variant}" for variant in robot.variants) or "-")
                 for name, robot in group.items()
             ]
-            print_table(out, make_table(("name", "file", "variants"), rows))
+            show_table(out, ("name", "file", "variants"), rows)
     examples = robots.example_folder()
     heading(out, "From example-robot-data,", "which describes no compliance: add --joint-stiffness")
     if examples is None:
@@ -245,7 +245,7 @@ def print_kinds(out: Console, kinds: Sequence[CompliantModule] = KINDS) -> None:
         paragraph(out, f"{kind.summary[0].upper()}{kind.summary[1:]}.")
         listed(out, "", traits, "; ")
         rows = [(each.name, each.unit, _default(each), each.description) for each in kind.quantities]
-        print_table(out, make_table(("parameter", "unit", "default", "description"), rows))
+        show_table(out, ("parameter", "unit", "default", "description"), rows)
 
 
 def _default(quantity: Quantity) -> str:
@@ -309,7 +309,7 @@ def print_prospects(out: Console, robot: Robot, recording: Recording, found: Pro
             unit = "N" if item.unit == "m" else "N m"
             effort = "not recorded" if item.effort is None else f"up to {number(item.effort, 3)} {unit}"
             rows.append((item.joint, travel, speed, f"{100 * item.rest:.0f} %", effort))
-        print_table(out, make_table(("joint", ">travel", ">top speed", ">at rest", ">effort"), rows))
+        show_table(out, ("joint", ">travel", ">top speed", ">at rest", ">effort"), rows)
     if found.alike:
         heading(out, "What this motion cannot tell apart")
         for text in _alike(found.alike):
@@ -441,7 +441,7 @@ def _print_quantities(out: Console, quantities: Sequence[Quantity]) -> None:
     for each in quantities:
         start = number(float(each.default)) if isinstance(each.default, int | float) else "-"
         rows.append((each.name, each.unit, _range(each), start, each.description))
-    print_table(out, make_table(("parameter", "unit", "range", ">start", ""), rows))
+    show_table(out, ("parameter", "unit", "range", ">start", ""), rows)
 
 
 def _range(quantity: Quantity) -> str:

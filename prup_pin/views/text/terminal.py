@@ -147,6 +147,11 @@ def make_table(columns: Sequence[str], rows: Iterable[Sequence[str | Text]]) -> 
     return table
 
 
+def show_table(out: Console, columns: Sequence[str], rows: Iterable[Sequence[str | Text]], indent: int = 2) -> None:
+    """Print a table by its headers and rows, as `make_table` takes them and `print_table` fits them in."""
+    print_table(out, make_table(columns, rows), indent)
+
+
 def fits(out: Console, table: Table, indent: int = 2) -> bool:
     """Return True where a table fits with nothing in it broken, its columns closer to each other if need be."""
     if _width(out, table) + indent > out.width:
