@@ -78,7 +78,9 @@ class JointPosition(Displaced):
         yield MovedJoint(joint.name, (*shift_of(values).tolist(), 0.0, 0.0, 0.0))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"the joint at {place.name} is not where the drawing has it: {listed(values)}"
+        parent = int(mechanism.model.parents[parts(mechanism)[place.name].id])
+        whose = mechanism.model.names[parent] if parent else "the base"
+        return f"the joint at {place.name} is not where the drawing has it, in the axes of {whose}: {listed(values)}"
 
 
 class JointDirection(Law):

@@ -826,7 +826,8 @@ def _recording(
 def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequence[int], form: _Form) -> list[str]:
     """Return sentences on what the table ignores, and on what it does not say of loads."""
     remarks = []
-    unknown = [name for name in header if name != "run" and not form.knows(name)]
+    # `status` is written beside predictions and commands
+    unknown = [name for name in header if name not in ("run", "status") and not form.knows(name)]
     known = [*form.coordinates, *candidates(header)]
     plain = []
     for name in unknown[:_REMARKED]:

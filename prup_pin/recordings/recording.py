@@ -198,6 +198,9 @@ class Recording:
             also = f" Also missing: {', '.join(f'q.{name}' for name in missing[1:])}." if missing[1:] else ""
             there = ", ".join(f"q.{name}" for name in self.positions) or "no q. column at all"
             where = f"Where {missing[0]} stood is not known: add the column, constant where the joint was held."
+            if len(missing) == len(names) and self.positions:
+                whose = f"the recording says that it is of '{self.robot}'" if self.robot else "is it another robot's?"
+                where = f"None of this robot's joints has a column: {whose}. Check --robot."
             hint = f"{self.path or 'The recording'} has: {there}.{also} {where}"
             raise UnknownNameError("column", f"q.{missing[0]}", [f"q.{name}" for name in self.positions], hint)
         if not names:

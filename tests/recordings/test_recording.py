@@ -238,3 +238,11 @@ def test_recordings_together_have_no_load_where_one_has_no_column_of_it_and_keep
     np.testing.assert_array_equal(joined.wrench, np.repeat([[1.0], [0.0]], [2, 3], axis=0) * np.ones(6))
     assert joined.wrench_columns == ("fx",)
     np.testing.assert_array_equal(joined.gravity[:, 2], [-9.81, -9.81, 1, 1, 1])
+
+
+def test_a_recording_of_another_robot_says_whose_it_is():
+    log = Recording(time=np.arange(2.0), positions={"left": np.zeros(2), "right": np.zeros(2)}, robot="five_bar.urdf")
+    with pytest.raises(UnknownNameError, match=r"None of this robot's joints has a column: .*'five_bar.urdf'"):
+        log.actuator_positions(["elbow", "wrist"])
+    with pytest.raises(UnknownNameError, match="add the column, constant where the joint was held"):
+        log.actuator_positions(["left", "wrist"])
