@@ -189,15 +189,18 @@ class Problem:
         influence = fit.influence
         return fit.once(("reach", module), lambda: _basis(self.whiteners(influence) @ influence.signature(module)))
 
-    def fit_at(self, terms: Sequence[Term], start: Run | None = None, like: Fit | None = None, x=None) -> Fit:
+    def fit_at(
+        self, terms: Sequence[Term], start: Run | None = None, like: Fit | None = None, x=None, near: bool = False
+    ) -> Fit:
         """Return the simulation with these terms, without fitting, toleranced parameters as in the fit `like`.
 
-        x (p,): toleranced parameters elsewhere.
+        x (p,): toleranced parameters elsewhere; near: no farther from `start` than Newton's method finds.
         """
         like = self.first if like is None else like
         x = like.x if x is None else x
         begin = self.setup((), x)
-        run = self.simulator.run_setup(self.setup([term.effect for term in terms], x, begin), start)
+        setup = self.setup([term.effect for term in terms], x, begin)
+        run = self.simulator.run_setup(setup, start, near=near)
         return self._fit(terms, Influence(self.simulator, run, self.stack), x, like.per_tolerance, begin)
 
     def relinearised(self, fit: Fit) -> Fit:
@@ -377,7 +380,7 @@ class Problem:
         problem's.
         """
         reach = self.farthest if reach is None else reach
-        fit = self.fit_at(terms, start.run, start)
+        fit = self._begun(terms, start)
         taken_at = fit.x
         for _ in range(_MOST_STEPS):
             if not (fit.terms or len(fit.x)) or not np.isfinite(fit.chi2):
@@ -394,6 +397,20 @@ class Problem:
                 return fit
         return fit
 
+    def _begun(self, terms: Sequence[Term], start: Fit) -> Fit:
+        """Return the fit from which terms are fitted: as they stand, or new ones at a share of what they do.
+
+        First order may ask for a law at which the robot could not be: it does less where no equilibrium is near.
+        """
+        known = {term.candidate.name for term in start.terms}
+        fit = start
+        for share in shortened(LITTLE):
+            less = [term if term.candidate.name in known else term.lessened(share) for term in terms]
+            fit = self.fit_at(less, start.run, start, near=True)
+            if np.isfinite(fit.chi2):
+                break
+        return fit
+
     def _moved(self, fit: Fit, step: Array) -> Fit:
         """Return a fit whose terms and toleranced parameters have moved by a step, (p,), within their bounds."""
         moved, place = [], 0
@@ -403,7 +420,7 @@ class Problem:
             own = np.clip(step[place : place + candidate.size], -widest, widest)
             moved.append(Term(candidate, np.clip(term.coordinates + own, *candidate.bounds)))
             place += candidate.size
-        return self.fit_at(moved, fit.run, fit, fit.x + step[place:])
+        return self.fit_at(moved, fit.run, fit, fit.x + step[place:], near=True)
 
     def _step(self, fit: Fit, reach: float) -> Array:
         """Return the Gauss-Newton step of a fit's coordinates and of its toleranced parameters.

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,11 +54,20 @@ __all__ = [
 ]
 
 
+class RivalFit(NamedTuple):
+    """Laws with their fitted values, toleranced parameters x (p,) beside them, and the chi squared that they leave."""
+
+    terms: tuple[Term, ...]
+    x: Array
+    chi2: float
+
+
 class Search:
     """A problem that is asked for fits through the whole simulation, and counts them. What is begun is ended."""
 
     def __init__(self, problem: Problem, most: int = MOST_FITS):
         self.problem, self.most, self.fits = problem, most, 0
+        self._rivals: dict[frozenset[str], tuple[dict[str, Term], Array, float]] = {}
 
     @property
     def over(self) -> bool:
@@ -68,6 +78,15 @@ class Search:
         """Return what `Problem.refine` does."""
         self.fits += 1
         return self.problem.refine(terms, start, reach)
+
+    def rival(self, terms: Sequence[Term], start: Fit) -> RivalFit:
+        """Return what a set of laws leaves that is weighed against a fit: each set is fitted once, whoever it rivals."""
+        laws = frozenset(term.candidate.name for term in terms)
+        if laws not in self._rivals:
+            fit = self.refine(terms, start)
+            self._rivals[laws] = {term.candidate.name: term for term in fit.terms}, fit.x, fit.chi2
+        found, x, chi2 = self._rivals[laws]
+        return RivalFit(tuple(found[term.candidate.name] for term in terms), x, chi2)
 
     def released(self, fit: Fit) -> Fit:
         """Return a fit with its toleranced parameters as far off as they would go."""
@@ -103,12 +122,13 @@ def select(
     first: Fit,
     tell: Callable[[str, float], None] = lambda stage, share: None,
     most: int = MOST_FITS,
+    begun: Fit | None = None,
 ) -> Selection:
-    """Return the selection of laws that the recording asks for."""
+    """Return the selection of laws that the recording asks for; begun: where an earlier search of the same ended."""
     acting = {effect.law.physics for effect in problem.acting}  # a second time it would add to itself
     library = [candidate for candidate in library if candidate.law.physics not in acting]
     search = Search(problem, most)
-    fit, rivals = _added(search, library, blocks, first, tell)
+    fit, rivals = _added(search, library, blocks, first if begun is None else begun, tell)
     if len(rivals) != len(fit.terms):
         rivals = [alternatives_to(problem, fit, index, library) for index in range(len(fit.terms))]
     told = tuple(_not_less_expected(each, term) for each, term in zip(rivals, fit.terms, strict=True))
@@ -157,8 +177,7 @@ def _added(
     tell: Callable[[str, float], None],
 ) -> tuple[Fit, list[list[Rival]]]:
     """Return the fit of the laws that the recording asks for, and the rivals of each, as they were looked at last."""
-    problem, fit = search.problem, first
-    rivals: list[list[Rival]] = []
+    problem, (fit, rivals) = search.problem, swapped(search, first, library)
     for step in range(MOST_TERMS):
         if search.over:
             break
@@ -325,10 +344,11 @@ def simulated_alternatives(
             continue
         simulated += 1
         terms = (*fit.terms[:index], rival.term, *fit.terms[index + 1 :])
-        trial = search.refine(terms, fit)
+        trial = search.rival(terms, fit)
         judged.append(replace(rival, term=trial.terms[index], chi2=trial.chi2, whole=(trial.terms, trial.x)))
         if judged[-1].score < own - LEAD:
-            return judged, trial
+            better = search.problem.fit_at(trial.terms, fit.run, fit, trial.x)
+            return judged, search.problem.relinearised(better)
     return sorted(judged, key=lambda rival: rival.score), None
 
 

@@ -101,9 +101,9 @@ class Spread:
     kinds: standard deviation by kind of tolerance, of those that are off at more places than laws can name one by one;
     yielding: ways in which joints yield, beside these; silent: laws of kinds for which nothing speaks. scale: noise of
     positions and of orientations in multiples of those assumed; exists (N, K): what was measured but for outliers.
-    of_few: kinds that a few laws at single places would explain as well, in the place of `kinds`. stations: by how much
-    the pose sensor's stations, one a run, are turned [rad] and shifted [m]; None: it stands in one place. force [N]:
-    unrecorded, it leaves the outliers behind; 0: none does.
+    of_few: kinds that a few laws at single places would explain as well, which are no `kinds` while such laws are
+    looked for. stations: by how much the pose sensor's stations, one a run, are turned [rad] and shifted [m]; None: it
+    stands in one place. force [N]: unrecorded, it leaves the outliers behind; 0: none does.
     """
 
     kinds: Mapping[str, float]
@@ -118,7 +118,7 @@ class Spread:
 
     def all_over(self) -> Spread:
         """Return the same where laws at a few places were looked for and do not explain it."""
-        return replace(self, kinds=self.of_few or self.kinds, of_few={})
+        return replace(self, kinds=self.of_few or self.kinds)
 
     def stack(self, stack: Stack) -> Stack:
         """Return what was measured without outliers."""
@@ -733,7 +733,7 @@ class _Seen:
         variances = np.maximum(fit.variances, np.maximum(here.x**2, (here.x + step) ** 2))
         now = self.left(here, known, fit.noise, variances)
         for share in shortened():
-            there = self.at(here.x + share * step, exists, here.influence.run)
+            there = self.at(here.x + share * step, exists, here.influence.run, near=True)
             if there is None or len(there.samples) < len(here.samples):
                 continue
             if self.left(there, known, fit.noise, variances) < now:
@@ -750,10 +750,10 @@ class _Seen:
         moved = np.concatenate((here.x[:own], placed))
         return float((data.left(placed) / noise).sum()) + float((moved**2 / np.maximum(variances, NOTHING**2)).sum())
 
-    def at(self, x: Array, exists: np.ndarray, start: Run | None = None) -> _At | None:
+    def at(self, x: Array, exists: np.ndarray, start: Run | None = None, near: bool = False) -> _At | None:
         """Return the simulation at parameters x (p,) beside what was measured, exists (N, K); None if there is none."""
         stack = self.problem.stack
-        run = self.problem.simulator.run([*self.parameters.effects(x), *self.weight], start)
+        run = self.problem.simulator.run([*self.parameters.effects(x), *self.weight], start, near=near)
         influence = Influence(self.problem.simulator, run, stack)
         white = np.where(exists[run.samples], 1.0, 0.0) / stack.deviation(self.problem.noise)
         residual = stack.residual(run)[run.samples] * white
