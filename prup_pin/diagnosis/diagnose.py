@@ -170,6 +170,12 @@ class _Searched(NamedTuple):
         """True where what is left may be noise."""
         return is_clean(self.problem, self.selection.last)
 
+    @property
+    def is_far_from_clean(self) -> bool:
+        """True where more is left than noise by so much that noise would be a small part of it."""
+        last = self.selection.last
+        return LITTLE * last.chi2 > self.problem.count(last)
+
     def by_noise(self, noise: Noise) -> tuple[float, bool]:
         """Return what is left of blocks that are held out in turn, chi squared by a noise, and whether all may be that.
 
@@ -191,21 +197,23 @@ def _under_loads(
     if prepared.inputs.weight_alone:
         return prepared, _searched(prepared, tell)
     begun = _with_one_law(prepared, tell)
-    if begun.is_clean:
-        return prepared, _searched(prepared, tell, begun=begun)
-    other = prepare(robot, recordings, tell, all_over=True)
-    if not other.kinds:
-        return prepared, _searched(prepared, tell, begun=begun)
-    again: _Searched | None = None
-    if other.spread is not None and not other.spread.of_few and _explains_more(_calibrated(other, tell), begun):
-        again = _searched(other, tell)
-        if again.is_clean:
-            return other, again
+    other, again = None, None
+    if begun.is_far_from_clean:
+        other = prepare(robot, recordings, tell, all_over=True)
+        if not other.kinds:
+            return prepared, _searched(prepared, tell, begun=begun)
+        calibrated = _calibrated(other, tell)
+        if other.spread is not None and not other.spread.of_few and _explains_more(calibrated, begun):
+            again = _searched(other, tell, begun=calibrated)
+            if again.is_clean:
+                return other, again
     few = _searched(prepared, tell, FEW_FITS, begun)
     if not few.is_clean:
-        again = _searched(other, tell) if again is None else again
-        if _explains_more(again, few):
-            return other, again
+        other = prepare(robot, recordings, tell, all_over=True) if other is None else other
+        if other.kinds:
+            again = _searched(other, tell) if again is None else again
+            if _explains_more(again, few):
+                return other, again
     ended = few.selection.fits <= FEW_FITS
     return prepared, few if ended else _searched(prepared, tell, begun=few)
 

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpotri
 
 from ..channels import Noise, PoseChannel, Stack, Stations
 from ..laws import Effect
@@ -382,7 +382,7 @@ class _Linear:
 
     def weighted(self, noise: Array) -> tuple[Array, Array]:
         """Return J^T J (p, p) and J^T r (p,) of all units together, each by its noise squared, (u,)."""
-        return np.einsum("u,uij->ij", 1 / noise, self.normal), (1 / noise) @ self.right
+        return np.tensordot(1 / noise, self.normal, 1), (1 / noise) @ self.right
 
 
 @dataclass(frozen=True, eq=False)
@@ -435,9 +435,9 @@ def _fitted(
             known = float(told[here].sum()) + unusual(variances[here][0])[1]
             size = float((found.mean[here] ** 2).sum()) / max(known, 1e-9)
             new[here] = np.maximum(np.clip(size, NOTHING**2, 1e8), floors[here])
-        free = np.flatnonzero(told)  # the others hold none of the numbers, however sensitive these are to them
-        column = free[:, None]
-        held = np.einsum("ij,uij->u", found.covariance[column, free], data.normal[:, column, free]) / noise
+        # what is not told holds none of the numbers, however sensitive these are to it
+        holding = np.where(told[:, None] != 0, found.covariance, 0.0).ravel()
+        held = data.normal.reshape(len(noise), -1) @ holding / noise
         quiet = np.maximum(data.left(found.mean) / np.maximum(data.count - held, 1.0), max(least, _SILENT))
         moved = np.abs(np.log(np.concatenate((new / variances, quiet / noise)))).max()
         variances, noise = new, quiet
@@ -458,11 +458,12 @@ def _posterior(data: _Linear, variances: Array, noise: Array) -> _Fit:
     root = np.sqrt(variances[open_])
     inner = np.ix_(open_, open_)
     normal, right = data.weighted(noise)
-    scaled = np.eye(len(root)) + root[:, None] * normal[inner] * root
+    scaled = root[:, None] * normal[inner] * root
+    scaled[np.diag_indices(len(root))] += 1.0
     factor = np.linalg.cholesky(scaled)
-    inverse = solve_triangular(factor, np.diag(root), lower=True, check_finite=False)
+    lower = np.tril(dpotri(factor, lower=1)[0])
     covariance, mean = np.diag(variances), np.zeros(len(variances))
-    covariance[inner] = inverse.T @ inverse
+    covariance[inner] = root[:, None] * (lower + np.tril(lower, -1).T) * root
     mean[open_] = covariance[inner] @ right[open_]
     cost = data.count @ np.log(noise) + 2 * np.log(np.diagonal(factor)).sum()
     # least at the mean: what rounding does to it makes this larger, and never smaller

@@ -1,7 +1,9 @@
 """Devices on which everything is a little off, and one thing is left out, or nothing."""
 
+import importlib
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.calibrate import Toleranced
 from prup_pin.diagnosis.criteria import beyond_tolerance
 from prup_pin.diagnosis.prepare import prepare
+from prup_pin.diagnosis.search import Search
 from prup_pin.errors import InputError
 from prup_pin.laws.deviations import amounts_of, deviations_of
 from prup_pin.recordings import Noise, Tolerances, add_noise, read_recording, write_recording
@@ -22,6 +25,7 @@ from prup_pin.simulation import effect_named, simulate
 from ..reference.concealed.scattered import draw_scattered, write
 from ..simulation.bench import inputs
 
+equilibrium = importlib.import_module("prup_pin.loaded.equilibrium")
 DECLARED = {
     "stiffness": 0.1, "bending": 0.03, "mass": 0.1, "encoder_offset": 5e-5, "encoder_slope": 1e-4,
     "frame_position": 3e-4, "frame_rotation": 1e-3, "target_position": 3e-4, "target_rotation": 1e-3,
@@ -83,6 +87,33 @@ def test_weight_acts_beside_a_fault_many_times_as_large(robot, sensor, shift, el
     problem = given.within_tolerances(given.problem, beyond_tolerance(len(given.toleranced)))
     assert problem.first.chi2 > 1e4 * problem.first.residual.size
     assert [effect.law.physics for effect in problem.tolerances.effects] == ["self_weight"]
+
+
+@pytest.mark.slow
+def test_a_fit_begins_where_the_robot_can_be(robot, monkeypatch):
+    """First order may ask for a body that no robot bears: less of it is tried, and no load is raised in steps."""
+    monkeypatch.setattr(equilibrium, "_by_steps", lambda *_: pytest.fail("a load was raised in steps"))
+    given = prepare(robot, bench(robot, 1, poses=4), lambda stage, share: None)
+    problem = replace(given.problem, tolerances=None)
+    payload = next(item for item in given.library if item.law.physics == "payload")
+    unbearable = payload.term(payload.coordinates_of(np.array([3e5, 0.0, 0.0, 0.0])))
+    assert not np.isfinite(problem.fit_at([unbearable], problem.first.run, near=True).chi2)
+    found = problem.refine([unbearable], problem.first)
+    assert found.chi2 < problem.first.chi2
+    assert found.terms[0].effect.values["mass"] < 100
+
+
+def test_each_set_of_rivals_is_fitted_once(robot):
+    given = prepare(robot, bench(robot, 1, poses=4), lambda stage, share: None)
+    problem = given.problem
+    one, other = (item for item in given.library if item.law.physics == "encoder_offset" and item.size == 1)
+    search = Search(problem)
+    terms = [item.term(np.array([1e-4])) for item in (one, other)]
+    first = search.rival(terms, problem.first)
+    again = search.rival(terms[::-1], problem.first)
+    assert search.fits == 1
+    assert again.terms == first.terms[::-1]
+    assert again.chi2 == first.chi2 == problem.fit_at(first.terms, x=first.x).chi2
 
 
 @pytest.mark.slow
