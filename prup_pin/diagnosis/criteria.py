@@ -145,8 +145,6 @@ MOST_TERMS: Final = 4
 MOST_FITS: Final = 60
 #: ... where it only matters whether a law or two explain all that is left: what one effect and its rivals took.
 FEW_FITS: Final = MOST_FITS // 4
-#: ... and where it only matters what the first of them leaves.
-ONE_LAW: Final = 0
 #: Candidates that are simulated before a round, a term's place or a merger is given up; those that are tried to first
 #: order, or on held-out blocks.
 MOST_SIMULATED: Final = 6

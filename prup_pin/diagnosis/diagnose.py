@@ -17,7 +17,7 @@ from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import CorrectedModel, as_recorded
 from .conventions import read_logs
-from .criteria import FEW_FITS, LITTLE, MOST_FITS, ONE_LAW, beyond_tolerance
+from .criteria import FEW_FITS, LITTLE, MOST_FITS, beyond_tolerance
 from .diagnosis import Diagnosis, Finding, by_recording
 from .efforts import diagnose_efforts
 from .efforts.with_poses import (
@@ -42,7 +42,7 @@ from .findings import no_noise, too_few, unrecorded_load
 from .noise import noise_of_the_rest
 from .prepare import Prepared, Tell, prepare
 from .problem import Fit, Problem
-from .search import Selection, dropped_by_folds, select
+from .search import Selection, dropped_by_folds, select, with_one_law
 from .since import Earlier
 from .unexplained import final_state
 from .unrecorded_load import reaches, unrecorded_force
@@ -248,12 +248,14 @@ def _reach(prepared: Prepared) -> float:
 
 
 def _with_one_law(prepared: Prepared, tell: Tell) -> _Searched:
-    """Return what the first law that recordings ask for leaves, before it is weighed against any other."""
+    """Return what the first law that recordings ask for leaves."""
     begun = _calibrated(prepared, tell)
-    problem, labels = begun.problem, begun.labels
+    problem, selection = begun.problem, begun.selection
     if not problem.count(problem.first):
         return begun
-    return begun._replace(selection=select(problem, prepared.library, labels, problem.first, tell, ONE_LAW))
+    tell("laws, round 1", 0.05)
+    last = with_one_law(problem, prepared.library, begun.labels, problem.first)
+    return begun._replace(selection=replace(selection, last=last))
 
 
 def _searched(prepared: Prepared, tell: Tell, most: int = MOST_FITS, begun: _Searched | None = None) -> _Searched:

@@ -329,21 +329,22 @@ class Problem:
         begins = [np.clip(start, low, high) for start in candidate.scan()]
         if len(begins) > 1:
             begins.sort(key=lambda start: float((left(start) ** 2).sum()))
-        found = least_squares(
-            left,
-            _stepped(left, slope, begins[0], candidate),
-            slope,
-            bounds=(low - 1e-12 * np.abs(low) - 1e-300, high + 1e-12 * np.abs(high) + 1e-300),
-            x_scale=candidate.scales(),
-            max_nfev=_MOST_EVALUATIONS,
-            ftol=1e-4,
-            xtol=1e-4,
-            gtol=1e-10,
-        )
-        term = Term(candidate, found.x)
-        change = tried(found.x)[0]
-        chi2 = 2 * float(found.cost) - float((candidate.prior_residuals(found.x) ** 2).sum())
-        return chi2, term, without(change.ravel(), nuisance).reshape(change.shape)
+        best, ended = _stepped(left, slope, begins[0], candidate)
+        if not ended:
+            best = least_squares(
+                left,
+                best,
+                slope,
+                bounds=(low - 1e-12 * np.abs(low) - 1e-300, high + 1e-12 * np.abs(high) + 1e-300),
+                x_scale=candidate.scales(),
+                max_nfev=_MOST_EVALUATIONS,
+                ftol=_AGREED,
+                xtol=_AGREED,
+                gtol=1e-10,
+            ).x
+        change, rest = tried(best)
+        chi2 = float(rest @ rest) - float((candidate.prior_residuals(best) ** 2).sum())
+        return chi2, Term(candidate, best), without(change.ravel(), nuisance).reshape(change.shape)
 
     def nuisance(self, fit: Fit, kept: Sequence[int]) -> Nuisance | None:
         """Return what some of a fit's terms, given by their places, and the toleranced parameters may do together."""
@@ -487,17 +488,27 @@ def _objective(fit: Fit) -> float:
 
 def _stepped(
     left: Callable[[Array], Array], slope: Callable[[Array], Array], start: Array, candidate: Candidate
-) -> Array:
-    """Return where one Gauss-Newton step leads from a start, or the start: most laws are in proportion, or nearly."""
+) -> tuple[Array, bool]:
+    """Return where one Gauss-Newton step leads from a start, or the start, and whether no other could gain anything.
+
+    That is so where the whole step did what the slope foretold: most laws are in proportion, or nearly.
+    """
     low, high = candidate.bounds
-    step = np.linalg.lstsq(slope(start), -left(start), rcond=1e-10)[0]
+    here, slopes = left(start), slope(start)
+    step = np.linalg.lstsq(slopes, -here, rcond=1e-10)[0]
     widest = np.where(candidate.logarithmic, WIDEST_STEP, np.inf)
     moved = np.clip(start + np.clip(step, -widest, widest), low, high)
-    return moved if (left(moved) ** 2).sum() < (left(start) ** 2).sum() else start
+    there = left(moved)
+    if there @ there >= here @ here:
+        return start, False
+    unforeseen = there - here - slopes @ step
+    return moved, bool((moved == start + step).all() and unforeseen @ unforeseen < _AGREED * (there @ there))
 
 
 #: Steps through the whole simulation, and evaluations to first order, in which nearly all fits have ended.
 _MOST_STEPS, _MOST_EVALUATIONS = 6, 25
+#: Share of what is left that a further step to first order may gain.
+_AGREED = 1e-4
 
 
 def _basis(directions: Array) -> Array:

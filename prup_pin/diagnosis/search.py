@@ -51,6 +51,7 @@ __all__ = [
     "simulated_alternatives",
     "strain_of",
     "swapped",
+    "with_one_law",
 ]
 
 
@@ -125,9 +126,7 @@ def select(
     begun: Fit | None = None,
 ) -> Selection:
     """Return the selection of laws that the recording asks for; begun: where an earlier search of the same ended."""
-    acting = {effect.law.physics for effect in problem.acting}  # a second time it would add to itself
-    library = [candidate for candidate in library if candidate.law.physics not in acting]
-    search = Search(problem, most)
+    library, search = _others(problem, library), Search(problem, most)
     fit, rivals = _added(search, library, blocks, first if begun is None else begun, tell)
     if len(rivals) != len(fit.terms):
         rivals = [alternatives_to(problem, fit, index, library) for index in range(len(fit.terms))]
@@ -169,6 +168,18 @@ def _share(step: int, part: float) -> float:
     return 0.9 * (1 - 0.5 ** (step + part))
 
 
+def with_one_law(problem: Problem, library: Sequence[Candidate], blocks: np.ndarray, first: Fit) -> Fit:
+    """Return the fit of the law that a search begins with, before it is weighed against any other."""
+    taken = _next_law(Search(problem), _others(problem, library), blocks, first, lambda stage, share: None)[0]
+    return first if taken is None else taken
+
+
+def _others(problem: Problem, library: Sequence[Candidate]) -> list[Candidate]:
+    """Return the candidates but for what acts anyway: a second time it would add to itself."""
+    acting = {effect.law.physics for effect in problem.acting}
+    return [candidate for candidate in library if candidate.law.physics not in acting]
+
+
 def _added(
     search: Search,
     library: Sequence[Candidate],
@@ -177,40 +188,58 @@ def _added(
     tell: Callable[[str, float], None],
 ) -> tuple[Fit, list[list[Rival]]]:
     """Return the fit of the laws that the recording asks for, and the rivals of each, as they were looked at last."""
-    problem, (fit, rivals) = search.problem, swapped(search, first, library)
-    for step in range(MOST_TERMS):
+    fit, rivals = _weighed(search, first, library)
+    for step in range(len(first.terms), MOST_TERMS):
         if search.over:
             break
-        labels = blocks[fit.samples]
 
-        def progress(share: float, step: int = step) -> None:
-            tell(f"laws, round {step + 1}", _share(step, 0.5 * share))
+        def progress(stage: str, share: float, step: int = step) -> None:
+            tell(stage or f"laws, round {step + 1}", _share(step, share))
 
-        screened = screen(problem, fit, library, progress)
-        # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
-        rest = search.released(fit)
-        left = problem.without_tolerances(rest, problem.target(rest).ravel()).reshape(rest.residual.shape)
-        least = threshold(len(library), left, labels, screened)
-        before = cross_validated(problem, rest, labels)
-        taken = None
-        for rival in screened[:MOST_SIMULATED]:
-            gain = least(rival.term.candidate.size)
-            if fit.chi2 - rival.chi2 < gain:
-                continue
-            tell("the whole simulation", _share(step, 0.6))
-            trial = search.released(search.refine([*fit.terms, rival.term], fit))
-            helps = before - cross_validated(problem, trial, labels) > GAIN * before
-            if rest.chi2 - trial.chi2 >= gain and (helps or _relieves_strain(rest, trial, gain)):
-                taken = search.refine(trial.terms, trial)  # a second law would make up for what has not come to its end
-                break
+        taken, least = _next_law(search, library, blocks, fit, progress)
         if taken is None:
             break
-        tell("earlier choices again", _share(step, 0.8))
-        fit, rivals = swapped(search, taken, library)
-        other = dropped(search, rearranged(search, fit, library), least)
-        if other is not fit:
-            fit, rivals = swapped(search, other, library)
+        progress("earlier choices again", 0.8)
+        fit, rivals = _weighed(search, taken, library, least)
     return search.released(fit), rivals
+
+
+def _next_law(
+    search: Search,
+    library: Sequence[Candidate],
+    blocks: np.ndarray,
+    fit: Fit,
+    tell: Callable[[str, float], None],
+) -> tuple[Fit | None, Callable[[int], float]]:
+    """Return the fit with the law that the recording asks for beside those of a fit, or None; and the least gain."""
+    problem, labels = search.problem, blocks[fit.samples]
+    screened = screen(problem, fit, library, lambda share: tell("", 0.5 * share))
+    # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
+    rest = search.released(fit)
+    left = problem.without_tolerances(rest, problem.target(rest).ravel()).reshape(rest.residual.shape)
+    least = threshold(len(library), left, labels, screened)
+    before = cross_validated(problem, rest, labels)
+    for rival in screened[:MOST_SIMULATED]:
+        gain = least(rival.term.candidate.size)
+        if fit.chi2 - rival.chi2 < gain:
+            continue
+        tell("the whole simulation", 0.6)
+        trial = search.released(search.refine([*fit.terms, rival.term], fit))
+        helps = before - cross_validated(problem, trial, labels) > GAIN * before
+        if rest.chi2 - trial.chi2 >= gain and (helps or _relieves_strain(rest, trial, gain)):
+            # a second law would make up for what has not come to its end
+            return search.refine(trial.terms, trial), least
+    return None, least
+
+
+def _weighed(
+    search: Search, fit: Fit, library: Sequence[Candidate], least: Callable[[int], float] | None = None
+) -> tuple[Fit, list[list[Rival]]]:
+    """Return the fit after every choice was looked at again, and the rivals of each; least: gain of what stays."""
+    fit, rivals = swapped(search, fit, library)
+    other = rearranged(search, fit, library)
+    other = other if least is None else dropped(search, other, least)
+    return (fit, rivals) if other is fit else swapped(search, other, library)
 
 
 def _relieves_strain(fit: Fit, trial: Fit, least: float) -> bool:
