@@ -314,7 +314,8 @@ class Bound:
 def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Candidate]) -> list[Rival]:
     """Return what could stand in the place of term `index`, the term itself included, best first.
 
-    To first order about the fit; about the simulation without the term where else nothing yields.
+    To first order about the fit; about the simulation without the term where else nothing yields. What does no better
+    there than nothing does, for what it costs, is left out.
     """
     own, scale = fit.terms[index], scale_of(problem, fit)
     others, kept = fit.others(index)
@@ -328,13 +329,15 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
         return without(change.ravel(), nuisance).reshape(change.shape)
 
     bound = Bound(problem, about, problem.target(about) - removed, nuisance)
+    nothing = float(bound.left @ bound.left)
     worst = fit.chi2 + max(MUCH * scale * INDISTINCT, _first_order_error(problem, fit, index))
     rivals = [Rival(own, fit.chi2, beyond(problem.change(about, [*effects, own.effect]) - removed), scale)]
     present = {term.candidate.name for term in fit.terms}
     for candidate in library:
         if candidate.name not in present and bound(candidate) <= worst:
             chi2, term, change = problem.first_order_fit(about, kept, candidate, nuisance=nuisance)
-            rivals += [Rival(term, chi2, change - beyond(removed), scale)] if chi2 <= worst else []
+            rival = Rival(term, chi2, change - beyond(removed), scale)
+            rivals += [rival] if chi2 <= worst and rival.score < nothing else []
     return sorted(rivals, key=lambda rival: rival.score)
 
 
