@@ -57,6 +57,7 @@ from .criteria import (
     OUTLIER,
     ROUNDING,
     ROUNDS,
+    SETTLED,
     STEP,
     trusted,
 )
@@ -427,6 +428,7 @@ def _fitted(
     variances, noise = np.maximum(start, floors), np.maximum(noise, max(least, _SILENT))
     names = [name for name in np.unique(labels) if name]
     found = _posterior(data, variances, noise)
+    cost = np.inf
     for _ in range(ITERATIONS):
         told = 1 - np.diagonal(found.covariance) / variances
         new = floors.copy()
@@ -442,10 +444,11 @@ def _fitted(
         moved = np.abs(np.log(np.concatenate((new / variances, quiet / noise)))).max()
         variances, noise = new, quiet
         found = _posterior(data, variances, noise)
-        if moved < _AGREED:
+        before, cost = cost, found.cost + sum(unusual(variances[labels == name][0])[0] for name in names)
+        # a variance that nothing asks for vanishes slowly, and gains nothing by it
+        if moved < _AGREED or abs(before - cost) < SETTLED / ITERATIONS:
             break
-    beside = sum(unusual(variances[labels == name][0])[0] for name in names)
-    return replace(found, cost=found.cost + beside)
+    return replace(found, cost=cost)
 
 
 def _left(data: _Linear, fit: _Fit, noise: Array) -> float:
@@ -461,9 +464,10 @@ def _posterior(data: _Linear, variances: Array, noise: Array) -> _Fit:
     scaled = root[:, None] * normal[inner] * root
     scaled[np.diag_indices(len(root))] += 1.0
     factor = np.linalg.cholesky(scaled)
-    lower = np.tril(dpotri(factor, lower=1)[0])
     covariance, mean = np.diag(variances), np.zeros(len(variances))
-    covariance[inner] = root[:, None] * (lower + np.tril(lower, -1).T) * root
+    if len(root):
+        lower = np.tril(dpotri(factor, lower=1)[0])
+        covariance[inner] = root[:, None] * (lower + np.tril(lower, -1).T) * root
     mean[open_] = covariance[inner] @ right[open_]
     cost = data.count @ np.log(noise) + 2 * np.log(np.diagonal(factor)).sum()
     # least at the mean: what rounding does to it makes this larger, and never smaller
