@@ -320,7 +320,7 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
     own, scale = fit.terms[index], scale_of(problem, fit)
     others, kept = fit.others(index)
     about, places = fit, others
-    if _yields_alone(problem, own):
+    if _yields_alone(problem, fit, index):
         about, places = problem.fit_at(kept, like=fit), list(range(len(kept)))
     nuisance, effects = problem.nuisance(about, places), [term.effect for term in kept]
     removed = problem.change(about, effects)
@@ -341,9 +341,10 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
     return sorted(rivals, key=lambda rival: rival.score)
 
 
-def _yields_alone(problem: Problem, term: Term) -> bool:
+def _yields_alone(problem: Problem, fit: Fit, index: int) -> bool:
     """Return True for weight where no wrench acts, and for a joint that is else rigid: what yields does so by it."""
-    if term.candidate.of_rigid_joint:
+    term, others = fit.terms[index], [each.effect for each in fit.others(index)[1]]
+    if set(fit.run.setup.yielding) - set(problem.setup_at(fit, others).yielding):
         return True
     return "gravity" in term.candidate.law.needs and not np.any(np.nan_to_num(problem.simulator.inputs.wrench))
 
