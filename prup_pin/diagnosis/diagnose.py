@@ -197,7 +197,9 @@ def _under_loads(
     if prepared.inputs.weight_alone:
         return prepared, _searched(prepared, tell)
     begun = _with_one_law(prepared, tell)
-    other, again = None, None
+    other: Prepared | None = None
+    calibrated: _Searched | None = None
+    again: _Searched | None = None
     if begun.is_far_from_clean:
         other = prepare(robot, recordings, tell, all_over=True)
         if not other.kinds:
@@ -211,7 +213,7 @@ def _under_loads(
     if not few.is_clean:
         other = prepare(robot, recordings, tell, all_over=True) if other is None else other
         if other.kinds:
-            again = _searched(other, tell) if again is None else again
+            again = _searched(other, tell, begun=calibrated) if again is None else again
             if _explains_more(again, few):
                 return other, again
     ended = few.selection.fits <= FEW_FITS

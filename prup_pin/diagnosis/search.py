@@ -81,7 +81,7 @@ class Search:
         return self.problem.refine(terms, start, reach)
 
     def rival(self, terms: Sequence[Term], start: Fit) -> RivalFit:
-        """Return what a set of laws leaves that is weighed against a fit: each set is fitted once, whoever it rivals."""
+        """Return what a set of laws leaves that is weighed against a fit; each set is fitted once."""
         laws = frozenset(term.candidate.name for term in terms)
         if laws not in self._rivals:
             fit = self.refine(terms, start)
