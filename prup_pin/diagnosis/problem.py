@@ -491,18 +491,21 @@ def _stepped(
 ) -> tuple[Array, bool]:
     """Return where one Gauss-Newton step leads from a start, or the start, and whether no other could gain anything.
 
-    That is so where the whole step did what the slope foretold: most laws are in proportion, or nearly.
+    That is so where the whole step did what the slope foretold: most laws are in proportion to their values, or nearly,
+    and of a logarithm the step is the value's.
     """
     low, high = candidate.bounds
     here, slopes = left(start), slope(start)
     step = np.linalg.lstsq(slopes, -here, rcond=1e-10)[0]
+    by_value = candidate.logarithmic & (step > -1)
     widest = np.where(candidate.logarithmic, WIDEST_STEP, np.inf)
-    moved = np.clip(start + np.clip(step, -widest, widest), low, high)
+    whole = start + np.where(by_value, np.log1p(np.where(by_value, step, 0.0)), step)
+    moved = np.clip(np.clip(whole, start - widest, start + widest), low, high)
     there = left(moved)
     if there @ there >= here @ here:
         return start, False
     unforeseen = there - here - slopes @ step
-    return moved, bool((moved == start + step).all() and unforeseen @ unforeseen < _AGREED * (there @ there))
+    return moved, bool((moved == whole).all() and unforeseen @ unforeseen < _AGREED * (there @ there))
 
 
 #: Steps through the whole simulation, and evaluations to first order, in which nearly all fits have ended.
