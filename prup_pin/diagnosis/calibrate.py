@@ -445,7 +445,7 @@ def _improved(problem, now: Calibrated, least_share: float = CALIBRATION_STEP) -
     if float(step @ normal @ step) < SETTLED + UNSEEN * more:
         return None
     for share in shortened(least_share):
-        trial = _at(problem, now.toleranced, now.x + share * step, now.effects, now.run, now.reach)
+        trial = _at(problem, now.toleranced, now.x + share * step, now.effects, now.run, now.reach, near=True)
         if trial.objective < now.objective:
             return trial
     return None
@@ -465,9 +465,15 @@ def least_within(matrix: Array, right: Array, reach: Array) -> Array:
 
 
 def _at(
-    problem, toleranced: Toleranced, x: Array, effects: Sequence[Effect], start: Run | None, reach: float | Array
+    problem,
+    toleranced: Toleranced,
+    x: Array,
+    effects: Sequence[Effect],
+    start: Run | None,
+    reach: float | Array,
+    near: bool = False,
 ) -> Calibrated:
-    run = problem.simulator.run([toleranced.effect(x), *effects], start)
+    run = problem.simulator.run([toleranced.effect(x), *effects], start, near=near)
     influence = Influence(problem.simulator, run, problem.stack)
     residual = problem.whitened(influence, problem.stack.residual(run)[run.samples])
     lost = bool((problem.nominal.run.solved & ~run.solved).any())

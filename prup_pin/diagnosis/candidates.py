@@ -197,6 +197,17 @@ class Term:
     def effect(self) -> Effect:
         return self.candidate.effect(self.coordinates)
 
+    def lessened(self, share: float) -> Term:
+        """Return the same law where it does a share of what it does here, to first order."""
+        candidate, law = self.candidate, self.candidate.law
+        nothing = law.neutral_at(candidate.place, candidate.mechanism)
+        values = candidate.values_of(self.coordinates)
+        less = np.array([nothing[quantity.name] for quantity in candidate.quantities])
+        less = np.where(candidate.logarithmic, values, less + share * (values - less))
+        if candidate.logarithmic[:1].any():
+            less[0] = law.magnified(float(values[0]), share)
+        return Term(candidate, np.clip(candidate.coordinates_of(less), *candidate.bounds))
+
     @property
     def off(self) -> Array:
         """In how many standard deviations each coordinate is off what is known of it, (p,)."""

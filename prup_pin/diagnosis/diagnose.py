@@ -42,7 +42,7 @@ from .findings import no_noise, too_few, unrecorded_load
 from .noise import noise_of_the_rest
 from .prepare import Prepared, Tell, prepare
 from .problem import Fit, Problem
-from .search import Selection, dropped_by_folds, select
+from .search import Selection, dropped_by_folds, select, with_one_law
 from .since import Earlier
 from .unexplained import final_state
 from .unrecorded_load import reaches, unrecorded_force
@@ -139,7 +139,7 @@ def _diagnosed(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> Dia
     if prepared.spread is not None and prepared.spread.repeated(prepared.inputs.blocks):
         # what explains outliers says that they are none
         prepared, found = _cleaner(prepared, found, prepare(robot, recordings, tell, with_outliers=True), tell)
-    if prepared.spread is not None and prepared.spread.of_few and not found.is_clean:
+    if prepared.spread is not None and prepared.spread.of_few and not prepared.kinds and not found.is_clean:
         # the few places were not to be found
         prepared, found = _cleaner(prepared, found, prepare(robot, recordings, tell, all_over=True), tell)
     return _told(prepared, found, tell)
@@ -170,6 +170,12 @@ class _Searched(NamedTuple):
         """True where what is left may be noise."""
         return is_clean(self.problem, self.selection.last)
 
+    @property
+    def is_far_from_clean(self) -> bool:
+        """True where more is left than noise by so much that noise would be a small part of it."""
+        last = self.selection.last
+        return LITTLE * last.chi2 > self.problem.count(last)
+
     def by_noise(self, noise: Noise) -> tuple[float, bool]:
         """Return what is left of blocks that are held out in turn, chi squared by a noise, and whether all may be that.
 
@@ -186,18 +192,32 @@ def _under_loads(
     """Return a preparation and what it leads to: of a loaded robot whatever is off all over, where few laws do not do.
 
     Most robots under load lack a law or two and no more; where all is off instead, whoever looks for laws looks long.
+    So one law is looked for, and more where what is off all over does not explain more than that one by far.
     """
     if prepared.inputs.weight_alone:
         return prepared, _searched(prepared, tell)
-    few = _searched(prepared, tell, FEW_FITS)
-    if not few.is_clean:
+    begun = _with_one_law(prepared, tell)
+    other: Prepared | None = None
+    calibrated: _Searched | None = None
+    again: _Searched | None = None
+    if begun.is_far_from_clean:
         other = prepare(robot, recordings, tell, all_over=True)
+        if not other.kinds:
+            return prepared, _searched(prepared, tell, begun=begun)
+        calibrated = _calibrated(other, tell)
+        if other.spread is not None and not other.spread.of_few and _explains_more(calibrated, begun):
+            again = _searched(other, tell, begun=calibrated)
+            if again.is_clean:
+                return other, again
+    few = _searched(prepared, tell, FEW_FITS, begun)
+    if not few.is_clean:
+        other = prepare(robot, recordings, tell, all_over=True) if other is None else other
         if other.kinds:
-            again = _searched(other, tell)
+            again = _searched(other, tell, begun=calibrated) if again is None else again
             if _explains_more(again, few):
                 return other, again
     ended = few.selection.fits <= FEW_FITS
-    return prepared, few if ended else _searched(prepared, tell)
+    return prepared, few if ended else _searched(prepared, tell, begun=few)
 
 
 def _explains_more(again: _Searched, few: _Searched) -> bool:
@@ -216,25 +236,46 @@ def _cleaner(prepared: Prepared, found: _Searched, other: Prepared, tell: Tell) 
     return (other, again) if again.is_clean else (prepared, found)
 
 
-def _searched(prepared: Prepared, tell: Tell, most: int = MOST_FITS) -> _Searched:
-    """Return what recordings say of laws and parameters; no further law is looked for after so many fits."""
-    inputs, library = prepared.inputs, prepared.library
-    labels = fold_labels(inputs.blocks)
+def _calibrated(prepared: Prepared, tell: Tell) -> _Searched:
+    """Return a problem calibrated within tolerances, before any law."""
     tell("calibration within tolerances", 0.02)
     # What is left out would drive parameters beyond their tolerances, where laws' first order tells nothing any more.
-    reach = beyond_tolerance(len(prepared.toleranced))
-    problem = prepared.within_tolerances(prepared.problem, reach)
-    selection = Selection.nothing(problem.first, library)
-    doubt: Finding | None = None
+    problem = prepared.within_tolerances(prepared.problem, _reach(prepared))
+    nothing = Selection.nothing(problem.first, prepared.library)
+    return _Searched(problem, nothing, fold_labels(prepared.inputs.blocks), None)
+
+
+def _reach(prepared: Prepared) -> float:
+    return beyond_tolerance(len(prepared.toleranced))
+
+
+def _with_one_law(prepared: Prepared, tell: Tell) -> _Searched:
+    """Return what the first law that recordings ask for leaves."""
+    begun = _calibrated(prepared, tell)
+    problem, selection = begun.problem, begun.selection
+    if not problem.count(problem.first):
+        return begun
+    tell("laws, round 1", 0.05)
+    last = with_one_law(problem, prepared.library, begun.labels, problem.first)
+    return begun._replace(selection=replace(selection, last=last))
+
+
+def _searched(prepared: Prepared, tell: Tell, most: int = MOST_FITS, begun: _Searched | None = None) -> _Searched:
+    """Return what recordings say of laws and parameters; no further law is looked for after so many fits.
+
+    begun: what a shorter search of the same led to, or a calibration, from which this one goes on.
+    """
+    inputs, library = prepared.inputs, prepared.library
+    problem, selection, labels, doubt = _calibrated(prepared, tell) if begun is None else begun
     if problem.count(problem.first):
-        selection = select(problem, library, labels, problem.first, tell, most)
+        selection = select(problem, library, labels, problem.first, tell, most, selection.last)
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
         force = _force_left(problem, selection.last) if larger is not None and inputs.weight_alone else 0.0
         if larger is not None and force:
             doubt = unrecorded_load(larger.noise, force)
         elif larger is not None:
             prepared.remarks.append(_larger_noise(problem.noise, larger.noise))
-            problem = prepared.within_tolerances(replace(larger, tolerances=None), reach)
+            problem = prepared.within_tolerances(replace(larger, tolerances=None), _reach(prepared))
             selection = select(problem, library, labels, problem.first, tell, most)
             doubt = too_few(problem, selection, inputs.blocks)
     if prepared.kinds and problem.count(problem.first):
@@ -255,8 +296,7 @@ def _within_rescaled(
     taken = False
     if wider:
         other = replace(prepared, toleranced=with_rescaled(prepared.toleranced, wider))
-        reach = beyond_tolerance(len(prepared.toleranced))
-        again = other.within_tolerances(replace(problem, tolerances=None), reach)
+        again = other.within_tolerances(replace(problem, tolerances=None), _reach(prepared))
         found = Selection.nothing(again.first, prepared.library)
         if selection.last.terms or count_beyond_tolerance(selection.last) or not is_clean(again, again.first):
             found = select(again, prepared.library, labels, again.first, tell)

@@ -189,15 +189,18 @@ class Problem:
         influence = fit.influence
         return fit.once(("reach", module), lambda: _basis(self.whiteners(influence) @ influence.signature(module)))
 
-    def fit_at(self, terms: Sequence[Term], start: Run | None = None, like: Fit | None = None, x=None) -> Fit:
+    def fit_at(
+        self, terms: Sequence[Term], start: Run | None = None, like: Fit | None = None, x=None, near: bool = False
+    ) -> Fit:
         """Return the simulation with these terms, without fitting, toleranced parameters as in the fit `like`.
 
-        x (p,): toleranced parameters elsewhere.
+        x (p,): toleranced parameters elsewhere; near: no farther from `start` than Newton's method finds.
         """
         like = self.first if like is None else like
         x = like.x if x is None else x
         begin = self.setup((), x)
-        run = self.simulator.run_setup(self.setup([term.effect for term in terms], x, begin), start)
+        setup = self.setup([term.effect for term in terms], x, begin)
+        run = self.simulator.run_setup(setup, start, near=near)
         return self._fit(terms, Influence(self.simulator, run, self.stack), x, like.per_tolerance, begin)
 
     def relinearised(self, fit: Fit) -> Fit:
@@ -326,21 +329,22 @@ class Problem:
         begins = [np.clip(start, low, high) for start in candidate.scan()]
         if len(begins) > 1:
             begins.sort(key=lambda start: float((left(start) ** 2).sum()))
-        found = least_squares(
-            left,
-            _stepped(left, slope, begins[0], candidate),
-            slope,
-            bounds=(low - 1e-12 * np.abs(low) - 1e-300, high + 1e-12 * np.abs(high) + 1e-300),
-            x_scale=candidate.scales(),
-            max_nfev=_MOST_EVALUATIONS,
-            ftol=1e-4,
-            xtol=1e-4,
-            gtol=1e-10,
-        )
-        term = Term(candidate, found.x)
-        change = tried(found.x)[0]
-        chi2 = 2 * float(found.cost) - float((candidate.prior_residuals(found.x) ** 2).sum())
-        return chi2, term, without(change.ravel(), nuisance).reshape(change.shape)
+        best, ended = _stepped(left, slope, begins[0], candidate)
+        if not ended:
+            best = least_squares(
+                left,
+                best,
+                slope,
+                bounds=(low - 1e-12 * np.abs(low) - 1e-300, high + 1e-12 * np.abs(high) + 1e-300),
+                x_scale=candidate.scales(),
+                max_nfev=_MOST_EVALUATIONS,
+                ftol=_AGREED,
+                xtol=_AGREED,
+                gtol=1e-10,
+            ).x
+        change, rest = tried(best)
+        chi2 = float(rest @ rest) - float((candidate.prior_residuals(best) ** 2).sum())
+        return chi2, Term(candidate, best), without(change.ravel(), nuisance).reshape(change.shape)
 
     def nuisance(self, fit: Fit, kept: Sequence[int]) -> Nuisance | None:
         """Return what some of a fit's terms, given by their places, and the toleranced parameters may do together."""
@@ -377,7 +381,7 @@ class Problem:
         problem's.
         """
         reach = self.farthest if reach is None else reach
-        fit = self.fit_at(terms, start.run, start)
+        fit = self._begun(terms, start)
         taken_at = fit.x
         for _ in range(_MOST_STEPS):
             if not (fit.terms or len(fit.x)) or not np.isfinite(fit.chi2):
@@ -394,6 +398,20 @@ class Problem:
                 return fit
         return fit
 
+    def _begun(self, terms: Sequence[Term], start: Fit) -> Fit:
+        """Return the fit from which terms are fitted: as they stand, or new ones at a share of what they do.
+
+        First order may ask for a law at which the robot could not be: it does less where no equilibrium is near.
+        """
+        known = {term.candidate.name for term in start.terms}
+        fit = start
+        for share in shortened(LITTLE):
+            less = [term if term.candidate.name in known else term.lessened(share) for term in terms]
+            fit = self.fit_at(less, start.run, start, near=True)
+            if np.isfinite(fit.chi2):
+                break
+        return fit
+
     def _moved(self, fit: Fit, step: Array) -> Fit:
         """Return a fit whose terms and toleranced parameters have moved by a step, (p,), within their bounds."""
         moved, place = [], 0
@@ -403,7 +421,7 @@ class Problem:
             own = np.clip(step[place : place + candidate.size], -widest, widest)
             moved.append(Term(candidate, np.clip(term.coordinates + own, *candidate.bounds)))
             place += candidate.size
-        return self.fit_at(moved, fit.run, fit, fit.x + step[place:])
+        return self.fit_at(moved, fit.run, fit, fit.x + step[place:], near=True)
 
     def _step(self, fit: Fit, reach: float) -> Array:
         """Return the Gauss-Newton step of a fit's coordinates and of its toleranced parameters.
@@ -470,17 +488,30 @@ def _objective(fit: Fit) -> float:
 
 def _stepped(
     left: Callable[[Array], Array], slope: Callable[[Array], Array], start: Array, candidate: Candidate
-) -> Array:
-    """Return where one Gauss-Newton step leads from a start, or the start: most laws are in proportion, or nearly."""
+) -> tuple[Array, bool]:
+    """Return where one Gauss-Newton step leads from a start, or the start, and whether no other could gain anything.
+
+    That is so where the whole step did what the slope foretold: most laws are in proportion to their values, or nearly,
+    and of a logarithm the step is the value's.
+    """
     low, high = candidate.bounds
-    step = np.linalg.lstsq(slope(start), -left(start), rcond=1e-10)[0]
+    here, slopes = left(start), slope(start)
+    step = np.linalg.lstsq(slopes, -here, rcond=1e-10)[0]
+    by_value = candidate.logarithmic & (step > -1)
     widest = np.where(candidate.logarithmic, WIDEST_STEP, np.inf)
-    moved = np.clip(start + np.clip(step, -widest, widest), low, high)
-    return moved if (left(moved) ** 2).sum() < (left(start) ** 2).sum() else start
+    whole = start + np.where(by_value, np.log1p(np.where(by_value, step, 0.0)), step)
+    moved = np.clip(np.clip(whole, start - widest, start + widest), low, high)
+    there = left(moved)
+    if there @ there >= here @ here:
+        return start, False
+    unforeseen = there - here - slopes @ step
+    return moved, bool((moved == whole).all() and unforeseen @ unforeseen < _AGREED * (there @ there))
 
 
 #: Steps through the whole simulation, and evaluations to first order, in which nearly all fits have ended.
 _MOST_STEPS, _MOST_EVALUATIONS = 6, 25
+#: Share of what is left that a further step to first order may gain.
+_AGREED = 1e-4
 
 
 def _basis(directions: Array) -> Array:

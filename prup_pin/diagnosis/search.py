@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -50,7 +51,16 @@ __all__ = [
     "simulated_alternatives",
     "strain_of",
     "swapped",
+    "with_one_law",
 ]
+
+
+class RivalFit(NamedTuple):
+    """Laws with their fitted values, toleranced parameters x (p,) beside them, and the chi squared that they leave."""
+
+    terms: tuple[Term, ...]
+    x: Array
+    chi2: float
 
 
 class Search:
@@ -58,6 +68,7 @@ class Search:
 
     def __init__(self, problem: Problem, most: int = MOST_FITS):
         self.problem, self.most, self.fits = problem, most, 0
+        self._rivals: dict[frozenset[str], tuple[dict[str, Term], Array, float]] = {}
 
     @property
     def over(self) -> bool:
@@ -68,6 +79,15 @@ class Search:
         """Return what `Problem.refine` does."""
         self.fits += 1
         return self.problem.refine(terms, start, reach)
+
+    def rival(self, terms: Sequence[Term], start: Fit) -> RivalFit:
+        """Return what a set of laws leaves that is weighed against a fit; each set is fitted once."""
+        laws = frozenset(term.candidate.name for term in terms)
+        if laws not in self._rivals:
+            fit = self.refine(terms, start)
+            self._rivals[laws] = {term.candidate.name: term for term in fit.terms}, fit.x, fit.chi2
+        found, x, chi2 = self._rivals[laws]
+        return RivalFit(tuple(found[term.candidate.name] for term in terms), x, chi2)
 
     def released(self, fit: Fit) -> Fit:
         """Return a fit with its toleranced parameters as far off as they would go."""
@@ -103,12 +123,11 @@ def select(
     first: Fit,
     tell: Callable[[str, float], None] = lambda stage, share: None,
     most: int = MOST_FITS,
+    begun: Fit | None = None,
 ) -> Selection:
-    """Return the selection of laws that the recording asks for."""
-    acting = {effect.law.physics for effect in problem.acting}  # a second time it would add to itself
-    library = [candidate for candidate in library if candidate.law.physics not in acting]
-    search = Search(problem, most)
-    fit, rivals = _added(search, library, blocks, first, tell)
+    """Return the selection of laws that the recording asks for; begun: where an earlier search of the same ended."""
+    library, search = _others(problem, library), Search(problem, most)
+    fit, rivals = _added(search, library, blocks, first if begun is None else begun, tell)
     if len(rivals) != len(fit.terms):
         rivals = [alternatives_to(problem, fit, index, library) for index in range(len(fit.terms))]
     told = tuple(_not_less_expected(each, term) for each, term in zip(rivals, fit.terms, strict=True))
@@ -149,6 +168,18 @@ def _share(step: int, part: float) -> float:
     return 0.9 * (1 - 0.5 ** (step + part))
 
 
+def with_one_law(problem: Problem, library: Sequence[Candidate], blocks: np.ndarray, first: Fit) -> Fit:
+    """Return the fit of the law that a search begins with, before it is weighed against any other."""
+    taken = _next_law(Search(problem), _others(problem, library), blocks, first, lambda stage, share: None)[0]
+    return first if taken is None else taken
+
+
+def _others(problem: Problem, library: Sequence[Candidate]) -> list[Candidate]:
+    """Return the candidates but for what acts anyway: a second time it would add to itself."""
+    acting = {effect.law.physics for effect in problem.acting}
+    return [candidate for candidate in library if candidate.law.physics not in acting]
+
+
 def _added(
     search: Search,
     library: Sequence[Candidate],
@@ -157,41 +188,58 @@ def _added(
     tell: Callable[[str, float], None],
 ) -> tuple[Fit, list[list[Rival]]]:
     """Return the fit of the laws that the recording asks for, and the rivals of each, as they were looked at last."""
-    problem, fit = search.problem, first
-    rivals: list[list[Rival]] = []
-    for step in range(MOST_TERMS):
+    fit, rivals = _weighed(search, first, library)
+    for step in range(len(first.terms), MOST_TERMS):
         if search.over:
             break
-        labels = blocks[fit.samples]
 
-        def progress(share: float, step: int = step) -> None:
-            tell(f"laws, round {step + 1}", _share(step, 0.5 * share))
+        def progress(stage: str, share: float, step: int = step) -> None:
+            tell(stage or f"laws, round {step + 1}", _share(step, share))
 
-        screened = screen(problem, fit, library, progress)
-        # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
-        rest = search.released(fit)
-        left = problem.without_tolerances(rest, problem.target(rest).ravel()).reshape(rest.residual.shape)
-        least = threshold(len(library), left, labels, screened)
-        before = cross_validated(problem, rest, labels)
-        taken = None
-        for rival in screened[:MOST_SIMULATED]:
-            gain = least(rival.term.candidate.size)
-            if fit.chi2 - rival.chi2 < gain:
-                continue
-            tell("the whole simulation", _share(step, 0.6))
-            trial = search.released(search.refine([*fit.terms, rival.term], fit))
-            helps = before - cross_validated(problem, trial, labels) > GAIN * before
-            if rest.chi2 - trial.chi2 >= gain and (helps or _relieves_strain(rest, trial, gain)):
-                taken = search.refine(trial.terms, trial)  # a second law would make up for what has not come to its end
-                break
+        taken, least = _next_law(search, library, blocks, fit, progress)
         if taken is None:
             break
-        tell("earlier choices again", _share(step, 0.8))
-        fit, rivals = swapped(search, taken, library)
-        other = dropped(search, rearranged(search, fit, library), least)
-        if other is not fit:
-            fit, rivals = swapped(search, other, library)
+        progress("earlier choices again", 0.8)
+        fit, rivals = _weighed(search, taken, library, least)
     return search.released(fit), rivals
+
+
+def _next_law(
+    search: Search,
+    library: Sequence[Candidate],
+    blocks: np.ndarray,
+    fit: Fit,
+    tell: Callable[[str, float], None],
+) -> tuple[Fit | None, Callable[[int], float]]:
+    """Return the fit with the law that the recording asks for beside those of a fit, or None; and the least gain."""
+    problem, labels = search.problem, blocks[fit.samples]
+    screened = screen(problem, fit, library, lambda share: tell("", 0.5 * share))
+    # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
+    rest = search.released(fit)
+    left = problem.without_tolerances(rest, problem.target(rest).ravel()).reshape(rest.residual.shape)
+    least = threshold(len(library), left, labels, screened)
+    before = cross_validated(problem, rest, labels)
+    for rival in screened[:MOST_SIMULATED]:
+        gain = least(rival.term.candidate.size)
+        if fit.chi2 - rival.chi2 < gain:
+            continue
+        tell("the whole simulation", 0.6)
+        trial = search.released(search.refine([*fit.terms, rival.term], fit))
+        helps = before - cross_validated(problem, trial, labels) > GAIN * before
+        if rest.chi2 - trial.chi2 >= gain and (helps or _relieves_strain(rest, trial, gain)):
+            # a second law would make up for what has not come to its end
+            return search.refine(trial.terms, trial), least
+    return None, least
+
+
+def _weighed(
+    search: Search, fit: Fit, library: Sequence[Candidate], least: Callable[[int], float] | None = None
+) -> tuple[Fit, list[list[Rival]]]:
+    """Return the fit after every choice was looked at again, and the rivals of each; least: gain of what stays."""
+    fit, rivals = swapped(search, fit, library)
+    other = rearranged(search, fit, library)
+    other = other if least is None else dropped(search, other, least)
+    return (fit, rivals) if other is fit else swapped(search, other, library)
 
 
 def _relieves_strain(fit: Fit, trial: Fit, least: float) -> bool:
@@ -266,12 +314,13 @@ class Bound:
 def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Candidate]) -> list[Rival]:
     """Return what could stand in the place of term `index`, the term itself included, best first.
 
-    To first order about the fit; about the simulation without the term where else nothing yields.
+    To first order about the fit; about the simulation without the term where else nothing yields. What does no better
+    there than nothing does, for what it costs, is left out.
     """
     own, scale = fit.terms[index], scale_of(problem, fit)
     others, kept = fit.others(index)
     about, places = fit, others
-    if _yields_alone(problem, own):
+    if _yields_alone(problem, fit, index):
         about, places = problem.fit_at(kept, like=fit), list(range(len(kept)))
     nuisance, effects = problem.nuisance(about, places), [term.effect for term in kept]
     removed = problem.change(about, effects)
@@ -280,19 +329,22 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
         return without(change.ravel(), nuisance).reshape(change.shape)
 
     bound = Bound(problem, about, problem.target(about) - removed, nuisance)
+    nothing = float(bound.left @ bound.left)
     worst = fit.chi2 + max(MUCH * scale * INDISTINCT, _first_order_error(problem, fit, index))
     rivals = [Rival(own, fit.chi2, beyond(problem.change(about, [*effects, own.effect]) - removed), scale)]
     present = {term.candidate.name for term in fit.terms}
     for candidate in library:
         if candidate.name not in present and bound(candidate) <= worst:
             chi2, term, change = problem.first_order_fit(about, kept, candidate, nuisance=nuisance)
-            rivals += [Rival(term, chi2, change - beyond(removed), scale)] if chi2 <= worst else []
+            rival = Rival(term, chi2, change - beyond(removed), scale)
+            rivals += [rival] if chi2 <= worst and rival.score < nothing else []
     return sorted(rivals, key=lambda rival: rival.score)
 
 
-def _yields_alone(problem: Problem, term: Term) -> bool:
+def _yields_alone(problem: Problem, fit: Fit, index: int) -> bool:
     """Return True for weight where no wrench acts, and for a joint that is else rigid: what yields does so by it."""
-    if term.candidate.of_rigid_joint:
+    term, others = fit.terms[index], [each.effect for each in fit.others(index)[1]]
+    if set(fit.run.setup.yielding) - set(problem.setup_at(fit, others).yielding):
         return True
     return "gravity" in term.candidate.law.needs and not np.any(np.nan_to_num(problem.simulator.inputs.wrench))
 
@@ -325,10 +377,11 @@ def simulated_alternatives(
             continue
         simulated += 1
         terms = (*fit.terms[:index], rival.term, *fit.terms[index + 1 :])
-        trial = search.refine(terms, fit)
+        trial = search.rival(terms, fit)
         judged.append(replace(rival, term=trial.terms[index], chi2=trial.chi2, whole=(trial.terms, trial.x)))
         if judged[-1].score < own - LEAD:
-            return judged, trial
+            better = search.problem.fit_at(trial.terms, fit.run, fit, trial.x)
+            return judged, search.problem.relinearised(better)
     return sorted(judged, key=lambda rival: rival.score), None
 
 

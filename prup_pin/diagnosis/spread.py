@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpotri
 
 from ..channels import Noise, PoseChannel, Stack, Stations
 from ..laws import Effect
@@ -57,6 +57,7 @@ from .criteria import (
     OUTLIER,
     ROUNDING,
     ROUNDS,
+    SETTLED,
     STEP,
     trusted,
 )
@@ -101,9 +102,9 @@ class Spread:
     kinds: standard deviation by kind of tolerance, of those that are off at more places than laws can name one by one;
     yielding: ways in which joints yield, beside these; silent: laws of kinds for which nothing speaks. scale: noise of
     positions and of orientations in multiples of those assumed; exists (N, K): what was measured but for outliers.
-    of_few: kinds that a few laws at single places would explain as well, in the place of `kinds`. stations: by how much
-    the pose sensor's stations, one a run, are turned [rad] and shifted [m]; None: it stands in one place. force [N]:
-    unrecorded, it leaves the outliers behind; 0: none does.
+    of_few: kinds that a few laws at single places would explain as well, which are no `kinds` while such laws are
+    looked for. stations: by how much the pose sensor's stations, one a run, are turned [rad] and shifted [m]; None: it
+    stands in one place. force [N]: unrecorded, it leaves the outliers behind; 0: none does.
     """
 
     kinds: Mapping[str, float]
@@ -118,7 +119,7 @@ class Spread:
 
     def all_over(self) -> Spread:
         """Return the same where laws at a few places were looked for and do not explain it."""
-        return replace(self, kinds=self.of_few or self.kinds, of_few={})
+        return replace(self, kinds=self.of_few or self.kinds)
 
     def stack(self, stack: Stack) -> Stack:
         """Return what was measured without outliers."""
@@ -382,7 +383,7 @@ class _Linear:
 
     def weighted(self, noise: Array) -> tuple[Array, Array]:
         """Return J^T J (p, p) and J^T r (p,) of all units together, each by its noise squared, (u,)."""
-        return np.einsum("u,uij->ij", 1 / noise, self.normal), (1 / noise) @ self.right
+        return np.tensordot(1 / noise, self.normal, 1), (1 / noise) @ self.right
 
 
 @dataclass(frozen=True, eq=False)
@@ -427,6 +428,7 @@ def _fitted(
     variances, noise = np.maximum(start, floors), np.maximum(noise, max(least, _SILENT))
     names = [name for name in np.unique(labels) if name]
     found = _posterior(data, variances, noise)
+    cost = np.inf
     for _ in range(ITERATIONS):
         told = 1 - np.diagonal(found.covariance) / variances
         new = floors.copy()
@@ -435,17 +437,18 @@ def _fitted(
             known = float(told[here].sum()) + unusual(variances[here][0])[1]
             size = float((found.mean[here] ** 2).sum()) / max(known, 1e-9)
             new[here] = np.maximum(np.clip(size, NOTHING**2, 1e8), floors[here])
-        free = np.flatnonzero(told)  # the others hold none of the numbers, however sensitive these are to them
-        column = free[:, None]
-        held = np.einsum("ij,uij->u", found.covariance[column, free], data.normal[:, column, free]) / noise
+        # what is not told holds none of the numbers, however sensitive these are to it
+        holding = np.where(told[:, None] != 0, found.covariance, 0.0).ravel()
+        held = data.normal.reshape(len(noise), -1) @ holding / noise
         quiet = np.maximum(data.left(found.mean) / np.maximum(data.count - held, 1.0), max(least, _SILENT))
         moved = np.abs(np.log(np.concatenate((new / variances, quiet / noise)))).max()
         variances, noise = new, quiet
         found = _posterior(data, variances, noise)
-        if moved < _AGREED:
+        before, cost = cost, found.cost + sum(unusual(variances[labels == name][0])[0] for name in names)
+        # a variance that nothing asks for vanishes slowly, and gains nothing by it
+        if moved < _AGREED or abs(before - cost) < SETTLED / ITERATIONS:
             break
-    beside = sum(unusual(variances[labels == name][0])[0] for name in names)
-    return replace(found, cost=found.cost + beside)
+    return replace(found, cost=cost)
 
 
 def _left(data: _Linear, fit: _Fit, noise: Array) -> float:
@@ -458,11 +461,13 @@ def _posterior(data: _Linear, variances: Array, noise: Array) -> _Fit:
     root = np.sqrt(variances[open_])
     inner = np.ix_(open_, open_)
     normal, right = data.weighted(noise)
-    scaled = np.eye(len(root)) + root[:, None] * normal[inner] * root
+    scaled = root[:, None] * normal[inner] * root
+    scaled[np.diag_indices(len(root))] += 1.0
     factor = np.linalg.cholesky(scaled)
-    inverse = solve_triangular(factor, np.diag(root), lower=True, check_finite=False)
     covariance, mean = np.diag(variances), np.zeros(len(variances))
-    covariance[inner] = inverse.T @ inverse
+    if len(root):
+        lower = np.tril(dpotri(factor, lower=1)[0])
+        covariance[inner] = root[:, None] * (lower + np.tril(lower, -1).T) * root
     mean[open_] = covariance[inner] @ right[open_]
     cost = data.count @ np.log(noise) + 2 * np.log(np.diagonal(factor)).sum()
     # least at the mean: what rounding does to it makes this larger, and never smaller
@@ -733,7 +738,7 @@ class _Seen:
         variances = np.maximum(fit.variances, np.maximum(here.x**2, (here.x + step) ** 2))
         now = self.left(here, known, fit.noise, variances)
         for share in shortened():
-            there = self.at(here.x + share * step, exists, here.influence.run)
+            there = self.at(here.x + share * step, exists, here.influence.run, near=True)
             if there is None or len(there.samples) < len(here.samples):
                 continue
             if self.left(there, known, fit.noise, variances) < now:
@@ -750,10 +755,10 @@ class _Seen:
         moved = np.concatenate((here.x[:own], placed))
         return float((data.left(placed) / noise).sum()) + float((moved**2 / np.maximum(variances, NOTHING**2)).sum())
 
-    def at(self, x: Array, exists: np.ndarray, start: Run | None = None) -> _At | None:
+    def at(self, x: Array, exists: np.ndarray, start: Run | None = None, near: bool = False) -> _At | None:
         """Return the simulation at parameters x (p,) beside what was measured, exists (N, K); None if there is none."""
         stack = self.problem.stack
-        run = self.problem.simulator.run([*self.parameters.effects(x), *self.weight], start)
+        run = self.problem.simulator.run([*self.parameters.effects(x), *self.weight], start, near=near)
         influence = Influence(self.problem.simulator, run, stack)
         white = np.where(exists[run.samples], 1.0, 0.0) / stack.deviation(self.problem.noise)
         residual = stack.residual(run)[run.samples] * white

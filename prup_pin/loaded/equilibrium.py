@@ -96,11 +96,13 @@ def find_equilibria(
     conditions: Conditions,
     start: Equilibria | None = None,
     by_steps: bool = True,
+    near: bool = False,
 ) -> Equilibria:
     """Return the equilibria of samples that stand in `poses[rows]` under `conditions`.
 
     `start`: equilibria of the same samples under other conditions, from which the search starts. `by_steps`: what is
-    not found so is searched again from the rigid pose, with a load that grows; else it is soon given up.
+    not found so is searched again from the rigid pose, with a load that grows; else it is soon given up. `near`: an
+    equilibrium that does not lie near `start` is none, and no load grows.
     """
     rows = np.asarray(rows, int)
     if start is None:
@@ -131,7 +133,7 @@ def find_equilibria(
             state = state.with_rows(found, part.take(good))
             converged[found], steps[found] = True, size[good]
             evaluation = chain.evaluate(rigid, state, conditions)
-    if by_steps and not converged.all():
+    if by_steps and not near and not converged.all():
         state, converged, steps = _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps)
         evaluation = chain.evaluate(rigid, state, conditions)
     return Equilibria(chain, rigid, conditions, state, evaluation, converged, steps, shared)

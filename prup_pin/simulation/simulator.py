@@ -164,15 +164,24 @@ class Simulator:
             all_[samples] = some
         return out
 
-    def run(self, effects: Sequence[Effect] = (), start: Run | None = None, memory: Memory | None = None) -> Run:
+    def run(
+        self,
+        effects: Sequence[Effect] = (),
+        start: Run | None = None,
+        memory: Memory | None = None,
+        near: bool = False,
+    ) -> Run:
         """Return the simulation with these effects; `start` is a similar one, from which the search begins.
 
-        `memory` is what laws remember of samples before the first one; without it they begin at rest.
+        `memory` is what laws remember of samples before the first one; without it they begin at rest. near: a sample
+        whose equilibrium does not lie near that of `start` is not solved, which is soon known.
         """
-        return self.run_setup(self.setup(effects), start, memory)
+        return self.run_setup(self.setup(effects), start, memory, near)
 
-    def run_setup(self, setup: Setup, start: Run | None = None, memory: Memory | None = None) -> Run:
-        """Return the simulation of a setup."""
+    def run_setup(
+        self, setup: Setup, start: Run | None = None, memory: Memory | None = None, near: bool = False
+    ) -> Run:
+        """Return the simulation of a setup; all else as in `run`."""
         geometry = self.geometry(setup.parameters, setup.yielding)
         chain = with_values(geometry.chain, {**setup.values, **yielding_values(setup.yielding)})
         samples = np.flatnonzero(self.complete & geometry.reachable)
@@ -183,7 +192,8 @@ class Simulator:
             kind: history for kind in DEEDS if (history := kind.history(setup, samples, chain, held.get(kind)))
         }
         conditions = geometry.under(setup.conditions(samples), rows)
-        found = self._followed(geometry, chain, rows, conditions, begin, histories.values())
+        near = near and begin is not None
+        found = self._followed(geometry, chain, rows, conditions, begin, histories.values(), near)
         solved = np.zeros(len(self.inputs), bool)
         solved[samples[found.converged]] = True
         return Run(setup, geometry, solved, samples, found, histories)
@@ -269,6 +279,7 @@ class Simulator:
         conditions: Conditions,
         begin: Equilibria | None,
         histories: Iterable[History],
+        near: bool,
     ) -> Equilibria:
         """Return the equilibria with which all histories agree."""
         found = begin
@@ -276,7 +287,7 @@ class Simulator:
             now = conditions
             for history in histories:
                 now = history.act(now)
-            found = find_equilibria(chain, geometry.poses, rows, now, found)
+            found = find_equilibria(chain, geometry.poses, rows, now, found, near=near)
             if max((history.follow(found) for history in histories), default=0.0) < _AGREED:
                 return found
         assert found is not None

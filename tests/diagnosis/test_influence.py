@@ -3,11 +3,13 @@
 import re
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import prup_pin
+from prup_pin.diagnosis import problem
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.laws import LAWS, Effect, Everywhere, Inputs
 from prup_pin.simulation import Simulator
@@ -102,3 +104,29 @@ def test_first_order_is_the_simulations_slope(solved, law):
         for columns in (slice(0, 3), slice(3, 6)):
             size = np.abs(expected[:, columns]).max()
             assert np.abs(found - expected)[:, columns].max() < WITHIN * size + 1e-10, place
+
+
+@pytest.mark.parametrize("logarithmic", [False, True])
+def test_a_law_in_proportion_to_its_value_is_fitted_by_one_step(logarithmic):
+    draw = np.random.default_rng(3)
+    columns, truth, noise = draw.standard_normal((40, 2)), np.array([0.4, 2.5]), 1e-2 * draw.standard_normal(40)
+    values, grows = (np.exp, np.exp) if logarithmic else (lambda x: x, np.ones_like)
+    candidate = SimpleNamespace(
+        logarithmic=np.full(2, logarithmic), bounds=(np.full(2, -10.0), np.full(2, 10.0)), scales=lambda: np.ones(2)
+    )
+
+    def left(x):
+        return columns @ (truth - values(x)) + noise
+
+    found, ended = problem._stepped(left, lambda x: -columns * grows(x), np.array([0.0, 0.3]), candidate)
+    assert ended
+    assert values(found) == pytest.approx(np.linalg.lstsq(columns, columns @ truth + noise)[0])
+
+
+def test_a_law_that_bends_is_not_fitted_by_one_step():
+    candidate = SimpleNamespace(logarithmic=np.zeros(1, bool), bounds=(np.array([-10.0]), np.array([10.0])))
+    line = np.linspace(-1, 1, 20)
+    _, ended = problem._stepped(
+        lambda x: line * (2.0 - x - x**3), lambda x: -line[:, None] * (1 + 3 * x**2), np.array([0.5]), candidate
+    )
+    assert not ended

@@ -136,6 +136,40 @@ def test_what_is_off_all_over_takes_the_place_of_few_laws(again, few, more):
     assert whole._explains_more(searched(again), searched(few)) is more
 
 
+@pytest.mark.parametrize(
+    ("one_law", "far", "of_few", "searches"),
+    [
+        (900.0, True, {}, ["all over"]),  # no law comes near what is off all over
+        (900.0, True, {"position": 1e-3}, ["few laws", "all over"]),  # nor one alone, but several may
+        (40.0, True, {}, ["few laws", "all over"]),
+        (900.0, False, {}, ["few laws", "all over"]),  # noise is much of what is left
+    ],
+)
+def test_laws_are_not_looked_for_long_where_none_comes_near_what_is_off_all_over(
+    one_law, far, of_few, searches, monkeypatch
+):
+    def searched(told, **more):
+        problem = SimpleNamespace(noise=None)
+        return SimpleNamespace(problem=problem, is_clean=told[1], by_noise=lambda noise: told, **more)
+
+    asked_for = []
+
+    def search(prepared, tell, most=60, begun=None):
+        asked_for.append(prepared.called)
+        told = (one_law, False) if prepared.called == "few laws" else (1.0, True)
+        return searched(told, selection=SimpleNamespace(fits=1))
+
+    few = SimpleNamespace(called="few laws", inputs=SimpleNamespace(weight_alone=False))
+    other = SimpleNamespace(called="all over", kinds=("position",), spread=SimpleNamespace(of_few=of_few))
+    monkeypatch.setattr(whole, "prepare", lambda *_, **__: other)
+    monkeypatch.setattr(whole, "_with_one_law", lambda *_: searched((one_law, False), is_far_from_clean=far))
+    monkeypatch.setattr(whole, "_calibrated", lambda *_: searched((30.0, False)))
+    monkeypatch.setattr(whole, "_searched", search)
+    chosen, _ = whole._under_loads(few, None, (), lambda *_: None)
+    assert asked_for == searches
+    assert chosen.called == searches[-1]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("robot", "seed"), [("delta", 4), ("3prup", 4)])
 def test_a_robot_is_predicted_as_well_as_its_data_allow(robot, seed, tmp_path):

@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.calibrate import Toleranced
 from prup_pin.diagnosis.criteria import beyond_tolerance
 from prup_pin.diagnosis.prepare import prepare
+from prup_pin.diagnosis.problem import Problem
+from prup_pin.diagnosis.search import Search
 from prup_pin.errors import InputError
 from prup_pin.laws.deviations import amounts_of, deviations_of
 from prup_pin.recordings import Noise, Tolerances, add_noise, read_recording, write_recording
@@ -83,6 +86,39 @@ def test_weight_acts_beside_a_fault_many_times_as_large(robot, sensor, shift, el
     problem = given.within_tolerances(given.problem, beyond_tolerance(len(given.toleranced)))
     assert problem.first.chi2 > 1e4 * problem.first.residual.size
     assert [effect.law.physics for effect in problem.tolerances.effects] == ["self_weight"]
+
+
+def test_a_fit_begins_where_the_robot_can_be(robot, monkeypatch):
+    """First order may ask for a body that no robot bears: less of it is tried, and no load is raised in steps."""
+    given = prepare(robot, bench(robot, 1, poses=4), lambda stage, share: None)
+    payload = next(item for item in given.library if item.law.physics == "payload" and item.size == 1)
+    tried = []
+
+    def borne(self, terms, start=None, like=None, x=None, near=False):
+        assert near
+        tried.append(terms[0].effect.values["mass"])
+        return SimpleNamespace(chi2=1.0 if tried[-1] < 50 else np.inf, terms=tuple(terms))
+
+    first = given.problem.first
+    monkeypatch.setattr(Problem, "fit_at", borne)
+    asked = payload.term(payload.coordinates_of(np.array([300.0])))
+    begun = given.problem._begun([asked], first)
+    assert tried == pytest.approx([300.0, 100.0, 100 / 3])
+    assert begun.terms[0].effect.values["mass"] == tried[-1]
+
+
+def test_each_set_of_rivals_is_fitted_once(robot):
+    given = prepare(robot, bench(robot, 1, poses=4), lambda stage, share: None)
+    problem = given.problem
+    offsets = (item for item in given.library if item.law.physics == "encoder_offset" and item.size == 1)
+    one, other = next(offsets), next(offsets)
+    search = Search(problem)
+    terms = [item.term(np.array([1e-4])) for item in (one, other)]
+    first = search.rival(terms, problem.first)
+    again = search.rival(terms[::-1], problem.first)
+    assert search.fits == 1
+    assert again.terms == first.terms[::-1]
+    assert again.chi2 == first.chi2 == pytest.approx(problem.fit_at(first.terms, x=first.x).chi2)
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,17 @@ def test_a_load_that_cannot_be_followed(tmp_path):
     with pytest.raises(NotConvergedError) as failure:
         robot.equilibrium(pose, 50 * EULER * np.array([-1.0, 0, 0.01, 0, 0, 0]))
     assert 1 / 50 < failure.value.reached < 1
+
+
+def test_what_does_not_lie_near_is_not_looked_for_in_steps(monkeypatch):
+    robot = prup_pin.load("3prup")
+    pose, rows = robot.pose(z=0.4), np.zeros(1, int)
+    start = find_equilibria(robot._chain, [pose], rows, Conditions(np.zeros((1, 6))))
+    steps = importlib.import_module("prup_pin.loaded.equilibrium")
+    monkeypatch.setattr(steps, "_by_steps", lambda *_: pytest.fail("a load was raised in steps"))
+    for load, found in ((-1e2, True), (-1e7, False)):
+        conditions = Conditions(np.array([[load, load, load, 0, 0, 0]]))
+        assert find_equilibria(robot._chain, [pose], rows, conditions, start, near=True).converged.all() == found
 
 
 def test_a_weight_that_turns_an_idle_joint(tmp_path):

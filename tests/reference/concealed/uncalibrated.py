@@ -182,16 +182,25 @@ class Oracle:
         normal = jacobian.T @ jacobian + np.eye(len(self.sd))
         self.scatter = dict(scatter)
         for _ in range(_CHORDS):
-            left = self._apart(drawn["fit"], self._told(self.scatter, run)).ravel()
+            left = self._apart(drawn["fit"], here).ravel()
             amounts = np.array(list(self.scatter.values())) / self.sd
             step = np.linalg.solve(normal, jacobian.T @ left - amounts) * self.sd
-            self.scatter = dict(zip(scatter, np.array(list(self.scatter.values())) + step, strict=True))
+            self.scatter, here = self._stepped(step, run)
 
     def left_over(self) -> float:
         """Return what it leaves of the held-out poses, in multiples of the noise."""
         held = self.drawn["heldout"]
         told = self._told(self.scatter, replace(self.drawn["held_run"], q=held["q"]))
         return float(np.sqrt(np.mean(np.square(self._apart(held, told)))))
+
+    def _stepped(self, step: np.ndarray, run: Programme) -> tuple[dict[str, float], dict[str, np.ndarray]]:
+        """Return where a step leads, and what is seen there; half of it where the reference finds no equilibrium."""
+        while True:
+            moved = {name: value + by for (name, value), by in zip(self.scatter.items(), step, strict=True)}
+            try:
+                return moved, self._told(moved, run)
+            except RuntimeError:
+                step = step / 2
 
     def _told(self, scatter: Mapping[str, float], run: Programme) -> dict[str, np.ndarray]:
         return seen(KINDS[self.drawn["robot"]].machine(self.drawn["effects"], scatter=scatter), run)
