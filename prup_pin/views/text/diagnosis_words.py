@@ -323,6 +323,9 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
             continue
         if _is_open(fitted):
             value = "not determined by this recording"
+        elif low == 0 < high:  # it may be nothing, and is no more than that
+            unit, factor = readable_unit(high, fitted.unit)
+            value = f"below {number(factor * high, 3)} {unit}".strip()
         rows.append((words, value, f"{_end(factor * low)} to {_end(factor * high)} {unit}".strip()))
     return rows
 
