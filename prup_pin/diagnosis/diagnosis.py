@@ -12,12 +12,11 @@ from ..channels import Columns, Noise
 from ..errors import imported
 from ..laws import LAWS, Effect, Law
 from ..laws.efforts import EFFORT_LAWS
-from ..numbers import some
 from ..recordings import Convention, Together
 from ..simulation import Run
 from ..spatial import Array
 from .calibrate import CalibratedParameter
-from .criteria import MOST_LISTED, NOISE_LIKE
+from .criteria import NOISE_LIKE
 from .locate import Agreement, LocalCurve, Recovered, Residuals
 
 if TYPE_CHECKING:
@@ -102,13 +101,8 @@ class Finding:
         """What to do about it, in one short sentence; of what has no effect of its own by its physics."""
         if self.advice:
             return self.advice
-        others = [place for place in self.candidates if place != self.location]
         if self.effect is not None and self.physics not in _REMEDIES:
-            said = self.effect.law.advice(self.effect.place, self.effect.values)
-            if not said or not others or self.at_each:
-                return said
-            also = ", ".join(some(others, MOST_LISTED))
-            return f"{said}; or the same at {also}, which these data cannot tell from it"
+            return self.effect.law.advice(self.effect.place, self.effect.values)
         known = {law.physics: law.remedy for law in reversed((*LAWS, *EFFORT_LAWS))} | _REMEDIES
         said = known.get(self.physics, "") if self.law is None else self.law.remedy
         here = "the robot" if self.location == "robot" else self.location

@@ -79,8 +79,8 @@ class JointPosition(Displaced):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         parent = int(mechanism.model.parents[parts(mechanism)[place.name].id])
-        whose = mechanism.model.names[parent] if parent else "the base"
-        return f"the joint at {place.name} is not where the drawing has it, in the axes of {whose}: {listed(values)}"
+        whose = "of the part that carries it" if parent else "of the base"
+        return f"the joint at {place.name} is not where the drawing has it, in the axes {whose}: {listed(values)}"
 
 
 class JointDirection(Law):

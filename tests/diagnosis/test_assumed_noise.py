@@ -19,7 +19,7 @@ def test_open_intervals_are_said_to_be_no_result():
     told = {name: value for name, value, _ in parameter_texts(fitted)}
     assert told["closing load"] == told["smoothing"] == "not determined by this recording"
     assert told["limit"] == "2.4 N m"
-    assert told["presliding"] == "2 µrad"
+    assert told["presliding"] == "below 72 µrad"
 
 
 def test_an_assumed_noise_says_which_keys_declare_it():

@@ -93,7 +93,7 @@ def test_a_mechanic_reads_at_its_top_what_is_wrong_and_what_to_do_first(diagnose
     assert text.index(said) < text.index("What was measured")
     assert f"{quantity(1e-6 * diagnosis.by_channel['position']['before_um'], 'm')} (root mean square)" in said
     assert first.statement in said
-    assert f"To do first: {first.remedy}." in said
+    assert f"To do first: {first.remedy}, or look at leg2: " in said
     # that loads move a robot is no fault: it is told where nothing else is
     moved = Finding("finite_deflection", "robot", ("robot",), {}, 0.1, "loads move it far")
     assert "One thing accounts for it:" in summary_text(replace(diagnosis, findings=(first, moved)))

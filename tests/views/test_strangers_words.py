@@ -116,7 +116,7 @@ def test_a_fault_is_told_before_what_every_robot_has(diagnosed):
     assert found.told == (worse, fault, weight)
     assert "Explained: with backlash at leg9/nut, " in verdict_text(found)
     assert " and self weight " in verdict_text(found)
-    assert f"To do first: {worse.remedy}." in summary_text(found)
+    assert f"To do first: {worse.remedy}, or look at leg2: " in summary_text(found)
     little = replace(fault, heldout_gain=0.01)
     assert replace(diagnosis, findings=(weight, little)).told == (weight, little)
 

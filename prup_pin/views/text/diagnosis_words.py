@@ -266,9 +266,11 @@ def summary_text(diagnosis: Diagnosis) -> str:
             "valid only near these data."
         )
     doubted = [finding for finding in diagnosis.findings if finding.physics == "unknown" and finding.advice]
-    first_remedy = next((finding.remedy for finding in (*logs, *doubted, *named) if finding.remedy), "")
-    if first_remedy:
-        texts.append(f"To do first: {first_remedy}.")
+    to_do = next((finding for finding in (*logs, *doubted, *named) if finding.remedy), None)
+    if to_do is not None:
+        others = [place for place in to_do.candidates if place not in (to_do.location, *to_do.at_each)]
+        also = f", or look at {places_text(others)}: these data cannot tell them from it" if others else ""
+        texts.append(f"To do first: {to_do.remedy}{also}.")
     return " ".join(texts)
 
 
