@@ -359,12 +359,13 @@ def _with_quarter_turns(postures: _Postures, written: Recording, found: _Found, 
         return found
     measured = tuple(item for item in found.conventions if item.group != "q")
 
-    def seen(reading: Sequence[Convention]) -> tuple[Recording, _Misfit]:
-        other = read_as(written, (*measured, *reading), postures.drawn)
+    def seen(reading: Sequence[Convention], log: Recording = written) -> tuple[Recording, _Misfit]:
+        other = read_as(log, (*measured, *reading), postures.drawn)
         return other, postures.misfit(other, near)
 
     names = [name for name in written.positions if name in postures.mechanism.actuated]
-    turns = quarter_turns(postures.mechanism, names, lambda item: float(np.exp(postures.cost(seen(item)[1]))))
+    few = written.select(np.unique(np.linspace(0, len(written) - 1, _POSTURES).astype(int)))
+    turns = quarter_turns(postures.mechanism, names, lambda item: float(np.exp(postures.cost(seen(item, few)[1]))))
     read, misfit = seen(turns)
     if not postures.better(found.misfit, misfit):
         return found
