@@ -202,8 +202,9 @@ class Term:
         candidate, law = self.candidate, self.candidate.law
         nothing = law.neutral_at(candidate.place, candidate.mechanism)
         values = candidate.values_of(self.coordinates)
-        less = np.array([nothing[quantity.name] for quantity in candidate.quantities])
-        less = np.where(candidate.logarithmic, values, less + share * (values - less))
+        none = np.array([nothing[quantity.name] for quantity in candidate.quantities])
+        less, own = values.copy(), ~candidate.logarithmic & np.isfinite(none)
+        less[own] = none[own] + share * (values[own] - none[own])
         if candidate.logarithmic[:1].any():
             less[0] = law.magnified(float(values[0]), share)
         return Term(candidate, np.clip(candidate.coordinates_of(less), *candidate.bounds))
