@@ -44,6 +44,7 @@ from ..criteria import (
     MUCH,
 )
 from ..quarter_turns import quarter_turns
+from .gains import in_any_unit
 from .noise import noise_of
 
 __all__ = [
@@ -430,7 +431,7 @@ class _Search:
     def _unit(self, signed: dict[str, float]) -> Convention | None:
         """Return the unit of all efforts where they are nearly as many times the rigid robot's at every joint."""
         sizes = np.abs(list(signed.values()))
-        if (self.recording.tolerances.effort_gain or 0.0) > EFFORT_UNIT - 1:
+        if in_any_unit(self.recording.tolerances.declared):
             return None  # which is declared to be anything
         if any(item.columns == "tau" and item.word in _OF_UNIT for item in self.recording.conventions):
             return None  # which is declared

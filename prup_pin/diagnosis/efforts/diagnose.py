@@ -18,7 +18,6 @@ from ..criteria import (
     EFFORT_GAINS_SAVE,
     EFFORT_IMITATED,
     EFFORT_MATERIAL,
-    EFFORT_UNIT,
     GAIN,
     NO_MATTER,
     SURE,
@@ -29,7 +28,7 @@ from .conventions import check_efforts
 from .diagnosis import EffortDiagnosis
 from .evidence import CrossValidation, held_out, relative_gain, scores
 from .final_state import FinalState, shows
-from .gains import Gains, gains_of, in_newtons, law_of_gains, scale_of
+from .gains import Gains, gains_of, in_any_unit, in_newtons, law_of_gains, scale_of
 from .noise import EffortNoise, noise_of, true_sizes
 from .nonlinear import refined
 from .outliers import OutlierInterval, is_outlying
@@ -109,8 +108,7 @@ def _final_state(
     tell(_LAWS, 0.1)
     gains = gains_of(at, tolerances)
     doubts, efforts, model = searched_beside(gains, 0.1, 0.7)
-    open_ = tolerances.get(law_of_gains().physics, 0.0) > EFFORT_UNIT - 1  # drives are declared to report in any unit
-    if gains is not None and not open_ and any(term.law.of_gain for term in model.terms):
+    if gains is not None and not in_any_unit(tolerances) and any(term.law.of_gain for term in model.terms):
         # laws that take gains back: one gain and a delay look a little like many gains
         with suppress(InputError):
             plain = searched_beside(None, 0.7, 0.75)

@@ -38,7 +38,7 @@ from ..criteria import (
 )
 from .problem import column_blocks, kept_samples
 
-__all__ = ["Gains", "gains_of", "in_newtons", "law_of_gains", "scale_of"]
+__all__ = ["Gains", "gains_of", "in_any_unit", "in_newtons", "law_of_gains", "scale_of"]
 
 #: Samples that are looked at.
 _SAMPLES = 6000
@@ -91,6 +91,11 @@ class _Solution(NamedTuple):
 def law_of_gains() -> EffortLaw:
     """Return the law of a drive that reports in a unit of its own, which no other law competes with."""
     return next(law for law in EFFORT_LAWS if law.of_gain and not law.competes)
+
+
+def in_any_unit(tolerances: Mapping[str, float]) -> bool:
+    """Return whether drives are declared to report in units of their own, whatever these are."""
+    return tolerances.get(law_of_gains().physics, 0.0) > EFFORT_UNIT - 1
 
 
 def in_newtons(at: InMotion, gains: Array) -> InMotion:
