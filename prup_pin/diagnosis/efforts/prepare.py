@@ -37,7 +37,7 @@ __all__ = ["PreparedEfforts"]
 
 #: A law at a place, its nonlinear parameters, and its columns.
 _LawColumns = tuple[EffortLaw, Place, Mapping[str, float], SparseColumns]
-#: Periods of the cut-off at an end of a piece by which nothing is judged.
+#: Periods of the cut-off at an end of a piece that do not count.
 _PERIODS = 1.5
 
 
@@ -63,6 +63,7 @@ class PreparedEfforts:
         self.rigid = self.filter(at.rigid)
         self.target = (self.measured - self.rigid)[self.kept]
         self.good = np.isfinite(self.measured[self.kept]) & motion.compared[self.kept]
+        self.good = self.away_from_ends(motion.band.cutoffs)
         self.deviations = effort_deviations(at, tolerances)
         self._fixed: list[_LawColumns] = []
         self._moving: list[tuple[EffortLaw, Place]] = []
@@ -92,18 +93,21 @@ class PreparedEfforts:
         """Return columns of efforts (N, k, p): filtered, at the kept samples, whitened."""
         return self.whitening(self.as_columns(efforts))
 
-    def away_from_ends(self, cutoff: float) -> np.ndarray:
-        """Return the kept samples (n, k) by which the residual below a cut-off [Hz] is judged: not the ends of pieces,
-        where filters and rates have no other side, and nobody knows what a late signal was before.
+    def away_from_ends(self, cutoffs: Sequence[float]) -> np.ndarray:
+        """Return the samples (n, k) that count, but for the ends of pieces, by each joint's cut-off (k,) [Hz].
+
+        Filters and rates have no other side there, and nobody knows what a late signal was before.
         """
         motion, good = self.at.motion, self.good
         if motion.standing:
             return good
         step = max(int(np.median(np.diff(self.kept))), 1)
-        end = int(np.ceil(_PERIODS * motion.rate / (step * cutoff)))
         inside = good.copy()
-        for where in pieces(self.piece):
-            inside[where.start : where.start + end] = inside[max(where.stop - end, where.start) : where.stop] = False
+        for joint, cutoff in enumerate(cutoffs):
+            end = int(np.ceil(_PERIODS * motion.rate / (step * cutoff)))
+            for where in pieces(self.piece):
+                inside[where.start : where.start + end, joint] = False
+                inside[max(where.stop - end, where.start) : where.stop, joint] = False
         return np.where(inside.any(axis=0), inside, good)
 
     def _whitened(self) -> tuple[Whitening, Whitening]:

@@ -110,7 +110,7 @@ def _remarks_of(final: FinalState) -> list[str]:
     """Return remarks on the motion, and on what it cannot tell."""
     motion, efforts = final.motion, final.efforts
     remarks = list(motion.remarks)
-    counted = (efforts.good | motion.saturated[efforts.kept]).mean(axis=0)
+    counted = (motion.compared | motion.saturated)[efforts.kept].mean(axis=0)
     still = [(name, 1 - share) for name, share in zip(final.at.driven, counted, strict=True) if share < 0.98]
     if still:
         (first, share), *others = still
