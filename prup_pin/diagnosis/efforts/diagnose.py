@@ -29,7 +29,7 @@ from .diagnosis import EffortDiagnosis
 from .evidence import CrossValidation, held_out, relative_gain, scores
 from .final_state import FinalState, shows
 from .gains import Gains, gains_of, in_any_unit, in_newtons, law_of_gains, scale_of
-from .noise import EffortNoise, noise_of, true_sizes
+from .noise import EffortNoise, noise_of, true_roundings, true_sizes
 from .nonlinear import refined
 from .outliers import OutlierInterval, is_outlying
 from .prepare import PreparedEfforts
@@ -120,8 +120,9 @@ def _final_state(
     model = with_relieving_laws(efforts, model)
     problem = model.problem
     model = with_likelier_bodies(model.in_problem(problem.without_curves())).in_problem(problem)
-    sample = true_sizes(noise, at.driven, scale_of(gains, len(at.driven)))
-    model, curves, imitating = _with_curves(efforts, model, sample)
+    scale = scale_of(gains, len(at.driven))
+    sample, rounding = (of(noise, at.driven, scale) for of in (true_sizes, true_roundings))
+    model, curves, imitating = _with_curves(efforts, model, sample, rounding)
     tell("the verdict", 0.9)
     while True:
         final = FinalState(robot, recording, efforts, noise, model, curves, imitating, gains, outliers, doubts)
@@ -162,12 +163,12 @@ def _part(tell: Callable[[float], None], first: float, last: float) -> Callable[
 
 
 def _with_curves(
-    efforts: PreparedEfforts, model: EffortModel, noise: Array
+    efforts: PreparedEfforts, model: EffortModel, noise: Array, rounding: Array
 ) -> tuple[EffortModel, list[EffortCandidate], list[EffortCandidate]]:
     """Return the model with curves of no law that the efforts still ask for, these, and the laws that imitate them.
 
-    A curve adds as much to its joint as one sample could show, as a law does: rounding to steps, which is part of a
-    sample's noise (k,), follows what it rounds by a curve.
+    A curve adds as much to its joint as one sample could show, as a law does, beyond what rounding to steps may be,
+    which follows what it rounds by a curve. noise, rounding: of a sample (k,).
 
     A law that only imitates something leaves its shape behind: it is not named. Where it serves beside the curve, the
     prediction keeps it.
@@ -193,7 +194,8 @@ def _with_curves(
         if curve is None or any(curve.name == other.name for other in found):
             break
         beside = model.with_term(curve)
-        if not shows(efforts.sizes(beside, fit(beside)[0])[-1], noise):
+        size = efforts.sizes(beside, fit(beside)[0])[-1]
+        if not shows(np.sqrt(np.maximum(size**2 - rounding**2, 0.0)), noise):
             break
         found.append(curve)
         here = cost_of(model)

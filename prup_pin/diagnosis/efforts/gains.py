@@ -35,6 +35,7 @@ from ..criteria import (
     MUCH,
     ROUNDING,
     SURE,
+    WIDEST_LOGARITHM,
 )
 from .problem import column_blocks, kept_samples
 
@@ -259,7 +260,7 @@ def _start(products: _Products, drawn: Array) -> Array | None:
     columns, moment, power = products.without(None)
     size = np.einsum("i,kij,j->k", drawn, columns, drawn)
     along = moment @ drawn
-    follows = along > 0.5 * np.sqrt(size * power)
+    follows = along > 0.5 * np.sqrt(np.maximum(size * power, 0.0))
     if not follows.any():
         return None
     log = np.log(np.where(follows, along, 1.0) / np.where(follows, size, 1.0))
@@ -300,7 +301,8 @@ def _solved(sums: tuple[Array, Array, Array], drawn: Array, width: float, start:
         return data + likely, 2 * (bears - gain * (moment @ x)) + 2 * prior @ apart
 
     options = {"ftol": 1e-13, "gtol": 1e-6, "maxiter": 500}
-    apart = minimize(cost, start - level, jac=True, method="L-BFGS-B", options=options).x
+    bounds = [(-WIDEST_LOGARITHM, WIDEST_LOGARITHM)] * count
+    apart = minimize(cost, start - level, jac=True, method="L-BFGS-B", bounds=bounds, options=options).x
     gain = np.exp(level + apart)
     x, normal = inertial(gain)
     seen = columns @ x  # (k, r)

@@ -27,7 +27,7 @@ from ...spatial import Array
 from ..chances import robust_deviation
 from ..criteria import LITTLE, MOST
 
-__all__ = ["EffortNoise", "noise_of", "noise_of_efforts", "rounding_that_follows", "true_sizes"]
+__all__ = ["EffortNoise", "noise_of", "noise_of_efforts", "rounding_that_follows", "true_roundings", "true_sizes"]
 
 #: Samples from which the next one is foretold, and samples for each of them at least.
 _ORDER, _FOR_EACH = 40, 10
@@ -72,11 +72,19 @@ def true_sizes(noise: Mapping[str, EffortNoise], joints: Sequence[str], scale: A
     return np.array([noise[name].size for name in joints]) / scale
 
 
+def true_roundings(noise: Mapping[str, EffortNoise], joints: Sequence[str], scale: Array) -> Array:
+    """Return the part of the same (k,) that follows the effort as a curve does: rounding to steps."""
+    return np.array([min(noise[name].rounding, noise[name].size) for name in joints]) / scale
+
+
 def noise_of(recording: Recording, at: InMotion) -> Mapping[str, EffortNoise]:
     """Return the noise of a recorded sample of each effort: declared, or by the recording alone."""
+    found = noise_of_efforts(recording, at.driven)
     if declared := recording.noise.effort:
-        return dict.fromkeys(at.driven, EffortNoise(declared, "declared", at.motion.rate))
-    return noise_of_efforts(recording, at.driven)
+        return {
+            name: EffortNoise(declared, "declared", at.motion.rate, own.rounding) for name, own in found.items()
+        }
+    return found
 
 
 def noise_of_efforts(recording: Recording, joints: Sequence[str]) -> dict[str, EffortNoise]:
