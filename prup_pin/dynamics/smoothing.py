@@ -19,6 +19,8 @@ _ABOVE_NOISE = 3.0
 #: between samples may have taken it away.
 _NOISE_BAND = (0.25, 0.6)
 _WINDOW = 4096
+#: Periods of a cut-off that lie between an end of a piece and where its filter has settled.
+_SETTLES = 1.5
 
 
 def pieces(piece: np.ndarray) -> Iterator[slice]:
@@ -75,6 +77,19 @@ class LowPass:
                 out[:, where] = part[:, padding : padding + length]
         return out.T.reshape(np.shape(values))
 
+    def settled(self, piece: np.ndarray) -> np.ndarray:
+        """Return the samples (N,) away from ends of pieces, where filters and rates have no other side; else all.
+
+        An end itself is kept with all its noise, and nobody knows what a late signal was before.
+        """
+        out = np.ones(len(piece), bool)
+        if self.cutoff >= 0.49 * self.rate:
+            return out
+        end = int(np.ceil(_SETTLES * self.rate / self.cutoff))
+        for where in pieces(piece):
+            out[where.start : where.start + end] = out[max(where.stop - end, where.start) : where.stop] = False
+        return out if out.any() else np.ones(len(piece), bool)
+
 
 @lru_cache(maxsize=64)
 def _butterworth(cutoff: float, rate: float) -> tuple[Array, Array]:
@@ -100,6 +115,10 @@ class Band:
     def of_joint(self, joint: int) -> LowPass:
         """Return the filter of one joint's efforts."""
         return LowPass(self.cutoffs[joint], self.rate)
+
+    def settled(self, piece: np.ndarray) -> np.ndarray:
+        """Return the samples (N, k) away from ends of pieces, by each joint's own filter."""
+        return np.column_stack([self.of_joint(joint).settled(piece) for joint in range(len(self.cutoffs))])
 
     def __call__(self, values: Array, piece: np.ndarray) -> Array:
         """Return efforts (N, k, ...) filtered, measured and predicted ones alike, each piece for itself."""

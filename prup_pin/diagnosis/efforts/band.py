@@ -197,9 +197,9 @@ def _fitted(at: InMotion, joint: int, columns: tuple[Array, Array, Array], cutof
     """Return the effort of bodies and rotor (N,), and of friction and offset (N,), by a fit below a frequency."""
     bodies, rotor, rest = columns
     low_pass, piece = LowPass(cutoff, at.motion.rate), at.motion.piece
-    asked = low_pass(at.motion.efforts[:, joint] - at.rigid[:, joint], piece)
-    every = np.concatenate(columns, axis=1)
-    low = low_pass(every, piece)
+    settled, every = low_pass.settled(piece), np.concatenate(columns, axis=1)
+    asked = low_pass(at.motion.efforts[:, joint] - at.rigid[:, joint], piece)[settled]
+    low = low_pass(every, piece)[settled]
     sizes = np.sqrt((low**2).sum(axis=0))
     # bodies by their spread, beside what no law takes away: a tenth of what they miss, a hundredth of its square; of
     # samples that the cut-off makes alike one counts

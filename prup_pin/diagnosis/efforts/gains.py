@@ -203,9 +203,9 @@ def _products(at: InMotion) -> _Products | None:
     for joint, name in enumerate(at.driven):
         low_pass = motion.band.of_joint(joint)
         inertial = low_pass(whole[:, joint], motion.piece)[rows]
-        good = np.ones(len(rows), bool)
+        good = low_pass.settled(motion.piece)[rows]
         if name in motion.names:
-            good = ~motion.still[rows, motion.names.index(name)]
+            good &= ~motion.still[rows, motion.names.index(name)]
         if good.sum() < EFFORT_FEWEST:
             continue
         own = low_pass(_own(at, name), motion.piece)[rows]

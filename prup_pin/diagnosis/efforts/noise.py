@@ -81,9 +81,7 @@ def noise_of(recording: Recording, at: InMotion) -> Mapping[str, EffortNoise]:
     """Return the noise of a recorded sample of each effort: declared, or by the recording alone."""
     found = noise_of_efforts(recording, at.driven)
     if declared := recording.noise.effort:
-        return {
-            name: EffortNoise(declared, "declared", at.motion.rate, own.rounding) for name, own in found.items()
-        }
+        return {name: EffortNoise(declared, "declared", at.motion.rate, own.rounding) for name, own in found.items()}
     return found
 
 

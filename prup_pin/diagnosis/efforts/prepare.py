@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...dynamics import InMotion
-from ...dynamics.smoothing import Band, pieces
+from ...dynamics.smoothing import Band
 from ...laws import Place
 from ...laws.efforts import CURVES, EFFORT_LAWS, ROUGH_CURVES, Body, EffortLaw
 from ...laws.efforts.deviations import effort_deviations, name_of_body
@@ -37,8 +37,6 @@ __all__ = ["PreparedEfforts"]
 
 #: A law at a place, its nonlinear parameters, and its columns.
 _LawColumns = tuple[EffortLaw, Place, Mapping[str, float], SparseColumns]
-#: Periods of the cut-off at an end of a piece that do not count.
-_PERIODS = 1.5
 
 
 class PreparedEfforts:
@@ -63,7 +61,7 @@ class PreparedEfforts:
         self.rigid = self.filter(at.rigid)
         self.target = (self.measured - self.rigid)[self.kept]
         self.good = np.isfinite(self.measured[self.kept]) & motion.compared[self.kept]
-        self.good = self.away_from_ends(motion.band.cutoffs)
+        self.good = self.settled(motion.band)
         self.deviations = effort_deviations(at, tolerances)
         self._fixed: list[_LawColumns] = []
         self._moving: list[tuple[EffortLaw, Place]] = []
@@ -93,22 +91,10 @@ class PreparedEfforts:
         """Return columns of efforts (N, k, p): filtered, at the kept samples, whitened."""
         return self.whitening(self.as_columns(efforts))
 
-    def away_from_ends(self, cutoffs: Sequence[float]) -> np.ndarray:
-        """Return the samples (n, k) that count, but for the ends of pieces, by each joint's cut-off (k,) [Hz].
-
-        Filters and rates have no other side there, and nobody knows what a late signal was before.
-        """
-        motion, good = self.at.motion, self.good
-        if motion.standing:
-            return good
-        step = max(int(np.median(np.diff(self.kept))), 1)
-        inside = good.copy()
-        for joint, cutoff in enumerate(cutoffs):
-            end = int(np.ceil(_PERIODS * motion.rate / (step * cutoff)))
-            for where in pieces(self.piece):
-                inside[where.start : where.start + end, joint] = False
-                inside[max(where.stop - end, where.start) : where.stop, joint] = False
-        return np.where(inside.any(axis=0), inside, good)
+    def settled(self, band: Band) -> np.ndarray:
+        """Return the samples (n, k) that count where a band's filters have settled; else all of a joint."""
+        settled = self.good & band.settled(self.at.motion.piece)[self.kept]
+        return np.where(settled.any(axis=0), settled, self.good)
 
     def _whitened(self) -> tuple[Whitening, Whitening]:
         """Return the whitening of what all laws fitted together leave, and one by each joint's size alone."""

@@ -71,7 +71,7 @@ def _squares_over_noise(final: FinalState) -> tuple[list[Array], Array]:
     a motor that vibrates is none of the rigid robot's matter.
     """
     motion, judged, noise = final.motion, final.efforts.judged, final.noise_sizes
-    good = final.efforts.away_from_ends(judged.cutoffs)
+    good = final.efforts.settled(judged)
     cutoffs = np.array(judged.cutoffs)
     white = np.zeros_like(noise) if motion.standing else np.maximum(1 - 2 * cutoffs / motion.rate, 0.0)
     squares = []

@@ -245,7 +245,7 @@ def time_varying(efforts: PreparedEfforts, left: Array, measured: Array, noise: 
     """
     if efforts.at.motion.standing:
         return None
-    good = efforts.away_from_ends(efforts.judged.cutoffs) & np.isfinite(left)
+    good = efforts.settled(efforts.judged) & np.isfinite(left)
     left = np.where(good, left, 0.0)
     white = Whitening(autoregression(left, good, efforts.piece), usable(good, efforts.piece))
     lags = np.concatenate(([0.0], np.linspace(LITTLE, 1 - LITTLE, FLIPS)))
