@@ -238,11 +238,11 @@ class _Search:
 
     def _found(self, start: tuple[Convention, ...], begin: Recording) -> Evidence:
         """Return what is read otherwise beside a unit; begin: as that is read."""
-        now = self.left(begin)
+        shares = self.shares(begin)
+        now = least = _rms(shares)
         taken: tuple[Convention, ...] = ()
         others: tuple[tuple[Convention, ...], ...] = ()
-        least = now
-        if now > EFFORT_STRANGE:
+        if np.nanmax(shares, initial=0.0) > EFFORT_STRANGE**2:
             taken, least, others = self._forward(begin, now)
             if taken and not self._makes_sense(begin, taken):
                 # signs of efforts say nothing of one another: those that are sure by themselves are told
@@ -318,12 +318,39 @@ class _Search:
         return _rms(self.shares(recording))
 
     def shares(self, recording: Recording) -> Array:
-        """Return the same of the squares of each joint's effort (k,)."""
+        """Return the same of the squares of each joint's effort (k,), beside a body that the tool may hold."""
         motion, efforts, noise = self.read(recording)
         try:
-            return shares_of_efforts(motion, efforts, self.at.rigid_of(motion), noise)
+            rigid = self.at.rigid_of(motion)
         except InputError:  # loops that do not close
             return np.full(efforts.shape[1], np.inf)
+        plain = shares_of_efforts(motion, efforts, rigid, noise)
+        if not _rms(plain) > EFFORT_STRANGE or (held := self._held(motion, efforts, rigid)) is None:
+            return plain
+        return min(plain, shares_of_efforts(motion, efforts, rigid + held, noise), key=_rms)
+
+    def _held(self, motion: Motion, efforts: Array, rigid: Array) -> Array | None:
+        """Return the efforts (n, k) of the body at the tool that fits best; None where it could be none.
+
+        A point of mass suffices to tell how columns are meant: no more than the robot weighs, no farther off than its
+        longest link reaches.
+        """
+        tool, model = self.mechanism.tool, self.mechanism.model
+        if tool is None or tool.joint == 0 or self.mechanism.loops:
+            return None
+        dynamics = self.at.dynamics
+        held = dynamics.regressor(dynamics.trajectory(motion), motion.gravity)[:, :, tool.joint - 1, :4]
+        table, values = [], []
+        for column, name in enumerate(motion.driven):
+            size = float(np.linalg.norm(efforts[:, column]))
+            if size > 0:
+                table.append(_freed(motion, name, held[:, column]) / size)
+                values.append(_freed(motion, name, efforts[:, column] - rigid[:, column]) / size)
+        mass, *moments = x = np.linalg.lstsq(np.concatenate(table), np.concatenate(values), rcond=1e-8)[0]
+        links = [float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements]
+        reach = max(links) + float(np.linalg.norm(tool.placement[:3, 3]))
+        possible = 0 < mass < sum(float(body.mass) for body in model.inertias)
+        return held @ x if possible and float(np.linalg.norm(moments)) <= mass * reach else None
 
     def _left_by_friction(self, recording: Recording) -> float:
         """Return what is left where no joint needs more for its rigid body than it helps: a share, RMS of the joints.
@@ -520,8 +547,11 @@ class _Search:
 def _limit(written: float) -> float:
     """Return the share that a reading must come below where a log leaves so much as it is written.
 
-    What is worse than no effort at all is turned round somewhere, whatever else is off.
+    What is worse than no effort at all is turned round somewhere, whatever else is off. Where it is a joint or two of
+    many, laws could take as much away.
     """
+    if written < EFFORT_STRANGE:
+        return CONVENTION_LEAVES * written
     return max(MOST * min(written, 1.0), min(CONVENTION_LEAVES * written, EFFORT_SENSE))
 
 
