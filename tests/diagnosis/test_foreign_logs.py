@@ -51,7 +51,7 @@ def test_a_log_that_hardly_fits_the_drawing_is_told_before(robot, tmp_path):
     ]
     assert len(told) == 1
     assert "more than the efforts themselves" in told[0]
-    assert "Check --robot" in told[0]
+    assert "check --robot" in told[0]
     own = prospects(robot, log_of(robot, tmp_path / "y.csv", True)).remarks
     assert not any("hardly fits" in text for text in own)
 

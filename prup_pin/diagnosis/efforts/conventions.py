@@ -184,7 +184,7 @@ class _Search:
         tried = [self._found((), self.written)]
         if unit is not None:
             tried.append(self._found((unit,), read_as(self.written, [unit], self.drawn)))
-        elif gains_apart({name: abs(gain) for name, gain in signed.items()}):
+        elif first > EFFORT_STRANGE and gains_apart({name: abs(gain) for name, gain in signed.items()}):
             # each drive in a unit of its own is no sign turned round: what is read otherwise is looked for beside that
             sizes = gains_of_efforts(self.motion, self.efforts, self.rigid, follows=0.0)
             own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
@@ -389,6 +389,8 @@ class _Search:
         while len(taken) < _MOST:
             tried = []
             for step in self._readings(now):
+                if first <= EFFORT_STRANGE and any(item.word != "reversed" for item in step):
+                    continue  # where most of a log fits, a joint or two count the other way round
                 read = read_as(now, step, self.drawn)
                 tried.append((self.left(read), step, read))
             tried = [item for item in tried if item[0] < np.inf]
@@ -647,7 +649,10 @@ def gains_of_efforts(motion: Motion, efforts: Array, rigid: Array, follows: floa
 # -- does the log fit the robot at all? --------------------------------------------------------------------------------
 
 #: What to do about a log that hardly fits its robot.
-CHECK_ROBOT = "Check --robot, which joint each column belongs to, and whether the log holds efforts without weight"
+CHECK_ROBOT = (
+    "check --robot, which joint each column belongs to and which way that counts, and whether the log holds efforts "
+    "without weight"
+)
 
 
 def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
@@ -670,15 +675,15 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
         told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:MOST_LISTED])
         return [
             "the efforts follow the rigid robot's, but are other multiples of them at each joint "
-            f"({told}): are they in per cent or A? Expected N m or N"
+            f"({told}): are they in per cent or A? Expected N m or N."
         ]
     shares = shares_of_efforts(motion, efforts / scale, rigid)
     # no robot at all would leave less, and of most drives: a few report next to nothing, or are counterbalanced
     if first > 1.0 and 2 * np.sum(shares < 1) < np.isfinite(shares).sum():
         return [
             f"this log hardly fits this robot: the residual of the robot file is {number(100 * first, 3)} % of the "
-            "recorded efforts, more than the efforts themselves, and no other way to read the columns makes sense of "
-            f"them. Is it another robot's log? {CHECK_ROBOT}"
+            "recorded efforts, more than the efforts themselves, and no other way that was tried to read them makes "
+            f"sense of them. Is it another robot's log? First {CHECK_ROBOT}."
         ]
     return []
 

@@ -211,6 +211,11 @@ def _parameters(final: FinalState, term: EffortCandidate, values: Mapping[str, f
         other = term.law.fitted(term.place, moved, term.values)
         for name in quantities:
             spread[name] = float(np.hypot(spread[name], other[name] - values[name]))
+    if final.gains is not None:  # what is known of an effort is known as its drive's gain is
+        own_gain = dict(zip(final.at.driven, final.gains.deviation, strict=True))
+        gain = WITHIN_95 * own_gain.get(term.place.name, final.gains.common)
+        for name in set(term.law.linear) & set(quantities):
+            spread[name] = float(np.hypot(spread[name], gain * values[name]))
     profiled: Mapping[str, tuple[float, float]] = {}
     if term.law.settled:
         # by as much more than white noise would scatter them

@@ -35,7 +35,6 @@ from ..criteria import (
     MUCH,
     ROUNDING,
     SURE,
-    WIDEST_LOGARITHM,
 )
 from .problem import column_blocks, kept_samples
 
@@ -301,8 +300,8 @@ def _solved(sums: tuple[Array, Array, Array], drawn: Array, width: float, start:
         return data + likely, 2 * (bears - gain * (moment @ x)) + 2 * prior @ apart
 
     options = {"ftol": 1e-13, "gtol": 1e-6, "maxiter": 500}
-    bounds = [(-WIDEST_LOGARITHM, WIDEST_LOGARITHM)] * count
-    apart = minimize(cost, start - level, jac=True, method="L-BFGS-B", bounds=bounds, options=options).x
+    with np.errstate(over="ignore", invalid="ignore"):  # of a step that is too long, and shortened then
+        apart = minimize(cost, start - level, jac=True, method="L-BFGS-B", options=options).x
     gain = np.exp(level + apart)
     x, normal = inertial(gain)
     seen = columns @ x  # (k, r)

@@ -72,7 +72,7 @@ def efforts_not_detectable(final: FinalState) -> Iterator[Detectable]:
         for law in EFFORT_LAWS if not final.at.moves(name) else ():
             if law.everywhere and law.of_motion:
                 yield Detectable(law.physics, name, law.linear[0], None, "", f"{name} stood still")
-    seen: set[tuple[str, str]] = set()
+    seen = {term.name for term in final.model.terms}  # of which more would be no other thing
     gradient, products, _ = gradients(model)
     for score in ranked:
         candidate = score.candidate

@@ -107,7 +107,7 @@ def _foreign(share: Mapping[str, float]) -> Finding:
         "robot",
         f"the residual of the robot file is {number(share['rigid'], 3)} times the efforts themselves, and with all "
         f"corrections still {number(100 * share['heldout'], 3)} % of them: this is hardly a log of this robot. "
-        f"{CHECK_ROBOT}",
+        f"{CHECK_ROBOT[0].upper()}{CHECK_ROBOT[1:]}",
     )
 
 

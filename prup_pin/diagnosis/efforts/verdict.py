@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from ...laws.efforts.deviations import effects_of_deviations
 from ...mechanism.assumed import masses_in_doubt
 from ...numbers import number
 from ..diagnosis import Finding
+from .conventions import CHECK_ROBOT
 from .diagnosis import EffortDiagnosis
 from .final_state import FinalState
 from .findings import beyond_found, gains_found, laws_found
@@ -46,6 +48,10 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
     ]
     advice = _advice_of(final, findings, unknown)
     unknown += [interval.finding() for interval in final.outliers]
+    # how a log may be meant is a question where something is left alone, and then it comes before all else
+    doubts = tuple(final.doubts) if unknown else ()
+    if any(CHECK_ROBOT in doubt for doubt in doubts):
+        findings = [replace(finding, advice=f"nothing before this is settled: {CHECK_ROBOT}") for finding in findings]
     return EffortDiagnosis(
         joints=driven,
         units=final.units,
@@ -69,11 +75,11 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
         verdict="unexplained" if unknown else "explained" if findings else "nothing_missing",
         not_detectable=tuple(efforts_not_detectable(final)),
         advice=advice,
-        remarks=(*final.doubts, *remarks),
+        remarks=tuple(remarks),
         rows=motion.rows[efforts.kept],
         standing=motion.standing,
         sliding=tuple(name for name in driven if final.mechanism.joint(name).slides),
-        premises=_premises_of(final),
+        premises=(*doubts, *_premises_of(final)),
     )
 
 

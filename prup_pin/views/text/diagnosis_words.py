@@ -78,6 +78,9 @@ def verdict_text(diagnosis: Diagnosis) -> str:
         takes = f"{takes} (the log read {_read_so(read)})"
     if diagnosis.verdict == "explained" and not named:
         return f"Explained: {takes}{left and f', which leaves {left}'}."
+    if diagnosis.verdict == "explained" and not read and not any(item.is_fault for item in named):
+        own = _joined([item.effect.law.summary if item.effect else finding_text(item) for item in named])
+        return f"Nothing is missing but {own}: with {'it' if len(named) == 1 else 'them'} {takes}."
     if diagnosis.verdict == "explained":
         return f"Explained: with {told} {takes}{left and f', which leaves {left}'}."
     unknown = next((finding for finding in diagnosis.findings if finding.physics == "unknown"), None)
@@ -257,6 +260,8 @@ def summary_text(diagnosis: Diagnosis) -> str:
             known = f"{number(times, 3)} times" if math.isfinite(times) else "an unknown multiple of"
             scatter = f"{known} the sensors' own scatter, and independent of all that was measured"
         texts.append(f"With {them} in the model {last}, {scatter}.")
+        if named and not logs and not any(finding.is_fault for finding in named):
+            return f"{' '.join(texts)} Nothing needs repair: {named[0].remedy}."
     else:
         texts.append(f"With {them} in the model {last}" if causes else "No law of the library explains it")
         places = dict.fromkeys(item.location for item in diagnosis.findings if item.physics == "unknown")
