@@ -242,6 +242,18 @@ def loaded_log(ur5, recording):
     return replace(recording.select(known.motion.rows), efforts=dict(zip(ur5.actuated, tau.T, strict=True)))
 
 
+@pytest.mark.parametrize("joint", ["shoulder_lift_joint", "elbow_joint"])
+def test_a_joint_that_counts_the_other_way_round_is_found_under_a_load(ur5, loaded_log, joint):
+    """The load leaves most of the wrists' efforts whichever way columns are read."""
+    turned = {f"q.{joint}=reversed", f"tau.{joint}=reversed"}
+    columns = [
+        {name: (-1 if name == joint else 1) * values for name, values in table.items()}
+        for table in (loaded_log.positions, loaded_log.efforts)
+    ]
+    log = replace(loaded_log, positions=columns[0], efforts=columns[1], velocities={}, accelerations={})
+    assert set(told(ur5, log)) == turned
+
+
 def test_a_load_in_the_tool_is_no_other_unit_of_all_efforts(ur5, loaded_log):
     search = _Search(InMotion.of(ur5, motion_of(loaded_log, ur5)), loaded_log)
     gains = gains_of_efforts(search.motion, search.efforts, search.rigid)

@@ -10,7 +10,7 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.efforts.noise import noise_of_efforts, rounding_that_follows
+from prup_pin.diagnosis.efforts.noise import noise_of, noise_of_efforts, rounding_that_follows, true_roundings
 from prup_pin.diagnosis.efforts.prepare import PreparedEfforts
 from prup_pin.diagnosis.efforts.residuals import EffortResiduals
 from prup_pin.diagnosis.efforts.unexplained import _saved, _worse, time_varying
@@ -302,3 +302,17 @@ def test_a_joint_that_is_predicted_worse_than_drawn_is_told_by_more_than_a_sampl
     assert (finding.physics, finding.location) == ("unknown", "b")
     assert "40 %" in finding.statement
     assert "20 %" in finding.statement
+
+
+def test_what_rounding_leaves_is_known_beside_a_noise_that_was_declared():
+    time = np.arange(4000) * 0.004
+    slow = 3 * np.sin(0.4 * time)
+    recording = Recording(
+        time=time, positions={"j": np.sin(time)}, efforts={"j": 0.5 * np.round(slow / 0.5)}, noise=Noise(effort=0.2)
+    )
+    at = SimpleNamespace(driven=("j",), motion=SimpleNamespace(rate=250.0))
+    noise = noise_of(recording, at)
+    assert noise["j"].size == 0.2
+    seen = noise_of_efforts(replace(recording, noise=Noise()), ["j"])["j"].rounding
+    assert 0.03 < seen < 0.5 / np.sqrt(12)
+    assert true_roundings(noise, ["j"], np.array([2.0])) == pytest.approx([seen / 2])
