@@ -47,7 +47,10 @@ class Said:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What of an effect the file cannot say, in words; `share` of the held-out squared residual its whole explained."""
+    """What of an effect the file cannot say, in words.
+
+    `share` of the held-out squared residual that it explained; None where that is not known, or a part is in the file.
+    """
 
     physics: str
     place: str
@@ -286,12 +289,14 @@ def _gathered(
     for index, (effect, own, left) in enumerate(every):
         known = model.known_of(index)
         physics, place = effect.law.physics, str(effect.place)
-        left_out += [LeftOut(physics, place, text, known.share) for text in left]
         changes.add(own)
         spoken = target.spoken(own.dynamics)
         acts = {name: item for name, item in spoken.items() if item != JointDynamics()}
         if not replace(own, dynamics=acts).empty or _is_none(effect, mechanism):
             said.append(Said(physics, place, tuple(_values(effect, mechanism, known)), known.share))
+            left_out += [LeftOut(physics, place, f"{text}; the rest of it is in the file") for text in left]
+        else:
+            left_out += [LeftOut(physics, place, text, known.share) for text in left]
     return changes, tuple(said), tuple(left_out)
 
 

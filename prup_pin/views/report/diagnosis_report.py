@@ -81,6 +81,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         plan=_plan(plan, robot),
         poses=[f">pose {count}" for count, _ in enumerate(plan.get("poses", ()), 1)],
         effects=len(diagnosis.effects),
+        seen_poses=bool(diagnosis.columns),
         since=diagnosis.since,
         then_and_now=[] if diagnosis.since is None else then_and_now_rows(diagnosis.since),
         seen=[] if diagnosis.since is None else seen_rows(diagnosis.since.seen),
