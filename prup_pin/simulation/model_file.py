@@ -41,11 +41,6 @@ __all__ = [
     "write_model",
 ]
 
-#: Of both channels; where they share a word, the aspect of a place tells.
-EVERY_LAW: tuple[Law, ...] = (*LAWS, *EFFORT_LAWS)
-#: What a file may hold besides: curves of efforts that no law gives.
-_KNOWN: tuple[Law, ...] = (*EVERY_LAW, *CURVES)
-
 FORMAT = "prup_pin corrected model"
 VERSION = 1
 _KEYS = (
@@ -119,14 +114,24 @@ class CorrectedModel:
         return replace(self.reading, variant=self.variant or self.reading.variant)
 
 
+def _every_law() -> tuple[Law, ...]:
+    """Return the laws of both channels; where they share a word, the aspect of a place tells."""
+    return (*LAWS, *EFFORT_LAWS)
+
+
+def _known() -> tuple[Law, ...]:
+    """Return what a file may hold: curves of efforts that no law gives too."""
+    return (*_every_law(), *CURVES)
+
+
 def law_named(physics: str, place: Place | None = None, mechanism: Mechanism | None = None) -> Law:
     """Return the law of that name; where several share it, the one that acts at `place`. Raises UnknownNameError."""
     if physics == Calibration.physics:
         return Calibration(()) if mechanism is None else calibration_of(mechanism)
-    every = _KNOWN if mechanism is None else (*_KNOWN, *of_markers(mechanism))
+    every = _known() if mechanism is None else (*_known(), *of_markers(mechanism))
     named = [law for law in every if law.physics == physics]
     if not named:
-        raise UnknownNameError("law", physics, sorted({law.physics for law in EVERY_LAW}))
+        raise UnknownNameError("law", physics, sorted({law.physics for law in _every_law()}))
     if place is not None and mechanism is not None:
         for law in named:
             if place in law.places(mechanism):
@@ -139,7 +144,7 @@ def place_named(physics: str, name: str, aspect: str, mechanism: Mechanism) -> P
     if physics == Calibration.physics:
         return Place(name, aspect)
     law_named(physics)
-    every = (*_KNOWN, *of_markers(mechanism))
+    every = (*_known(), *of_markers(mechanism))
     places = [place for law in every if law.physics == physics for place in law.places(mechanism)]
     if not places:
         raise UnknownNameError(f"place of {physics}", name, [], f"{physics} cannot act on '{mechanism.name}'.")
