@@ -80,7 +80,8 @@ class Quantity:
         """Yield in words what is wrong with the declaration. needs_start: the default is where a fit starts."""
         for name in ("unit", "description"):
             if not (isinstance(text := getattr(self, name), str) and text.strip()):
-                yield f"{name} of quantity '{self.name}' is {text!r}; expected a text{', 1 for a ratio' * (name == 'unit')}"
+                also = ", '1' for a ratio" if name == "unit" else ""
+                yield f"{name} of quantity '{self.name}' is {text!r}; expected a text{also}"
         if needs_start and not (isinstance(self.default, float | int) and np.isfinite(self.default)):
             yield f"quantity '{self.name}' has no start: expected Quantity('{self.name}', unit, description, number)"
         elif needs_start and not self.lower <= float(self.default) <= self.upper:  # type: ignore[arg-type]

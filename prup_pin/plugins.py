@@ -1,8 +1,8 @@
 """What other packages and single files bring: laws, modules, readers of logs, robots.
 
 A package declares them as entry points of `prup_pin.laws`, `prup_pin.modules`, `prup_pin.readers` or `prup_pin.robots`;
-a file lists them in `LAWS`, `MODULES`, `READERS` or `ROBOTS`, and is named by `--with` or `along`. Which files take part
-stands in the environment variable `PRUP_PIN_WITH`, so that threads and worker processes see the same.
+a file lists them in `LAWS`, `MODULES`, `READERS` or `ROBOTS`, and is named by `--with` or `along`. Which files take
+part stands in the environment variable `PRUP_PIN_WITH`, so that threads and worker processes see the same.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from hashlib import sha256
 from importlib import metadata
 from importlib.machinery import ModuleSpec, SourceFileLoader
@@ -23,11 +23,11 @@ from importlib.util import spec_from_file_location
 from pathlib import Path
 from threading import RLock
 from types import ModuleType
-from typing import Generic, TypeVar, overload
+from typing import Any, Generic, TypeVar, overload
 
-from .errors import PluginError
+from .errors import InputError, PluginError, PrupPinError
 
-__all__ = ["GROUPS", "WITH", "Library", "Plugin", "Source", "along", "checked", "plugins"]
+__all__ = ["GROUPS", "WITH", "Library", "Plugin", "Source", "along", "blaming", "brought", "files", "instances"]
 
 #: Names of groups, which are entry points of `prup_pin.<group>`, and the lists of a file that hold the same.
 GROUPS: Mapping[str, str] = {group: group.upper() for group in ("laws", "modules", "readers", "robots")}
@@ -54,17 +54,25 @@ class Source:
 
     @property
     def remedy(self) -> str:
-        """What to do where it is not there."""
-        return f"give the file: --with {self.name}" if self.is_file else f"pip install '{self.name}=={self.version}'"
+        """How to get it."""
+        return f"add --with {self.name}" if self.is_file else f"pip install '{self.name}=={self.version}'"
 
 
 @dataclass(frozen=True, eq=False)
-class Plugin:
-    """One thing that is brought, under the name of its entry point or its key in a file ('' in a mere list)."""
+class Plugin(Generic[T]):
+    """One thing that is brought, and whose it is.
+
+    name: as people type it; of a list that gives none, ''. folder: where what says it stands, for paths beside it.
+    """
 
     name: str
-    thing: object
+    thing: T
     source: Source
+    folder: Path
+
+
+#: Returns name and thing of what was declared, ready to use; raises InputError or whatever it likes for what cannot be.
+Make = Callable[[Plugin[Any]], tuple[str, T]]
 
 
 @contextmanager
@@ -86,87 +94,95 @@ def along(*files: str | Path) -> Iterator[None]:
             os.environ[WITH] = before
 
 
-def plugins(group: str) -> tuple[Plugin, ...]:
+def brought(group: str, own: Iterable[str], make: Make[T], several: bool = False) -> tuple[Plugin[T], ...]:
     """Return what is brought of a group: that of packages by their names, then that of files in their order.
 
-    Raises PluginError for what cannot be imported.
+    own: the package's own names, which are taken; make: a function of a module, or one that is made once. several: one
+    package or file may bring several things of one name. Raises PluginError for the first that cannot be used.
     """
     with _LOCK:
-        return _plugins(group, _files())
+        return _made(_declared(group, files()), tuple(own), make, several)
 
 
-@lru_cache(maxsize=None)
-def _plugins(group: str, files: tuple[tuple[Path, str], ...]) -> tuple[Plugin, ...]:
+@cache
+def _declared(group: str, files: tuple[tuple[Path, str], ...]) -> tuple[Plugin[Any], ...]:
     found = []
     points = [(point.dist, point) for point in metadata.entry_points(group=f"prup_pin.{group}")]
     known = [(Source(dist.name, dist.version), point) for dist, point in points if dist is not None]
     for source, point in sorted(known, key=lambda pair: (pair[0].name, pair[1].name)):
-        with _refusing(source, f"the entry point {point.name} = {point.value}"):
-            found.append(Plugin(point.name, point.load(), source))
+        with _refusing(source, f"its entry point {point.name} = {point.value}"):
+            thing, module = point.load(), sys.modules[point.module]
+            found.append(Plugin(point.name, thing, source, Path(module.__file__ or "").parent))
     for path, digest in files:
         source = Source(path.name, digest, is_file=True)
         listed = getattr(_module(path, digest, source), GROUPS[group], ())
         if isinstance(listed, Mapping):
-            found += [Plugin(str(name), thing, source) for name, thing in listed.items()]
+            found += [Plugin(str(name), thing, source, path.parent) for name, thing in listed.items()]
         elif isinstance(listed, list | tuple):
-            found += [Plugin("", thing, source) for thing in listed]
+            found += [Plugin("", thing, source, path.parent) for thing in listed]
         else:
             raise PluginError(source, f"{GROUPS[group]} is {listed!r}; expected a list, {GROUPS[group]} = [...]")
     return tuple(found)
 
 
-def checked(
-    group: str, base: type[T], word: str, own: Iterable[T], defects: Callable[[T], Iterable[str]]
-) -> tuple[tuple[T, Source], ...]:
-    """Return what is brought of a group as instances of `base`, each with where it comes from.
+@cache
+def _made(
+    declared: tuple[Plugin[Any], ...], own: tuple[str, ...], make: Make[T], several: bool
+) -> tuple[Plugin[T], ...]:
+    taken: dict[str, Source | None] = dict.fromkeys(own)
+    found = []
+    for plugin in declared:
+        with _refusing(plugin.source, getattr(plugin.thing, "__name__", plugin.name or repr(plugin.thing))):
+            name, thing = make(plugin)
+        if name in taken and not (several and taken[name] == plugin.source):
+            whose = "prup_pin itself" if taken[name] is None else str(taken[name])
+            raise PluginError(plugin.source, f"'{name}' is a name of {whose} already: choose another")
+        taken[name] = plugin.source
+        found.append(Plugin(name, thing, plugin.source, plugin.folder))
+    return tuple(found)
 
-    word: the attribute by which people name them; own: the package's own ones, whose names are taken; defects: yields
-    what is wrong with one. Raises PluginError for the first that cannot be used.
-    """
-    with _LOCK:
-        return _checked(plugins(group), base, word, tuple(own), defects)
 
+def instances(base: type[T], word: str, defects: Callable[[T], Iterable[str]]) -> Make[T]:
+    """Return what makes instances of a class, by their attribute `word`, in which `defects` finds nothing wrong."""
 
-@lru_cache(maxsize=None)
-def _checked(
-    found: tuple[Plugin, ...], base: type[T], word: str, own: tuple[T, ...], defects: Callable[[T], Iterable[str]]
-) -> tuple[tuple[T, Source], ...]:
-    taken: dict[str, Source | None] = {getattr(thing, word): None for thing in own}
-    things: list[tuple[T, Source]] = []
-    for plugin in found:
-        thing, source = plugin.thing, plugin.source
-        if isinstance(thing, type) and issubclass(thing, base):
-            with _refusing(source, f"{thing.__name__}()"):
-                thing = thing()
+    def make(plugin: Plugin[Any]) -> tuple[str, T]:
+        thing = plugin.thing() if isinstance(plugin.thing, type) and issubclass(plugin.thing, base) else plugin.thing
         if not isinstance(thing, base):
-            raise PluginError(source, f"{plugin.name or thing!r} is no {base.__name__}: derive its class from that")
-        title = type(thing).__name__
-        with _refusing(source, title):
-            wrong = list(defects(thing))
-        if wrong:
-            raise PluginError(source, f"{title}: {'; '.join(wrong)}")
-        name = getattr(thing, word)
-        holder = taken.setdefault(name, source)
-        if holder != source:
-            whose = "prup_pin itself" if holder is None else str(holder)
-            raise PluginError(source, f"{title}.{word} = '{name}' is a name of {whose}: choose another")
-        things.append((thing, source))
-    return tuple(things)
+            raise InputError(f"is no {base.__name__}; expected a class that derives from it, or one of its instances")
+        if wrong := list(defects(thing)):
+            raise InputError("; ".join(wrong))
+        return getattr(thing, word), thing
+
+    return make
 
 
-class Library(Sequence[T], Generic[T]):
-    """The package's own things of one kind, then those that are brought, read whenever it is asked."""
+@contextmanager
+def blaming() -> Iterator[None]:
+    """Turn what is raised in the code of a package or file into a PluginError that says whose, and in which line."""
+    try:
+        yield
+    except PrupPinError:
+        raise
+    except Exception as error:
+        with _LOCK:
+            every = [found for group in GROUPS for found in _declared(group, files())]
+        owners = {getattr(found.thing, "__module__", ""): found.source for found in every}
+        for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
+            if (source := owners.get(frame.f_globals.get("__name__", ""))) is not None:
+                at = f"{Path(frame.f_code.co_filename).name}, line {line}"
+                raise PluginError(source, f"{_said(error)} ({at})") from error
+        raise
 
-    def __init__(self, own: Iterable[T], brought: Callable[[], Iterable[tuple[T, Source]]]):
+
+class Library(Sequence[T]):
+    """The package's own things of one kind, then those that are brought, which are read whenever it is asked."""
+
+    def __init__(self, own: Iterable[T], brought: Callable[[], Iterable[Plugin[T]]]):
         self.own = tuple(own)
-        self._brought = brought
+        self.brought = brought
 
     def _all(self) -> tuple[T, ...]:
-        return (*self.own, *(thing for thing, _ in self._brought()))
-
-    def sources(self, word: str) -> dict[str, Source]:
-        """Return where the brought ones come from, by the attribute `word`."""
-        return {getattr(thing, word): source for thing, source in self._brought()}
+        return (*self.own, *(plugin.thing for plugin in self.brought()))
 
     @overload
     def __getitem__(self, index: int) -> T: ...
@@ -200,7 +216,8 @@ def _digest_of(path: Path) -> str:
 _digest_met = lru_cache(maxsize=None)(_digest_of)
 
 
-def _files() -> tuple[tuple[Path, str], ...]:
+def files() -> tuple[tuple[Path, str], ...]:
+    """Return the files that take part, each with the SHA-256 of its bytes. Raises PluginError."""
     found = []
     for item in filter(None, os.environ.get(WITH, "").split(os.pathsep)):
         pinned = _PINNED.fullmatch(item)
@@ -228,11 +245,16 @@ def _refusing(source: Source, what: str) -> Iterator[None]:
         yield
     except PluginError:
         raise
+    except InputError as error:
+        raise PluginError(source, f"{what}: {error}") from error
     except (Exception, SystemExit) as error:
-        said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         last = traceback.extract_tb(error.__traceback__)[-1]
         at = "" if isinstance(error, SyntaxError) else f" ({Path(last.filename).name}, line {last.lineno})"
-        raise PluginError(source, f"{what} cannot be used: {said}{at}") from error
+        raise PluginError(source, f"{what} cannot be used: {_said(error)}{at}") from error
+
+
+def _said(error: BaseException) -> str:
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
 
 
 class _Loader(SourceFileLoader):
@@ -254,10 +276,10 @@ class _Finder:
     @staticmethod
     def find_spec(fullname: str, path: object = None, target: object = None) -> ModuleSpec | None:
         if fullname.startswith(f"{__name__}."):
-            for file, digest in _files():
+            for file, digest in files():
                 if fullname == _module_name(file, digest):
                     return spec_from_file_location(fullname, file, loader=_Loader(fullname, str(file)))
         return None
 
 
-sys.meta_path.insert(0, _Finder)  # type: ignore[arg-type]
+sys.meta_path.insert(0, _Finder)

@@ -23,7 +23,7 @@ from ..errors import InputError, JointLimitWarning, RecordingFileError, UnknownN
 from ..kinematics import ClosedPose
 from ..laws import Effect
 from ..numbers import some
-from ..plugins import along
+from ..plugins import along, blaming
 from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
 from ..recordings.reader import ROBOT
 from ..robot import Robot
@@ -330,7 +330,8 @@ def taken_apart(command: Callable[..., None]) -> Callable[..., None]:
     parameters = [single for parameter in own for single in _singles(parameter)]
 
     def run(**given: Any) -> None:
-        command(**{parameter.name: _taken(parameter, given) for parameter in own})
+        with blaming():
+            command(**{parameter.name: _taken(parameter, given) for parameter in own})
 
     run.__name__, run.__doc__ = command.__name__, command.__doc__
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in (*parameters, _WITH)}

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from ..errors import UnknownNameError
 from ..mechanism import Mechanism
-from ..plugins import Library, Source, checked
+from ..plugins import Library, Plugin, brought, instances
 from .backlash import Backlash, BacklashByAxis
 from .base_compliance import BaseCompliance, UnevenBaseCompliance
 from .coulomb_friction import CoulombFriction
@@ -113,15 +113,18 @@ _OWN: tuple[Law, ...] = (
 )
 
 
+_MAKE = instances(Law, "physics", defects)  # type: ignore[type-abstract]
 
-def brought_laws() -> tuple[tuple[Law, Source], ...]:
-    """Return the laws of either channel that are brought along, with where each comes from. Raises PluginError."""
+
+def brought_laws() -> tuple[Plugin[Law], ...]:
+    """Return the laws of either channel that are brought along. Raises PluginError."""
     from .efforts import EFFORT_LAWS
 
-    return checked("laws", Law, "physics", (*_OWN, *EFFORT_LAWS.own), defects)
+    words = dict.fromkeys(law.physics for law in (*_OWN, *EFFORT_LAWS.own))
+    return brought("laws", words, _MAKE, several=True)
 
 
-LAWS: Library[Law] = Library(_OWN, lambda: [pair for pair in brought_laws() if not pair[0].of_efforts])
+LAWS: Library[Law] = Library(_OWN, lambda: [found for found in brought_laws() if not found.thing.of_efforts])
 
 __all__ = [
     "LAWS",

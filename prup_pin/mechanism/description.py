@@ -27,6 +27,7 @@ ROTATION_ORDERS = ("xyz", "zyx")
 #: Nobody reads on; and each unknown name is compared with all others.
 MAX_PROBLEMS = 100
 
+
 def kinds_by_name() -> dict[str, CompliantModule]:
     """Return all kinds of modules, those that are brought along too, by the words of robot files."""
     return {kind.kind: kind for kind in KINDS}

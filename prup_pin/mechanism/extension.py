@@ -13,7 +13,6 @@ from lxml import etree
 from ..errors import nearest_names
 from ..parameters import LARGEST_VALUE, SMALLEST_TOLERANCE, SMALLEST_VALUE, Parameter, Tolerance
 from .description import (
-    kinds_by_name,
     LOOP_AXES,
     ROTATION_ORDERS,
     TASK_COMPONENTS,
@@ -23,6 +22,7 @@ from .description import (
     ModuleDescription,
     TaskDescription,
     VariantDescription,
+    kinds_by_name,
 )
 from .xml_file import MAX_NUMBER, Document
 

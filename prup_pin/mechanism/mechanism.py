@@ -21,12 +21,12 @@ from ..parameters import Parameter
 from ..spatial import Array, axis_as_z, placement, rotation_exp
 from .coupling import coupling_of
 from .description import (
-    kinds_by_name,
     LengthDescription,
     ModuleDescription,
     ModuleValuesError,
     RobotDescription,
     TaskDescription,
+    kinds_by_name,
     resolve_values,
     same_description,
 )

@@ -16,11 +16,11 @@ from ..spatial import Array, placement, rotation_exp
 from .changes import Changes, JointDynamics
 from .constraint_element import CONSTRAINT
 from .description import (
-    kinds_by_name,
     FrameDescription,
     LoopDescription,
     ModuleDescription,
     RobotDescription,
+    kinds_by_name,
     resolve_values,
 )
 from .extension import EXTENSION

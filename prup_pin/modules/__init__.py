@@ -4,7 +4,7 @@ To add one: a final class in a file of its own, and one line here. The contract 
 `tests/modules/test_contract.py` run over this tuple. What packages and files bring along comes after it (`plugins`).
 """
 
-from ..plugins import Library, checked
+from ..plugins import Library, brought, instances
 from .as_published import BeamAsPublished
 from .ball_nut import BallNut
 from .ball_screw import BallScrew
@@ -40,9 +40,9 @@ _OWN: tuple[CompliantModule, ...] = (
     BeamAsPublished(),
 )
 
-KINDS: Library[CompliantModule] = Library(
-    _OWN,
-    lambda: checked("modules", CompliantModule, "kind", _OWN, defects),  # type: ignore[type-abstract]
-)
+_MAKE = instances(CompliantModule, "kind", defects)  # type: ignore[type-abstract]
+_WORDS = tuple(kind.kind for kind in _OWN)
+
+KINDS: Library[CompliantModule] = Library(_OWN, lambda: brought("modules", _WORDS, _MAKE))
 
 __all__ = ["KINDS", "CompliantModule", "DriveModule", "ModuleGeometry", "WrenchModule"]

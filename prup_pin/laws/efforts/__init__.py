@@ -4,8 +4,6 @@ They share their words with the laws of the pose channel where it is the same ph
 `effort_law.EffortLaw` in a file, and one line in `EFFORT_LAWS`; `tests/laws/test_effort_laws.py` runs over the tuple.
 """
 
-from typing import cast
-
 from ...plugins import Library
 from .backlash import LostLoad
 from .cogging import Cogging, CoggingOfFewPeriods
@@ -64,7 +62,7 @@ _OWN: tuple[EffortLaw, ...] = (
 def _brought():
     from .. import brought_laws
 
-    return [(cast(EffortLaw, law), source) for law, source in brought_laws() if law.of_efforts]
+    return [found for found in brought_laws() if found.thing.of_efforts]
 
 
 EFFORT_LAWS: Library[EffortLaw] = Library(_OWN, _brought)

@@ -206,6 +206,10 @@ def print_robots(out: Console) -> None:
                 for name, robot in group.items()
             ]
             show_table(out, ("name", "file", "variants"), rows)
+    for source in dict.fromkeys(found.source for found in robots.brought_robots()):
+        heading(out, "Brought", f"by {source}")
+        there = [found for found in robots.brought_robots() if found.source == source]
+        show_table(out, ("name", "file"), [(found.name, found.thing.name) for found in there])
     examples = robots.example_folder()
     heading(out, "From example-robot-data,", "which describes no compliance: add --joint-stiffness")
     if examples is None:
@@ -233,6 +237,7 @@ def print_robots(out: Console) -> None:
 
 def print_kinds(out: Console, kinds: Sequence[CompliantModule] = KINDS) -> None:
     """Print kinds of modules with their parameters."""
+    brought = {found.name: found.source for found in KINDS.brought()}
     for index, kind in enumerate(kinds):
         if index:
             out.print()
@@ -244,6 +249,8 @@ def print_kinds(out: Console, kinds: Sequence[CompliantModule] = KINDS) -> None:
             traits.append("nonlinear")
         paragraph(out, f"{kind.summary[0].upper()}{kind.summary[1:]}.")
         listed(out, "", traits, "; ")
+        if kind.kind in brought:
+            listed(out, "brought by", [str(brought[kind.kind])])
         rows = [(each.name, each.unit, _default(each), each.description) for each in kind.quantities]
         show_table(out, ("parameter", "unit", "default", "description"), rows)
 
@@ -384,7 +391,7 @@ def print_laws(out: Console, laws: Sequence[Law], robot: Robot) -> None:
     Of several names, which are not all, what each is.
     """
     mechanism = robot.mechanism
-    brought = {law.physics: source for law, source in brought_laws()}
+    brought = {found.name: found.source for found in brought_laws()}
     names = dict.fromkeys(law.physics for law in laws)
     if 1 < len(names) < len({law.physics for law in _all()}):
         for name in names:
