@@ -1,0 +1,1 @@
+"""The contracts of what can be added, for the tests of packages that bring their own."""
