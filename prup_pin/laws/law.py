@@ -13,7 +13,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from ..errors import InputError, UnknownNameError
 from ..mechanism import Changes, Mechanism
@@ -260,7 +260,8 @@ def defects(law: Law) -> Iterator[str]:
     physics = getattr(law, "physics", "")
     if isinstance(physics, str) and physics and not re.fullmatch(r"[a-z][a-z0-9_]*", physics):
         yield f"physics is {physics!r}; expected a word of lower-case letters, digits and _"
-    quantities, own = getattr(law, "quantities", None), type(law)
+    quantities: Any = getattr(law, "quantities", None)
+    own = type(law)
     by_place = own.quantities_at is not Law.quantities_at
     some = isinstance(quantities, tuple) and bool(quantities or by_place)
     if not some or not all(isinstance(item, Quantity) for item in quantities):

@@ -7,7 +7,6 @@ from functools import wraps
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 __all__ = ["contract", "near", "require", "title"]
 
@@ -25,7 +24,7 @@ def require(holds: object, broken: str) -> None:
         raise AssertionError(broken)
 
 
-def near(found: ArrayLike, expected: ArrayLike, *, atol: float = 0.0, rtol: float = 0.0) -> None:
+def near(found: Any, expected: Any, *, atol: float = 0.0, rtol: float = 0.0) -> None:
     """Raise AssertionError with the largest difference where numbers are further apart than allowed, or not finite."""
     np.testing.assert_allclose(found, expected, rtol=rtol, atol=atol, equal_nan=False)
 

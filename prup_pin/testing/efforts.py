@@ -19,6 +19,7 @@ from ..spatial import Array
 from .contract import contract, near, require, title
 
 __all__ = [
+    "CHECKS",
     "check_closed_form",
     "check_derivative",
     "check_nothing",
@@ -249,6 +250,10 @@ def _fit(columns, target):
     return np.linalg.lstsq(table / size, target.ravel(), rcond=1e-12)[0] / size
 
 
+#: All of a law, a place, its scanned values and a motion, but for those that ask for more.
+CHECKS = (check_nothing, check_proportion, check_derivative, check_refit, check_resists, check_units)
+
+
 # -- what laws are tried on --------------------------------------------------------------------------------------------
 
 
@@ -258,7 +263,7 @@ def motion_along(names: Sequence[str], q: Array, qd: Array, qdd: Array, wrench: 
     return Motion(
         names=tuple(names),
         driven=tuple(names),
-        time=np.arange(n) * 0.02,
+        time=0.02 * np.arange(n, dtype=np.float64),
         piece=np.zeros(n, int),
         rate=50.0,
         position=q,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
-from ..laws import Effect, Inputs
+from ..laws import Effect, Inputs, Place
 from ..mechanism import Mechanism
 from ..robot import Robot
 from ..simulation import Run, Simulator
@@ -26,6 +28,7 @@ __all__ = [
     "check_shows",
     "load_cycle",
     "size_at_start",
+    "unlike",
 ]
 
 #: One load cycle in shares of a wrench: it ends where it began, so that what remembers shows.
@@ -48,7 +51,7 @@ class PoseBench:
     def of(cls, robot: Robot, actuators: ArrayLike | None = None) -> PoseBench:
         """Return the bench of a robot in poses of actuators (n, k) [m, rad]; by default home, and a bit beside."""
         if actuators is None:
-            home = np.asarray(robot.home.actuators, float)
+            home = np.array(list(robot.home.actuators.values()))
             actuators = [home, home + 0.02 * np.where(np.arange(len(home)) % 2, -1.0, 1.0)]
         simulator = Simulator(robot, load_cycle(actuators))
         return cls(simulator, simulator.run())
@@ -88,6 +91,13 @@ def change(run: Run, other: Run) -> Array:
 
 def start_of(law, bench, place):
     return dict(law.starts(place, bench.mechanism)[0])
+
+
+def unlike(places: Sequence[Place], mechanism: Mechanism) -> list[Place]:
+    """Return the first of those places that differ only by a number: legs are alike, a tree's joints are not."""
+    if not mechanism.loops:
+        return list(places)
+    return list({re.sub(r"\d+", "", str(place)): place for place in reversed(places)}.values())[::-1]
 
 
 def size_at_start(bench, law, place, start=None):

@@ -22,6 +22,7 @@ from prup_pin.testing.poses import (
     check_refit,
     check_shows,
     size_at_start,
+    unlike,
 )
 from prup_pin.testing.words import check_advice, check_declared, check_small_sizes, check_statement
 
@@ -48,13 +49,6 @@ def title(value):
     if isinstance(value, Everywhere):
         return f"Everywhere-{title(value.law)}"
     return value if isinstance(value, str) else type(value).__name__
-
-
-def unlike(places, name):
-    """Return the first of those places that differ only by a number: legs are alike, an arm's joints are not."""
-    if name == "ur5":
-        return places
-    return list({re.sub(r"\d+", "", str(place)): place for place in reversed(places)}.values())[::-1]
 
 
 def cases():
@@ -94,7 +88,7 @@ def at_each_place(test):
 
     @EVERY_ROBOT
     def asked(name, law, places):
-        for place in unlike(places, name):
+        for place in unlike(places, robot(name).mechanism):
             test(name, law, place)
 
     return asked
@@ -157,7 +151,7 @@ def test_strains_are_what_their_derivatives_say(name, law, place):
 def test_what_is_simulated_is_fitted_again(law):
     if not isinstance(law, HIDDEN):
         name = next(name for name in NAMES if law.places(robot(name).mechanism))
-        places = unlike(law.places(robot(name).mechanism), name)
+        places = unlike(law.places(robot(name).mechanism), robot(name).mechanism)
         check_refit(bench(name), law, max(places, key=lambda place: size_at_start(bench(name), law, place)))
 
 
