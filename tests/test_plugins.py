@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 import prup_pin
+from prup_pin import plugins
 from prup_pin.cli import app
 from prup_pin.diagnosis import diagnose
 from prup_pin.errors import PluginError, RecordingFileError, UnknownNameError
@@ -252,6 +253,24 @@ def test_what_fails_while_it_is_used_is_told_with_file_and_line(file, run):
     assert done.exit_code == 2
     assert "mine.py (sha256" in done.output
     assert "'Hose' object has no attribute 'nothing' (mine.py, line 19)" in " ".join(done.output.split())
+
+
+def test_what_is_slow_to_import_is_named(file, monkeypatch):
+    monkeypatch.setattr(plugins, "SLOW", 0.0)
+    with (
+        along(file(HOSE + "# slow\n")),
+        pytest.warns(UserWarning, match=r"^mine\.py .* took .* s to be imported; what"),
+    ):
+        words()
+
+
+def test_nothing_is_asked_for_before_it_is_needed(tmp_path):
+    """So a package may import any room of this one: it is never asked for while it is half imported."""
+    rooms = "cli, diagnosis, testing, views.report, imports, compensation, export, design, build, review, loading"
+    asked = "import prup_pin.plugins as p; p._declared = None; "
+    asked += "; ".join(f"import prup_pin.{room}" for room in rooms.split(", "))
+    done = python(tmp_path, "-c", asked)
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_law_of_a_file_is_pickled_by_its_content(file):
