@@ -57,10 +57,11 @@ def _halves(sides: tuple[float, float]) -> list[tuple[float, float]]:
 
 #: What every room may import; arrows to them would cover the page.
 GROUND_ROOMS = {
-    "errors": "what can go wrong",
-    "numbers": "with units, to read",
-    "spatial": "wrenches, frames",
-    "parameters": "by name",
+    "errors": "in words",
+    "plugins": "of others",
+    "numbers": "with units",
+    "spatial": "frames",
+    "parameters": "named",
 }
 BOXES = {
     "modules": Box(1, LEFT, STIFF, "beams, bearings, screws: equations"),
@@ -82,10 +83,11 @@ BOXES = {
     "imports": Box(8, (RIGHT[1] - 1.35, RIGHT[1]), LEFT_OUT, "logs"),
     "recordings": Box(5, (6.9, RIGHT[1]), LEFT_OUT, "bench tests"),
     "dynamics": Box(6, (6.9, 8.55), LEFT_OUT, "motion"),
-    "simulation": Box(12, RIGHT, LEFT_OUT, "a robot under a recording's inputs"),
+    "simulation": Box(12, RIGHT, LEFT_OUT, "a robot under inputs"),
     "compensation": Box(14, (0.75, 2.92), LEFT_OUT, "cancels it"),
     "export": Box(14, (3.08, 4.05), LEFT_OUT, ""),
-    "channels": Box(13, RIGHT, LEFT_OUT, "measured less simulated, its noise"),
+    "channels": Box(13, (RIGHT[0], RIGHT[1] - 2.0), LEFT_OUT, "residuals"),
+    "testing": Box(13, (RIGHT[1] - 1.84, RIGHT[1] - 0.84), LEFT_OUT, ""),
     "diagnosis": Box(14, RIGHT, LEFT_OUT, "locate, compete, judge"),
     "views": Box(15, (LEFT[0], RIGHT[1]), BOTH, "what people see: text, scene, drawing, meshcat, report"),
     "cli": Box(16, (LEFT[0], RIGHT[1]), BOTH, "the command prup-pin"),

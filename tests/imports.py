@@ -17,6 +17,7 @@ ROOT = Path(prup_pin.__file__).parent
 #: Lower layers know nothing of higher ones.
 LAYERS = [
     "errors",
+    "plugins",
     "numbers",
     "spatial",
     "parameters",
@@ -40,6 +41,7 @@ LAYERS = [
     "build",
     "loading",
     "simulation",
+    "testing",
     "export",
     "compensation",
     "channels",
