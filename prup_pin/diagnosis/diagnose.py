@@ -322,8 +322,7 @@ def _larger_noise(noise: Noise, larger: Noise) -> str:
     wrench = [quantity(value, unit) for value, unit in ((larger.force, "N"), (larger.moment, "N m")) if value]
     through = f", and {' and '.join(wrench)} of the wrench sensor" if wrench and not noise.wrench.any() else ""
     return (
-        f"the residual is noise, but {number(1e6 * larger.position, 3)} µm and "
-        f"{number(1e6 * larger.rotation, 3)} µrad{through}, not the "
-        f"{noise.source} {number(1e6 * noise.position, 3)} µm and {number(1e6 * noise.rotation, 3)} µrad: the "
-        "former were used"
+        f"what is left is noise, and larger than {noise.source}: {number(1e6 * larger.position, 3)} µm and "
+        f"{number(1e6 * larger.rotation, 3)} µrad{through} were taken for it, where "
+        f"{number(1e6 * noise.position, 3)} µm and {number(1e6 * noise.rotation, 3)} µrad were {noise.source}"
     )
