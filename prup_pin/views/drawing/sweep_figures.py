@@ -38,8 +38,6 @@ _TALL = 4
 
 #: A sweep in memory or in a file.
 Swept = SweepResult | SweepFile
-#: The three principal stiffnesses, as they ascend.
-_RANKS = ("smallest", "middle one", "largest")
 #: A title, its unit, and the values over two axes (n, m), or over one (n,).
 Panel = tuple[str, str, Array]
 
@@ -155,15 +153,13 @@ def _panels(found: Swept, name: str, keep: Sequence[str] | None = None, beside: 
     quantity = QUANTITIES[name]
     values = _plane(found, found[name])
     panels = []
-    principal = quantity.shape(found.mechanism) == (3,) and quantity.unit in ("N/m", "N m/rad")
     for labels, place in quantity.entries(found.mechanism):
         if keep is not None and not set(labels) & set(keep):
             continue
         entry, *others = (quantity.entry(each, place) for each in (values, *(other[name] for other in beside)))
         unit = quantity.unit_of(found.mechanism, place)
         factor, shown = _readable(np.concatenate([np.ravel(each) for each in (entry, *others)]), unit)
-        rank = f", the {_RANKS[place[0]]}" if principal else ""
-        panels.append((" ".join((name, *labels)) + rank, shown, factor * entry))
+        panels.append((quantity.title(found.mechanism, place), shown, factor * entry))
     return panels
 
 
@@ -187,7 +183,7 @@ def _two(found: Swept) -> tuple[tuple[str, str], tuple[Array, Array]]:
 
 
 def _axis(found: Swept, name: str) -> tuple[Array, str]:
-    unit = dict(zip(found._places.names, found._engine.coordinates.units, strict=True))[name]
+    unit = found.coordinate_units[name]
     return (1e3 * found._places.axes[name], "mm") if unit == "m" else (np.degrees(found._places.axes[name]), "deg")
 
 
@@ -200,7 +196,7 @@ def _plane(found: Swept, values: Array) -> Array:
 
 def _heading(found: Swept, summary: str) -> str:
     """Return what is drawn of which robot, and where the coordinates stand that are not drawn."""
-    units = dict(zip(found._places.names, found._engine.coordinates.units, strict=True))
+    units = found.coordinate_units
     held = dict(found._places.fixed)
     held |= {name: axis[len(axis) // 2] for name, axis in list(found._places.axes.items())[:-2]}
     others = ", ".join(f"{name} {coordinate_text(value, units[name], 4)}" for name, value in held.items())
