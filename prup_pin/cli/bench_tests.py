@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from .. import simulation
-from ..errors import InputError, PrupPinError, SimulationStoppedError
+from ..errors import InputError, PrupPinError, RecordingFileError, SimulationStoppedError
 from ..export import export_model
 from ..laws import Effect
 from ..numbers import counted
@@ -359,6 +359,14 @@ def import_(
     if name is not None and robot is None:
         name = robot_beside(name, plan)
     mechanism = reading.load(name).mechanism if name is not None else None
+    if there and robot is not None and (whose := robot_named(plan)) not in (None, robot):
+        try:
+            read_map(plan, content, mechanism)
+        except RecordingFileError as error:
+            if "the robot has no" in str(error):
+                raise InputError(
+                    f"'{plan}' was made for {whose}, --robot says {robot}: delete it, or give another one with --map"
+                ) from None
     shown = terminal.console()
     if not there:
         first = guess(content, mechanism, robot)
