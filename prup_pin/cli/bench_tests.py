@@ -111,6 +111,8 @@ def predict(
     stop: Stop = False,
 ) -> None:
     """What a corrected model says that a recording should have measured."""
+    if model.suffix.lower() == ".csv" and recording.suffix.lower() == ".json":
+        raise InputError(f"the model comes first: prup-pin predict {recording} {model} --out {out}")
     check_csv(out, recording, "recording")
     corrected = read_model(model)
     read = recording_typed(recording, None, convention)
