@@ -27,8 +27,11 @@ _SHARES = 5
 _DOMINANT = ("#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#bbbbbb")
 #: Decimals of a share that are more than rounding: of parts that share alike the robot file's first comes first.
 _SHARE_DIGITS = 9
-#: Dashes of curves in one drawing, so that two that are one are seen as two.
+#: Dashes and marks of curves in one drawing, so that two that are one are seen as two.
 _STYLES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)))
+_MARKS = "os^Dv"
+#: So many marks on a curve, each curve's beside those of others.
+_MARKED = 6
 _SIZE = 2.9  # of a map [in]
 _LEVELS = 12
 #: What a path misses after compensation.
@@ -74,7 +77,7 @@ def map_figure(found: Swept, name: str) -> Figure:
     """Return maps of one quantity, a panel for each of its entries; of one axis curves."""
     panels = _panels(found, name)
     if len(found._places.axes) == 1:
-        return _curves(found, panels, QUANTITIES[name].summary)
+        return _curves(found, panels, QUANTITIES[name].summary, name)
     return _maps(found, panels, QUANTITIES[name].summary)
 
 
@@ -115,7 +118,7 @@ def share_figure(found: Swept) -> Figure:
         means = np.nanmean(found["shares"], axis=0)
         most = np.argsort(-np.round(means, _SHARE_DIGITS), kind="stable")[:_SHARES]
         panels = [(modules[index], "%", 100 * found["shares"][:, index]) for index in most]
-        return _curves(found, panels, "largest shares of the work")
+        return _curves(found, panels, "largest shares of the work", "share of the work")
     shares = _plane(found, found["shares"])
     flat = shares.reshape(-1, len(modules))
     most = np.argsort(-np.round(np.nan_to_num(flat).max(axis=0), _SHARE_DIGITS), kind="stable")[:_SHARES]
@@ -200,7 +203,8 @@ def _heading(found: Swept, summary: str) -> str:
     held = dict(found._places.fixed)
     held |= {name: axis[len(axis) // 2] for name, axis in list(found._places.axes.items())[:-2]}
     others = ", ".join(f"{name} {coordinate_text(value, units[name], 4)}" for name, value in held.items())
-    return f"{found.mechanism.name}: {summary}{f'; at {others}' if others else ''}"
+    others = f"\nat {others}" if others else ""
+    return f"{found.mechanism.name}: {summary}{others}"
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
@@ -221,8 +225,8 @@ def _maps(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
     return figure
 
 
-def _curves(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
-    """Draw entries over one axis, those of one unit together; a curve that lies on another one shows through it."""
+def _curves(found: Swept, panels: Sequence[Panel], summary: str, what: str) -> Figure:
+    """Draw entries of `what` over one axis, those of one unit together; one that lies on another shows through it."""
     by_unit: dict[str, list[Panel]] = {}
     for panel in panels:
         by_unit.setdefault(panel[1], []).append(panel)
@@ -233,9 +237,12 @@ def _curves(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
     for axes, (unit, group) in zip(figure.subplots(1, len(by_unit), squeeze=False)[0], by_unit.items(), strict=True):
         for place, (title, _, values) in enumerate(group):
             colour, style = _DOMINANT[place % len(_DOMINANT)], _STYLES[place % len(_STYLES)]
-            axes.plot(across, values, lw=1.8, ls=style, color=colour, label=title)
+            every = max(len(group), len(across) // _MARKED)
+            first = place * every // len(group)
+            marks = {"marker": _MARKS[place % len(_MARKS)], "markevery": (first, every), "ms": 4}
+            axes.plot(across, values, lw=1.8, ls=style, color=colour, label=title, **marks)
         axes.set_xlabel(f"{only} [{along}]", fontsize=8)
-        axes.set_ylabel(_with_unit(group[0][0] if len(group) == 1 else "", unit).strip(), fontsize=8)
+        axes.set_ylabel(_with_unit(group[0][0] if len(group) == 1 else what, unit), fontsize=8)
         if len(group) > 1:
             axes.legend(fontsize=7, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
         plain_axes(axes, 7, None)
