@@ -414,8 +414,8 @@ QUANTITIES: Mapping[str, Quantity] = {
             lambda s: yielding_stiffness(s.C, s.scaling), (_wrench, _twist), symmetric=True, after="C",
         ),
         Quantity(
-            "deflection", "m, rad", "deflection of the tool under one load, `wrench`", lambda s: s.C @ np.array(s.asked.wrench), (_twist,),
-            wrench=True, units=_displacement_unit,
+            "deflection", "m, rad", "deflection of the tool under one load, `wrench`",
+            lambda s: s.C @ np.array(s.asked.wrench), (_twist,), wrench=True, units=_displacement_unit,
         ),
         Quantity(
             "sag", "m, rad", "deflection under the robot's own weight", lambda s: s.singly(lambda c: c.sag(), (6,)),
