@@ -6,6 +6,7 @@ the user, sensitivities and fits all speak of the same objects. A `Tolerance` sa
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -23,6 +24,7 @@ __all__ = [
     "Quantity",
     "Tolerance",
     "meant_otherwise",
+    "plain_unit",
 ]
 
 #: No coordinate of a robot is larger: degrees were meant for radians, millimetres for metres.
@@ -176,6 +178,11 @@ class Parameter:
         """Return a copy with another value, checked against the quantity's range; the tolerance stays as declared."""
         checked = self.quantity.check(value, self.owner) if self.quantity else float(value)
         return replace(self, value=checked, source=source)
+
+
+def plain_unit(unit: str) -> str:
+    """Return a unit as it is compared: 'Nm/rad' of 'N m/rad', 'N*m/rad' or 'N·m/rad'."""
+    return re.sub(r"[\s*·]", "", unit)
 
 
 def meant_otherwise(value: float, unit: str) -> str:

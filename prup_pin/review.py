@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from .errors import JointLimitWarning, MissingExtraError, NoStiffnessError, PrupPinError
 from .kinematics import Mobility
+from .mechanism.assumed import without_weight
 from .mechanism.second_reader import second_opinion
 from .modules import WrenchModule
 from .modules.joint_spring import JointSpring
@@ -40,6 +41,8 @@ _SOFT = 1e6
 def robot_remarks(robot: Robot) -> Iterator[str]:
     """Yield what a reviewer would ask about a robot file that can be read."""
     mechanism = robot.mechanism
+    yield from mechanism.description.doubts
+    yield from without_weight(mechanism)
     try:
         home = robot.home
     except PrupPinError as error:

@@ -452,7 +452,7 @@ class Robot:
     @property
     def assumptions(self) -> tuple[str, ...]:
         """What the model leaves out or takes for granted, in words."""
-        notes = list(self.mechanism.description.notes)
+        notes = [*self.mechanism.description.notes, *self.mechanism.description.doubts]
         kinds = {module.kind.kind for module in self.mechanism.modules}
         if not kinds:
             notes.append("no module is compliant")

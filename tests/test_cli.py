@@ -389,6 +389,7 @@ def test_robots_and_kinds(run):
         (["--at", ""], ["nothing"]),
         (["--at", "z=0.4,theta=nan,phi=0"], ["'nan'"]),
         (["--at", "z=0.4,z=0.4,theta=0,phi=0"], ["twice"]),
+        (["--at", "leg1_slide=0.3,theta=0"], ["no coordinate named", "go to --actuators leg1_slide=0.3,…"]),
         (["--at", "z=5,theta=0,phi=0"], ["cannot reach", "Nearest"]),
         (["--at", POSE, "--actuators", "1,2,3"], ["one of them"]),
         (["--actuators", "0,35,0,51,0,36"], ["decimal"]),

@@ -94,6 +94,17 @@ def test_numbers_in_other_units_and_coordinates_that_nothing_moves_are_doubted(r
     assert words in told(run("check", tmp_path / "robot.urdf"))
 
 
+def test_a_file_in_millimetres_or_without_masses_is_to_look_at_and_not_assumed(run, tmp_path):
+    text = (Path(__file__).parents[1] / "examples" / "elastic_arm.urdf").read_text()
+    (tmp_path / "long.urdf").write_text(text.replace('xyz="0 0 0.45"', 'xyz="0 0 450"'))
+    (tmp_path / "light.urdf").write_text(re.sub("<inertial>.*?</inertial>", "", text, flags=re.DOTALL))
+    for name, words in (("long", "450 m from the one before: is the file in millimetres?"), ("light", "no masses are")):
+        said = told(run("check", tmp_path / f"{name}.urdf"))
+        assert "Nothing to object" not in said
+        assert words in said.partition("To look at")[2].partition("Assumed")[0]
+        assert words not in said.partition("Assumed")[2]
+
+
 def test_without_a_tool_nothing_can_be_loaded(run):
     assert "no tool is given" in told(run("check", "solo12"))
 

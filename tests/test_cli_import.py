@@ -127,4 +127,17 @@ def test_three_angles_beside_a_place_are_offered_as_what_turns_the_tool(run):
     done = run("run.csv", "--map", "a.yaml", "--out", "bench.csv")
     assert done.exit_code == 0, done.output
     found = Rotation.from_rotvec(read_recording("bench.csv").rotation.copy())
+    assert "r from A [deg], B [deg], C [deg] in deg, as euler_xyz." in " ".join(done.output.split())
     assert (found.inv() * Rotation.from_matrix(turns)).magnitude().max() < 1e-7
+
+
+def test_a_map_of_another_robot_is_told_whose_it_is(run):
+    logs.csv(Path("run.csv"), {"time": logs.T, **logs.numbered("actual_q_{}", Q, 0)})
+    assert run("run.csv", "--robot", "ur5").exit_code == 0
+    for more in ((), ("--out", "bench.csv")):
+        done = run("run.csv", "--robot", "3prup", *more)
+        assert done.exit_code == 2
+        said = " ".join(done.stderr.split())
+        assert "'run.map.yaml' was made for ur5, --robot says 3prup: delete it, or give another one with --map" in said
+        assert "has no joint" not in said
+    assert run("run.csv", "--robot", "ur5_limited", "--out", "bench.csv").exit_code == 0  # of the same joints

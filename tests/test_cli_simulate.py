@@ -378,3 +378,9 @@ def test_laws_of_efforts_are_shown_with_their_joints(run):
     both = run("laws", "coulomb_friction").stdout
     assert both.index("\ncoulomb_friction, in efforts") > both.index("coulomb_friction\n")
     refused(run("laws", "stribek_friction"), "'stribeck_friction'")
+
+
+def test_model_and_recording_exchanged_are_told_their_order(run, bench):
+    done = run("predict", bench, "model.json", "--out", "p.csv")
+    assert done.exit_code == 2
+    assert f"the model comes first: prup-pin predict model.json {bench} --out p.csv" in " ".join(done.stderr.split())

@@ -69,6 +69,36 @@ def test_a_robot_of_joints_and_changed_parameters(run):
     assert "8 ok" in done.output
 
 
+def test_the_summary_says_where_in_words_and_in_per_cent(run, tmp_path):
+    import csv
+
+    done = run("3prup", *GRID, "--wrench", "fx=300", "--quantities", "translational,deflection",
+               "--out", str(tmp_path / "s.csv"))  # fmt: skip
+    assert done.exit_code == 0, done.output
+    with (tmp_path / "s.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 15
+    for name, title in (("translational.1", "translational 1, softest"), ("deflection.dx", "deflection dx")):
+        by_size = sorted(rows, key=lambda row, name=name: float(row[name]))
+        line = [line for line in done.output.splitlines() if title in line][-1]
+        ends = [(float(row["theta"]), float(row["phi"])) for row in (by_size[0], by_size[-1])]
+        words = [f"theta {np.degrees(theta):.4g}°, phi {np.degrees(phi):.4g}°" for theta, phi in ends]
+        assert line.index(words[0]) < line.rindex(words[1])
+    path = Path(__file__).parents[1] / "examples" / "five_bar.urdf"
+    shared = run(str(path), "--over", "x=0..0.05:2", "--over", "y=0.35", "--wrench", "fx=300", "--quantities", "shares")
+    mean = prup_pin.load(path).sweep(x=[0, 0.05], y=0.35, wrench=[300, 0, 0, 0, 0, 0], quantities=["shares"])
+    (line,) = (line for line in shared.output.splitlines() if "shares left/arm" in line and "%" in line)
+    arm = [module.name for module in mean.mechanism.modules].index("left/arm")
+    assert abs(float(line.split()[3]) - 100 * mean["shares"][:, arm].mean()) < 0.01
+
+
+def test_a_load_that_nothing_makes_use_of_is_told(run):
+    done = run("3prup", *GRID, "--wrench", "fx=300", "--quantities", "translational")
+    said = " ".join(done.output.split())
+    assert "--wrench is not used by translational: ask for shares, deflection, buckling_margin as well" in said
+    assert "deflection dx" in run("3prup", *GRID, "--wrench", "fx=300").output
+
+
 def test_what_can_be_asked_is_listed(run):
     done = run("--quantities", "help")
     assert done.exit_code == 0
@@ -171,7 +201,7 @@ def test_a_planar_robot_is_swept_by_default_quantities(run):
     assert done.exit_code == 0, done.output
     assert "6 ok" in done.output
     assert "translational 1" in done.output
-    rows = [line.split() for line in done.output.splitlines() if line.strip().startswith("K_task")]
+    rows = [line.split() for line in done.output.splitlines() if line.strip().startswith("K_task ")][:3]
     found = (
         prup_pin.load(path, joint_stiffness=2e4)
         .sweep(x=np.linspace(-0.02, 0.02, 3), y=np.linspace(0.36, 0.38, 2), quantities=["K_task"])["K_task"]
@@ -218,11 +248,11 @@ def test_a_matrix_too_large_for_lines_is_named_and_rounding_is_zero(run):
 
 
 def test_a_table_of_another_ending_is_refused_by_its_option_and_before_any_folder_is_made(run, tmp_path):
-    done = run("--over", "z=0.3", "--out", str(tmp_path / "s.csv"), "--plots", str(tmp_path / "maps" / "deep"))
+    done = run("--over", "z=0.3", "--out", str(tmp_path / "s.xlsx"), "--plots", str(tmp_path / "maps" / "deep"))
     assert done.exit_code == 2
     said = "".join(done.stderr.split())
     assert "Error:--out:" in said
-    assert "suchas'" in said
+    assert "s.csv'" in said
     assert not list(tmp_path.iterdir())
 
 

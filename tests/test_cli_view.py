@@ -122,6 +122,12 @@ def test_a_place_that_cannot_be_written_is_named(run, tmp_path, command, option)
     assert os.listdir(tmp_path / "folder") == []
 
 
+def test_who_asks_for_a_picture_is_told_the_command_that_draws(run):
+    done = run("view", "3prup", "--png", "a.png")
+    assert done.exit_code == 2
+    assert "Pictures come from prup-pin stiffness --pictures DIR" in " ".join(done.output.replace("│", "").split())
+
+
 def test_serve_and_a_file_exclude_each_other(run):
     done = run("view", "--serve", "--html", "a.html")
     assert done.exit_code == 2

@@ -23,6 +23,10 @@ _NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE)
 _UsageError: Any = typer.BadParameter.__bases__[0]
 
 
+#: What people ask `view` for, which makes a page.
+_PICTURES = ("--png", "--svg", "--pictures")
+
+
 class _Group(TyperGroup):
     """Turns the package's own errors into one message."""
 
@@ -32,6 +36,8 @@ class _Group(TyperGroup):
         except _UsageError as error:
             if "unexpected extra" in error.message and "=" in error.message:
                 error.message += ". Join what belongs to one option by commas, without spaces: --at z=400mm,theta=25deg"
+            if getattr(error, "option_name", "") in _PICTURES and getattr(error.ctx, "info_name", "") == "view":
+                error.message += ". Pictures come from prup-pin stiffness --pictures DIR."
             raise
         except PrupPinError as error:
             width = terminal.console(stderr=True).width

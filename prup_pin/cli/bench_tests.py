@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from .. import simulation
-from ..errors import InputError, PrupPinError, SimulationStoppedError
+from ..errors import InputError, PrupPinError, RecordingFileError, SimulationStoppedError
 from ..export import export_model
 from ..laws import Effect
 from ..numbers import counted
@@ -111,6 +111,8 @@ def predict(
     stop: Stop = False,
 ) -> None:
     """What a corrected model says that a recording should have measured."""
+    if model.suffix.lower() == ".csv" and recording.suffix.lower() == ".json":
+        raise InputError(f"the model comes first: prup-pin predict {recording} {model} --out {out}")
     check_csv(out, recording, "recording")
     corrected = read_model(model)
     read = recording_typed(recording, None, convention)
@@ -359,6 +361,14 @@ def import_(
     if name is not None and robot is None:
         name = robot_beside(name, plan)
     mechanism = reading.load(name).mechanism if name is not None else None
+    if there and robot is not None and (whose := robot_named(plan)) not in (None, robot):
+        try:
+            read_map(plan, content, mechanism)
+        except RecordingFileError as error:
+            if "the robot has no" in str(error):
+                raise InputError(
+                    f"'{plan}' was made for {whose}, --robot says {robot}: delete it, or give another one with --map"
+                ) from None
     shown = terminal.console()
     if not there:
         first = guess(content, mechanism, robot)

@@ -27,6 +27,7 @@ from ..simulation import read_model
 from ..spatial import as_wrench
 from ..sweep import QUANTITIES
 from ..sweep.places import MAX_DRAWS
+from ..sweep.table import FORMATS
 from ..views.text import terminal
 from ..views.text.many_poses import print_compensation, print_sweep
 from ..views.text.values import coordinate_text
@@ -58,7 +59,7 @@ def sweep(
         typer.Option(
             metavar="C,K,extremes,…",
             help="What is wanted of each pose; list: --quantities help. Default: translational, homogenised_ksi ("
-            "or K_task, where there is no K), and extremes where --force or --moment is given.",
+            "or K_task, where there is no K); with --force or --moment extremes, with --wrench deflection.",
             show_default=False,
         ),
     ] = None,
@@ -67,7 +68,7 @@ def sweep(
     ] = None,
     moment: Annotated[str | None, typer.Option(metavar="100", help="The same, moments.")] = None,
     wrench: Annotated[
-        str | None, typer.Option(metavar="fx=300,mz=100", help="Load for shares and buckling_margin.")
+        str | None, typer.Option(metavar="fx=300,mz=100", help="Load for deflection, shares and buckling_margin.")
     ] = None,
     direction: Annotated[
         str | None, typer.Option(metavar="0,0,1|'tool z'", help="Of 'directional', base axes or the tool's.")
@@ -82,7 +83,7 @@ def sweep(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="FILE.parquet", help="Write the table; an interrupted sweep goes on (extra: tables)."
+            "--out", metavar="FILE.csv", help="Write the table, .csv or .parquet; an interrupted sweep goes on."
         ),
     ] = None,
     plots: Annotated[
@@ -99,14 +100,12 @@ def sweep(
         return
     folder_for(plots, "--plots")
     check_folder(out, "--out")
-    if out is not None and out.suffix != ".parquet":
-        table = out.with_suffix(".parquet")
-        raise InputError(
-            f"--out: '{out}' would be a Parquet table; give a name that ends in .parquet, such as '{table}'"
-        )
+    if out is not None and out.suffix not in FORMATS:
+        raise InputError(f"--out: '{out}': expected a name that ends in .csv or .parquet, '{out.with_suffix('.csv')}'")
     loaded, _ = reading.changed(robot, set_parameters)
     if quantities is None:
-        names = [*(["extremes"] if force is not None or moment is not None else []), "translational", *_index(loaded)]
+        loaded_by = {"extremes": force is not None or moment is not None, "deflection": wrench is not None}
+        names = [*(name for name, given in loaded_by.items() if given), "translational", *_index(loaded)]
     asked: dict[str, Any] = _axes(loaded, over or [], draws)
     kinds = _dimensions(loaded.mechanism)
     whole = loaded._kinematics.completed(asked)

@@ -484,7 +484,14 @@ def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPo
         raise InputError(
             f"--at: the file of '{robot.name}' defines no task coordinates; use --actuators, in the order {order}"
         )
-    wanted = parse_assignments(at, dimensions, "--at", "coordinate")
+    try:
+        wanted = parse_assignments(at, dimensions, "--at", "coordinate")
+    except InputError as error:
+        typed = [item.strip() for item in at.replace(";", ",").split(",")]
+        joints = [item for item in typed if item.partition("=")[0].strip() in robot.mechanism.actuated]
+        if not set(robot.mechanism.actuated) - set(dimensions) or not joints:
+            raise
+        raise InputError(f"{error}\nJoint positions go to --actuators {joints[0]},…") from None
     idle = {str(robot.mechanism.model.names[joint]) for joint in robot.mechanism.load_paths.idle}
     kept = [name for name in dimensions if name not in wanted and name not in idle]
     return robot.pose(**wanted), "task coordinates", kept

@@ -10,6 +10,7 @@ from ..errors import InputError, UnknownNameError, nearest_names
 from ..laws import Effect
 from ..mechanism import Mechanism
 from ..numbers import number
+from ..parameters import plain_unit
 from ..simulation.model_file import law_named, place_named
 from ..spatial import WRENCH_NAMES
 
@@ -87,7 +88,7 @@ def parse_quantity(
     if match is None:
         given = f"'{stripped}' is not a number" if stripped else "a value is missing"
         raise _refuse(option, whole, offset, f"{given}; expected {_units_in_words(dimension, si)}")
-    unit = re.sub(r"[\s*·]", "", stripped[match.end() :])
+    unit = plain_unit(stripped[match.end() :])
     at = offset + match.end()
     if unit.startswith(","):
         raise _refuse(option, whole, at, "numbers take a decimal point, not a comma")

@@ -115,7 +115,8 @@ def prepare(
         _check_each(seen)
     except InputError as error:
         # what the recording leaves open may be why
-        raise InputError(". ".join((str(error), *adapted.remarks))) from error
+        said = str(error)
+        raise InputError(". ".join((*adapted.remarks, said[:1].upper() + said[1:]))) from error
     tell("the nominal simulation", 0.0)
     nominal = seen.nominal or seen.simulator.run()
     noise = _noise_of_each(seen, nominal, remarks)

@@ -294,12 +294,18 @@ def _in_order(mechanism: NamedRobot | None, count: int) -> list[str]:
 
 #: What forces and moments are called, in English, German, French, Spanish and Italian.
 _FORCES = ("force", "kraft", "fuerza", "forza")
-_ON_THE_TOOL = "is it what acts on the tool point, in base axes?"
+_ON_THE_TOOL = (
+    "are these what acts on the tool point, in base axes? Else sign: -1 on each w. (the robot's own force), or, in the "
+    "tool's axes, diagnose with --convention wrench=tool_frame"
+)
 _MOMENTS = ("torque", "moment", "drehmoment", "couple", "momento", "coppia")
 
 
 def wrench_lines(log: Log, taken: set[str]) -> list[Line]:
-    """Return the lines of a wrench: fx … mz, or force.x … torque.z; else three columns x y z in units of force."""
+    """Return the lines of a wrench: fx … mz, or force.x … torque.z; else three columns x y z in units of force.
+
+    The first asks whether it is what acts on the tool.
+    """
     lines: dict[str, Line] = {}
     for stream in log.streams:
         for name in stream.columns:
@@ -330,6 +336,8 @@ def wrench_lines(log: Log, taken: set[str]) -> list[Line]:
             for axis, name in triple.items():
                 target = f"w.{kind}{axis}"
                 lines[target] = Line(target, name, stream.unit_of(name), doubt=_ON_THE_TOOL)
+    for line in [line for line in lines.values() if line.doubt][1:]:  # one question, asked once
+        line.doubt = ""
     return list(lines.values())
 
 

@@ -37,6 +37,10 @@ LAST_STEP = 1e-9
 _AT_LIMIT = 1e-9
 #: Digits in which coordinates are told, and by which shares of the way home what lies between them is told instead.
 _DIGITS, _INWARDS = 5, (0.0, 1e-4, 1e-3, 1e-2)
+#: Of the nearest pose, what is less is an optimiser's rounding [m, rad].
+_ROUNDING = 1e-6
+#: An arm's nearest pose that is farther off [m, rad] shows that what was asked for is out of reach.
+_BEYOND = 1e-4
 #: Decimals [m, rad] of home's coordinates where a pose takes some of them.
 _HOME_DIGITS = 9
 #: A solution is taken for the same assembly branch where no joint has moved farther than this [m, rad].
@@ -542,18 +546,23 @@ class LoopKinematics:
         return q, reached, residual
 
     def _unreachable(self, requested, target, here, q, reached, residual) -> UnreachablePoseError:
-        nearest = self._nearest_feasible(requested, q)
+        found = self._nearest_feasible(requested, q)
+        nearest = None if found is None else self._confirmed(requested, found)
         if nearest is None and reached > 0 and requested:
             along = here + reached * (target - here)
             nearest = self._confirmed(requested, dict(zip(requested, along.tolist(), strict=True)))
-        if max(residual) < 1e-9:
-            reason = f"a singular pose lies on the way from home, {100 * reached:.0f} % along it"
+        away = (0.0, 0.0) if found is None or self.mechanism.loops else self._apart(requested, found)
+        if max(away) > _BEYOND:
+            residual = away
+            reason = f"out of reach, {_told(away)} from the nearest pose that was found"
+        elif max(residual) < 1e-9:
+            doubt = "out of reach, or " if found is None and not self.mechanism.loops else ""
+            reason = f"{doubt}a singular pose lies on the way from home, {100 * reached:.0f} % along it"
         else:
             reason = "the loops do not close there"
             if nearest is not None:
                 residual = self._apart(requested, nearest)
-                away = [quantity(far, unit) for far, unit in zip(residual, ("m", "rad"), strict=True) if far > 0]
-                reason += f", {' and '.join(away)} from where they do"
+                reason += f", {_told(residual)} from where they do"
         return UnreachablePoseError(
             f"'{self.mechanism.name}' cannot reach {self._listed(requested)}: {reason}. "
             + (f"Nearest feasible: {self._listed(nearest)}" if nearest else "No feasible pose was found near it"),
@@ -580,7 +589,7 @@ class LoopKinematics:
         for share in _INWARDS:
             moved = [value + share * (end - value) for value, end in zip(nearest.values(), home, strict=True)]
             told = {
-                name: float(number(value, _DIGITS)) if abs(value) > _AT_LIMIT else 0.0
+                name: float(number(value, _DIGITS)) if abs(value) > _ROUNDING else 0.0
                 for name, value in zip(nearest, moved, strict=True)
             }
             with suppress(UnreachablePoseError):
@@ -595,8 +604,7 @@ class LoopKinematics:
         if not self._are_tasks(requested) or self.model.nq != self.model.nv or self.mechanism.coupling:
             return None
         limits = self.lower, self.upper
-        found = nearest_feasible(self.task, requested, self.evaluate, limits, self.length, (q, self.home))
-        return None if found is None else self._confirmed(requested, found)
+        return nearest_feasible(self.task, requested, self.evaluate, limits, self.length, (q, self.home))
 
     def _place(self, placements: Array) -> str:
         """Return what a configuration is called that nobody asked for by coordinates."""
@@ -662,7 +670,8 @@ class LoopKinematics:
         if not self.mechanism.description.described:
             warnings.warn(f"{text} (of a controller: C is defined there all the same)", JointLimitWarning, stacklevel=4)
             return
-        nearest = self._nearest_feasible(requested, q)
+        found = self._nearest_feasible(requested, q)
+        nearest = None if found is None else self._confirmed(requested, found)
         if nearest is None and name in requested:
             places = {name: self.mechanism.joint(name).first_q for name in requested}
             within = {at: min(max(requested[at], self.lower[k]), self.upper[k]) for at, k in places.items()}
@@ -747,3 +756,8 @@ class LoopKinematics:
 
 def _joint_values(model: pin.Model, q: Array, dofs) -> Array:
     return pin.difference(model, pin.neutral(model), q)[dofs]
+
+
+def _told(apart: tuple[float, float]) -> str:
+    """Return '310 mm and 2 mrad' of distances [m] and [rad]; what is rounding is left out."""
+    return " and ".join(quantity(far, unit) for far, unit in zip(apart, ("m", "rad"), strict=True) if far > _ROUNDING)

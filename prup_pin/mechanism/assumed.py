@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from ..numbers import number
 from .mechanism import Mechanism
 
-__all__ = ["assumed", "masses_in_doubt"]
+__all__ = ["assumed", "masses_in_doubt", "without_weight"]
 
 #: Names that a sentence lists.
 _LISTED = 6
@@ -35,14 +35,11 @@ def assumed(mechanism: Mechanism) -> Iterator[str]:
     ends = {end.joint for loop in mechanism.loops for end in (loop.first, loop.second)}
     light = [mechanism.bodies[joint.id] for joint in mechanism.joints if not model.inertias[joint.id].mass > 0]
     named = [name for name in light if name not in {mechanism.bodies[end] for end in ends}]
-    carried = {module.body for module in mechanism.modules}
     if description.gravity is None and len(light) < len(mechanism.joints):
         pull = " ".join(number(value, 6) for value in mechanism.gravity)
         yield f"no gravity is given: it is that of Pinocchio's models, ({pull}) m/s^2 in base axes"
-    if len(light) == len(mechanism.joints):
-        if not carried - {None}:
-            yield "no masses are given: sag, weight and vibration are those of a robot without weight"
-    elif named:
+    yield from without_weight(mechanism)
+    if named and len(light) < len(mechanism.joints):
         yield f"without mass: {_listed(named)}"
     yielding = {module.joint for module in mechanism.modules if mechanism.gives_way(module)}
     stiff = [
@@ -54,6 +51,13 @@ def assumed(mechanism: Mechanism) -> Iterator[str]:
         yield "no home is given: home is every joint at 0, or at its nearest limit"
     if description.meshes_missing:
         yield f"meshes that are not there, and not drawn: {_listed(description.meshes_missing)}"
+
+
+def without_weight(mechanism: Mechanism) -> Iterator[str]:
+    """Yield a sentence where neither what moves nor a module has a mass."""
+    light = not any(mechanism.model.inertias[joint.id].mass > 0 for joint in mechanism.joints)
+    if mechanism.joints and light and not {module.body for module in mechanism.modules} - {None}:
+        yield "no masses are given: sag, weight and vibration are those of a robot without weight"
 
 
 def masses_in_doubt(mechanism: Mechanism) -> Iterator[str]:

@@ -145,6 +145,7 @@ class RobotDescription:
     coupled: tuple[CouplingDescription, ...] = ()
     held: Mapping[str, float] = field(default_factory=dict)  # joints that stand still, and where [m, rad]
     notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()  # what can be read in one way only, and was hardly meant so
     package_folders: tuple[Path, ...] = ()  # where package:// may point besides the robot's own folder
     meshes_missing: tuple[str, ...] = ()
     floats: bool = False  # True where the real robot's base is not fixed to the ground

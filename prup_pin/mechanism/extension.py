@@ -11,7 +11,7 @@ import numpy as np
 from lxml import etree
 
 from ..errors import nearest_names
-from ..parameters import LARGEST_VALUE, SMALLEST_TOLERANCE, SMALLEST_VALUE, Parameter, Tolerance
+from ..parameters import LARGEST_VALUE, SMALLEST_TOLERANCE, SMALLEST_VALUE, Parameter, Tolerance, plain_unit
 from .description import (
     LOOP_AXES,
     ROTATION_ORDERS,
@@ -195,16 +195,18 @@ class ExtensionDocument(Document):
                 continue
             if short in values:
                 self.problem(item, f"module '{name}': parameter '{short}' is given twice")
-            unit = item.get("unit")
-            if quantity and unit not in (None, quantity.unit, *quantity.unit.split(" or ")):
-                self.problem(
-                    item, f"module '{name}': parameter '{short}' has unit=\"{unit[:60]}\"; expected {quantity.unit}"
-                )
+            unit, said = item.get("unit"), None
+            if quantity and unit is not None:
+                fitting = (quantity.unit, *quantity.unit.split(" or "))
+                said = next((own for own in fitting if plain_unit(own) == plain_unit(unit)), None)
+                if said is None:
+                    self.problem(
+                        item,
+                        f"module '{name}': parameter '{short}' has unit=\"{unit[:60]}\"; expected "
+                        f"{self._unit_at(joint, quantity.unit)}",
+                    )
             value = number[0] if shape in (None, ()) else np.array(number).reshape(shape)
             lines[short] = item.sourceline
-            said = (
-                unit if quantity and unit in quantity.unit.split(" or ") else None
-            )  # one of those its joint may ask for
             values[short] = Parameter(
                 f"{name}.{short}",
                 value,
@@ -231,6 +233,15 @@ class ExtensionDocument(Document):
                     lines,
                 )
             )
+
+    def _unit_at(self, joint: str | None, unit: str) -> str:
+        """Return which of 'N/m or N m/rad' a joint asks for, and why; both where its type does not say."""
+        slides, alternative, turns = unit.partition(" or ")
+        element = next((each for each in self.root.iter("joint") if each.get("name") == joint), None)
+        kind = None if element is None or not alternative else element.get("type", "hinge")
+        if kind in ("prismatic", "slide"):
+            return f"{slides} (joint '{joint}' slides)"
+        return f"{turns} (joint '{joint}' turns)" if kind in ("revolute", "continuous", "hinge") else unit
 
     def _tolerance(self, item, label: str, unit: str) -> Tolerance | None:
         """Return the attribute `tolerance`, or None where there is none or after reporting a wrong one."""

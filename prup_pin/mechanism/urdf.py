@@ -115,8 +115,6 @@ class UrdfDocument(ExtensionDocument):
         described = {loop.name for loop in loops}
         loops += tuple(loop for loop in constraints if loop.name not in described)
         notes += fields.pop("notes", ())
-        notes += self._oddities()
-        notes += self._too_far()
         coupled = self._mimics(joints)
         if sidecar:
             loops = self._take_sidecar(sidecar, {*links, *joints, *fixed}, joints, loops, fields, notes)
@@ -132,6 +130,7 @@ class UrdfDocument(ExtensionDocument):
             coupled=coupled,
             meshes_missing=missing,
             notes=tuple(notes),
+            doubts=(*self._oddities(), *self._too_far()),
             described=extension is not None or bool(loops),
             lines=self.lines,
             **fields,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product as every
@@ -20,7 +20,7 @@ from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array, symmetric
 from ..statics import Compliance, Statics, StaticsLayout, solve_statics, yielding_stiffness
 from .indices import along, homogenised, principal_stiffnesses, softest
 
-__all__ = ["QUANTITIES", "Asked", "Quantity", "Solved", "chosen"]
+__all__ = ["QUANTITIES", "Asked", "Quantity", "Solved", "chosen", "unused"]
 
 #: Corners of a cube (3, 4), one of each opposite pair: norms are convex, they are largest at corners of the box.
 _HALF = np.array([[1.0, 1.0, 1.0, 1.0], [1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]])
@@ -189,6 +189,8 @@ class Solved:
         return (work / work.sum(axis=-1, keepdims=True))[..., order]
 
 
+#: The three principal stiffnesses, as they ascend.
+_RANKS = ("softest", "middle", "stiffest")
 #: What of a matrix' entry, beside the two on its diagonal, is rounding.
 _ROUNDING = 1e-9
 #: What an axis of a quantity counts.
@@ -203,9 +205,9 @@ class Quantity:
 
     `elastic`: needs compliant modules; `box`: needs force and moment of the box of wrenches; `stiff`: the matrix
     that has to exist, K or K_task;
-    `wrench`, `direction`: needs that; `by_module`: needs what each module carries; `after`: follows from C or K alone,
-    by what no straight line of operations does; `by_one`: is worked out pose by pose, which takes some hundred times as
-    long.
+    `wrench`, `direction`: needs that (of box and wrench, one); `by_module`: needs what each module carries; `after`:
+    follows from C or K alone, by what no straight line of operations does; `by_one`: is worked out pose by pose, which
+    takes some hundred times as long.
     """
 
     name: str
@@ -239,6 +241,12 @@ class Quantity:
 
     def shape(self, mechanism: Mechanism) -> tuple[int, ...]:
         return tuple(len(labels(mechanism)) for labels in self.labels)
+
+    def title(self, mechanism: Mechanism, place: tuple[int, ...]) -> str:
+        """Return the name of one entry as people read it: 'translational 1, softest'."""
+        words = [labels(mechanism)[index] for labels, index in zip(self.labels, place, strict=True)]
+        rank = f", {_RANKS[place[0]]}" if self.labels == (_axes,) else ""
+        return " ".join((self.name, *words)) + rank
 
     def columns(self, mechanism: Mechanism) -> list[tuple[str, tuple[int, ...]]]:
         """Return the names of a table's columns and where each stands in an entry; of a symmetric one half."""
@@ -370,14 +378,14 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "shares", "1", "each module's share of the work: under `wrench`, else the mean over the box's corners",
-            lambda s: s.shares, (_modules,), box=True, by_module=True,
+            lambda s: s.shares, (_modules,), box=True, wrench=True, by_module=True,
         ),
         Quantity(
-            "translational", "N/m", "principal stiffnesses against forces, moments free, ascending",
+            "translational", "N/m", "stiffness against a force alone in the principal directions, softest first",
             lambda s: principal_stiffnesses(s.C[..., :3, :3]), (_axes,), after="C",
         ),
         Quantity(
-            "rotational", "N m/rad", "principal stiffnesses against moments, forces free, ascending",
+            "rotational", "N m/rad", "stiffness against a moment alone in the principal directions, softest first",
             lambda s: principal_stiffnesses(s.C[..., 3:, 3:]), (_axes,), after="C",
         ),
         Quantity(
@@ -404,6 +412,10 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity(
             "K_yielding", "N/m, N, N m/rad", "stiffness in the directions that yield, zero in those that are rigid",
             lambda s: yielding_stiffness(s.C, s.scaling), (_wrench, _twist), symmetric=True, after="C",
+        ),
+        Quantity(
+            "deflection", "m, rad", "deflection of the tool under one load, `wrench`",
+            lambda s: s.C @ np.array(s.asked.wrench), (_twist,), wrench=True, units=_displacement_unit,
         ),
         Quantity(
             "sag", "m, rad", "deflection under the robot's own weight", lambda s: s.singly(lambda c: c.sag(), (6,)),
@@ -442,12 +454,21 @@ def chosen(names: Sequence[str], force: float | None, moment: float | None, wren
     for name in names:
         if name not in QUANTITIES:
             raise UnknownNameError("quantity", str(name), list(QUANTITIES))
-        needs_box = QUANTITIES[name].box and not (name == "shares" and wrench is not None)
-        if needs_box and (force is None or moment is None):
+        quantity = QUANTITIES[name]
+        either = quantity.box and quantity.wrench  # as shares are
+        if quantity.box and (force is None or moment is None) and not (either and wrench is not None):
             raise InputError(
                 f'"{name}" needs the box of wrenches: force= [N] and moment= [N m], for example force=300, moment=100'
             )
-        if QUANTITIES[name].wrench and wrench is None:
+        if quantity.wrench and not either and wrench is None:
             raise InputError(f'"{name}" needs a load: wrench=[fx, fy, fz, mx, my, mz] [N, N m]')
-        if QUANTITIES[name].direction and direction is None:
+        if quantity.direction and direction is None:
             raise InputError(f'"{name}" needs direction=[x, y, z], base axes, or direction="tool z"')
+
+
+def unused(names: Sequence[str], **given: Any) -> Iterator[str]:
+    """Yield sentences on what was given, `wrench` or `direction`, and none of the quantities makes use of."""
+    for what, value in given.items():
+        users = [name for name, quantity in QUANTITIES.items() if getattr(quantity, what)]
+        if value is not None and not set(users) & set(names):
+            yield f"{what} is not used by {', '.join(names)}: ask for {', '.join(users)} as well"

@@ -17,8 +17,8 @@ from .engine import Answer, Engine
 from .indices import ErrorRange, Spread, spread
 from .places import Places
 from .quantities import QUANTITIES
-from .status import NO_STIFFNESS, REASONS, STATUSES
-from .table import read_columns, write_table
+from .status import NO_STIFFNESS, REASONS, STATUSES, UNREACHABLE
+from .table import FORMATS, write_table
 
 if TYPE_CHECKING:
     import pandas
@@ -56,6 +56,25 @@ class _Answers(Mapping[str, Array]):
         return self._places.rows().reshape(*self.shape, len(self._places.names))
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coordinates, in order."""
+        return self._places.names
+
+    @property
+    def coordinate_units(self) -> Mapping[str, str]:
+        """Unit of each coordinate."""
+        return dict(zip(self.names, self._engine.coordinates.units, strict=True))
+
+    def coordinates_of(self, pose: int) -> Mapping[str, float]:
+        """Return the coordinates of one pose by name; poses count in the order of a flattened array."""
+        return dict(zip(self._places.names, self._places.rows(pose, pose + 1)[0].tolist(), strict=True))
+
+    @property
+    def fixed(self) -> Mapping[str, float]:
+        """Coordinates that are the same at all poses of a grid."""
+        return dict(self._places.fixed)
+
+    @property
     @abstractmethod
     def status(self) -> NDArray[np.str_]:
         """'ok', or what is wrong, (*shape)."""
@@ -74,6 +93,9 @@ class _Answers(Mapping[str, Array]):
         word = STATUSES[NO_STIFFNESS]
         if word in found and self.mechanism.tasks and "K_task" not in self:
             found[word] += ", or K_task"
+        word = STATUSES[UNREACHABLE]
+        if word in found and not self.mechanism.loops:
+            found[word] = "out of reach: no joint positions near home's put the tool there"
         return found
 
 
@@ -118,16 +140,6 @@ class SweepResult(_Answers):
         """The arrays that span the grid, in the order given; none of scattered poses."""
         return dict(self._places.axes)
 
-    @property
-    def fixed(self) -> Mapping[str, float]:
-        """Coordinates that are the same at all poses of a grid."""
-        return dict(self._places.fixed)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the coordinates, in order."""
-        return self._places.names
-
     # -- status ----------------------------------------------------------------------------------------------------
 
     @property
@@ -171,13 +183,11 @@ class SweepResult(_Answers):
             raise InputError('an error range needs quantities=["extremes"] or ["extreme_components"]')
         self._need_ok()
 
-        def at(flat: np.intp) -> dict[str, float]:
-            return dict(zip(self.names, self._places.rows(int(flat), int(flat) + 1)[0].tolist(), strict=True))
-
         ranges = {}
         for label, values in columns.items():
             low, high = np.nanargmin(values), np.nanargmax(values)
-            ranges[label] = ErrorRange(float(values.flat[low]), float(values.flat[high]), at(low), at(high))
+            at = (self.coordinates_of(int(pose)) for pose in (low, high))
+            ranges[label] = ErrorRange(float(values.flat[low]), float(values.flat[high]), *at)
         return ranges
 
     def spread(self, name: str, entry: int | None = None, threshold: float | None = None) -> Spread:
@@ -218,7 +228,7 @@ class SweepResult(_Answers):
 
     def to_xarray(self) -> xarray.Dataset:
         """Return a Dataset with named axes and units (needs xarray)."""
-        units = dict(zip(self.names, self._engine.coordinates.units, strict=True))
+        units = self.coordinate_units
         data: dict[str, Any] = {"status": (self.dims, self.status)}
         coords: dict[str, Any] = {name: ((name,), axis, {"units": units[name]}) for name, axis in self.axes.items()}
         coords |= {name: ((), value, {"units": units[name]}) for name, value in self.fixed.items()}
@@ -260,7 +270,7 @@ class SweepResult(_Answers):
 class SweepFile(_Answers):
     """The table of a sweep on disk: `s["extremes"]` reads what it names, (*shape, …), and nothing else.
 
-    `path` is a Parquet file that any reader of such tables takes; `status`, `counts`, `coordinates` as of a
+    `path` is a Parquet or CSV file that any reader of such tables takes; `status`, `counts`, `coordinates` as of a
     `SweepResult`.
     """
 
@@ -273,7 +283,7 @@ class SweepFile(_Answers):
             raise UnknownNameError("quantity of this sweep", name, list(self))
         quantity = QUANTITIES[name]
         columns = quantity.columns(self._engine.mechanism)
-        table = read_columns(self.path, [column for column, _ in columns])
+        table = self._read([column for column, _ in columns])
         values = np.empty((len(self._places), *quantity.shape(self._engine.mechanism)))
         for column, index in columns:
             values.transpose(*range(1, values.ndim), 0)[index] = table[column]
@@ -293,11 +303,15 @@ class SweepFile(_Answers):
     @property
     def status(self) -> NDArray[np.str_]:
         """'ok', or what is wrong, (*shape)."""
-        return np.asarray(read_columns(self.path, ["status"])["status"]).astype(str).reshape(self.shape)
+        return self._read(["status"])["status"].astype(str).reshape(self.shape)
+
+    def _read(self, columns: list[str]) -> dict[str, NDArray]:
+        return FORMATS[self.path.suffix].read(self.path, columns)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return the whole table (needs pandas)."""
-        return imported("pandas", "tables").read_parquet(self.path)
+        pandas = imported("pandas", "tables")
+        return pandas.read_csv(self.path) if self.path.suffix == ".csv" else pandas.read_parquet(self.path)
 
     def __repr__(self) -> str:
         return f"<SweepFile of {self.mechanism.name}: {len(self._places)} poses; {', '.join(self)}; in {self.path}>"

@@ -1,4 +1,4 @@
-"""A sweep larger than memory: parts on disk while it runs, one Parquet table in the end.
+"""A sweep larger than memory: parts on disk while it runs, one table in the end, Parquet or CSV.
 
 Parts stand in a folder beside the table, FILE.parts, each written whole. A sweep that was interrupted finds them there
 and goes on; what does not belong to it, it refuses, and what is damaged, it solves again.
@@ -20,7 +20,7 @@ from .engine import Answer, Engine
 from .places import Places
 from .result import table_columns
 from .running import PART
-from .table import ABOUT, arrow, as_table, write_whole
+from .table import FORMATS
 
 __all__ = ["Parts"]
 
@@ -34,11 +34,12 @@ class Parts:
 
     def __init__(self, out: Path, engine: Engine, places: Places):
         """Begin, or take up what is there. Raises InputError where nothing can be written or others' parts stand."""
-        arrow()
         if out.is_dir():
             raise InputError(f"out: '{out}' is a folder; give a file in it, such as sweep.parquet")
-        if out.suffix != ".parquet":
-            raise InputError(f"out: '{out}' would be a Parquet table; give a name that ends in .parquet")
+        if out.suffix not in FORMATS:
+            raise InputError(f"out: '{out}': expected a name that ends in .csv or .parquet")
+        self._format = FORMATS[out.suffix]
+        self._format.check()
         if not out.parent.is_dir():
             raise InputError(f"out: cannot write '{out}': there is no folder '{out.parent}'")
         self.out, self.folder = out, out.with_name(f"{out.name}.parts")
@@ -81,7 +82,7 @@ class Parts:
             if path.name == _ABOUT:
                 continue
             start = int(path.stem.partition("-")[2]) if path.stem.startswith("part-") else -1
-            if start >= 0 and path.suffix == ".parquet" and self._is_whole(path, start):
+            if start >= 0 and path.suffix == self.out.suffix and self._is_whole(path, start):
                 done.add(start)
             else:
                 path.unlink()
@@ -89,38 +90,20 @@ class Parts:
         return frozenset(done)
 
     def _is_whole(self, path: Path, start: int) -> bool:
-        expected = min(PART, len(self._places) - start)
-        try:
-            return arrow().parquet.read_metadata(path).num_rows == expected
-        except (OSError, arrow().ArrowInvalid):
-            return False
+        return self._format.rows(path) == min(PART, len(self._places) - start)
 
     def write(self, start: int, answer: Answer) -> None:
         """Write the part that begins at a pose."""
         rows = self._places.rows(start, start + len(answer.status))
         columns = table_columns(self._engine, rows, answer)
-        write_whole(self._path(start), as_table(columns, self._engine.about()))
+        self._format.write(self._path(start), columns, self._engine.about())
 
     def finish(self) -> None:
         """Put all parts into one table, and remove them once it is whole."""
-        parquet = arrow().parquet
-        part = self.out.with_name(f".{self.out.name[:80]}.part")
+        parts = map(self._path, range(0, len(self._places), PART))
         try:
-            writer = None
-            try:
-                for start in range(0, len(self._places), PART):
-                    table = parquet.read_table(self._path(start))
-                    if writer is None:
-                        about = {ABOUT: json.dumps(self.about(), sort_keys=True).encode()}
-                        schema = _plain(table).schema.with_metadata(about)
-                        writer = parquet.ParquetWriter(part, schema, compression="zstd")
-                    writer.write_table(_plain(table).cast(schema))
-            finally:
-                if writer is not None:
-                    writer.close()
-            part.replace(self.out)
+            self._format.join(parts, self.out, self.about())
         except OSError as error:
-            part.unlink(missing_ok=True)
             raise InputError(
                 f"out: cannot write '{self.out}': {error.strerror or error}; the parts are in '{self.folder}'"
             ) from error
@@ -133,14 +116,7 @@ class Parts:
         return {**self._engine.about(), "shape": places.shape, "axes": axes, "fixed": places.fixed}
 
     def _path(self, start: int) -> Path:
-        return self.folder / f"part-{start:012d}.parquet"
-
-
-def _plain(table: Any) -> Any:
-    """Return a table whose words are words: every part has a dictionary of its own."""
-    pa = arrow()
-    at = table.schema.get_field_index("status")
-    return table.set_column(at, "status", table.column(at).cast(pa.string()))
+        return self.folder / f"part-{start:012d}{self.out.suffix}"
 
 
 def _fingerprint(engine: Engine, places: Places) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from ..numbers import number
 from ..spatial import as_wrench
 from .engine import Engine
 from .places import Coordinates, Places, drawn, grid, scattered
-from .quantities import Asked, chosen
+from .quantities import Asked, chosen, unused
 from .result import SweepFile, SweepResult
 from .running import solved_parts
 from .stream import Parts
@@ -94,7 +94,7 @@ def sweep(
             f"'{mechanism.name}' has no compliant module: give joint stiffnesses, "
             "load(..., joint_stiffness=1e4) [N m/rad, N/m], or ask for joints and positions alone"
         )
-    remarks: list[str] = []
+    remarks = list(unused(asked.quantities, wrench=wrench, direction=direction))
     if compiled and engine.written is None:
         remarks.append(
             f"'{mechanism.name}' and what was asked cannot be compiled (docs/sweep.md says what can); solved by arrays"

@@ -136,7 +136,9 @@ def test_what_is_not_sure_says_so(ur5):
     assert "up to 45.84, so not rad" in doubts(logs.numbered("q{}", np.degrees(Q[:, :6]) * 0.5))
     assert "no column was found that is the position of a joint" in doubts({"voltage": logs.T**0})
     assert "the joint's name is made up" in doubts(q, None)
-    assert "is it what acts on the tool point" in doubts(q | {"Fz": logs.T})
+    loads = doubts(q | {"Fx": logs.T, "Fy": logs.T, "Fz": logs.T})
+    assert loads.count("what acts on the tool point, in base axes?") == 1
+    assert loads.startswith("w.fx: ")
     assert "named after a motor" in doubts(logs.numbered("motor_pos_{}", Q))
     assert "no column is a time: write how many rows a second" in "\n".join(guess(log_of(q), ur5).doubts)
 

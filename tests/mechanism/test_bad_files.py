@@ -119,7 +119,7 @@ def test_the_arm_itself_is_fine(write):
         ('value="0.02"', 'value="0"', "rod.diameter = 0.0 m: expected > 0 m"),
         ('value="0.02"', 'value="-0.02"', "rod.diameter = -0.02 m: expected > 0 m"),
         ('unit="m"', 'unit="mm"', "has unit=\"mm\"; expected m"),
-        ('unit="N m/rad"', 'unit="N/mm"', "expected N/m or N m/rad"),
+        ('unit="N m/rad"', 'unit="N/mm"', "expected N m/rad (joint 'shoulder' turns)"),
         # the tree
         ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', "'shoulder', axis: its axis is zero; expected a direction"),
         ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1e-300"/>', "its axis is zero"),
@@ -191,6 +191,12 @@ MOMENTS = '<inertial><mass value="1"/><inertia {} ixy="0" ixz="0" iyz="0"/></ine
 def test_what_was_hardly_meant_is_assumed_aloud(write, old, new, expected):
     said = prup_pin.load(write((old, new))).assumptions
     assert [text for text in said if text.endswith(expected)], said
+
+
+@pytest.mark.parametrize("unit", ["Nm/rad", "N*m/rad", "N·m/rad"])
+def test_a_unit_is_the_same_however_it_is_spelt(write, unit):
+    path = write(('unit="N m/rad"', f'unit="{unit}"'))
+    assert prup_pin.load(path).parameters["spring.stiffness"].unit == "N m/rad"
 
 
 def test_what_is_usual_is_not_remarked(write):

@@ -87,5 +87,7 @@ def test_a_file_in_millimetres_is_suspected(tmp_path):
         f'<robot name="r"><link name="base"/>{LINK.format("a", 1)}{JOINT.format("j", "revolute", "base", "a")}</robot>'
     )
     (tmp_path / "long.urdf").write_text(text.replace('xyz="1 0 0"', 'xyz="0 0 -330"'))
-    (note,) = prup_pin.load(tmp_path / "long.urdf").mechanism.description.notes
+    robot = prup_pin.load(tmp_path / "long.urdf")
+    (note,) = robot.mechanism.description.doubts
+    assert note in robot.assumptions
     assert "330 m from the one before: is the file in millimetres?" in note

@@ -63,9 +63,14 @@ def interrupt_after(parts):
     return progress
 
 
-def test_a_streamed_sweep_is_the_same(robot, whole, tmp_path):
-    s = robot.sweep(**ASKED, out=tmp_path / "s.parquet")
-    assert [path.name for path in tmp_path.iterdir()] == ["s.parquet"]
+@pytest.fixture(params=["s.parquet", "s.csv"])
+def name(request):
+    return request.param
+
+
+def test_a_streamed_sweep_is_the_same(robot, whole, tmp_path, name):
+    s = robot.sweep(**ASKED, out=tmp_path / name)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
     assert s.shape == (2, 9, 11)
     assert_same(s, whole)
     assert s.counts == whole.counts
@@ -75,11 +80,11 @@ def test_a_streamed_sweep_is_the_same(robot, whole, tmp_path):
     np.testing.assert_array_equal(table["theta"], whole.coordinates[..., 1].ravel())
 
 
-def test_an_interrupted_sweep_goes_on(robot, whole, tmp_path):
-    out = tmp_path / "s.parquet"
+def test_an_interrupted_sweep_goes_on(robot, whole, tmp_path, name):
+    out = tmp_path / name
     with pytest.raises(Interrupted):
         robot.sweep(**ASKED, out=out, progress=interrupt_after(3))
-    folder = tmp_path / "s.parquet.parts"
+    folder = tmp_path / f"{name}.parts"
     there = sorted(path.name for path in folder.glob("part-*"))
     assert 2 <= len(there) <= 4
     assert not out.exists()
@@ -96,8 +101,8 @@ def test_an_interrupted_sweep_goes_on(robot, whole, tmp_path):
     assert not folder.exists()
 
 
-def test_half_written_and_strange_files_are_solved_again(robot, whole, tmp_path):
-    out, folder = tmp_path / "s.parquet", tmp_path / "s.parquet.parts"
+def test_half_written_and_strange_files_are_solved_again(robot, whole, tmp_path, name):
+    out, folder = tmp_path / name, tmp_path / f"{name}.parts"
     with pytest.raises(Interrupted):
         robot.sweep(**ASKED, out=out, progress=interrupt_after(4))
     first, second, *_ = sorted(folder.glob("part-*"))
@@ -138,7 +143,7 @@ def test_where_nothing_can_be_written_nothing_is_computed(robot, tmp_path):
     for out, said in (
         (tmp_path / "nowhere" / "s.parquet", "no folder"),
         (tmp_path, "is a folder"),
-        (tmp_path / "s.csv", "ends in .parquet"),
+        (tmp_path / "s.xlsx", "ends in .csv or .parquet"),
         (tmp_path / "file" / "s.parquet", "no folder"),
     ):
         with pytest.raises(prup_pin.InputError, match=said):

@@ -83,6 +83,18 @@ def test_the_extremes_are_those_of_all_729_states(robot):
         np.testing.assert_allclose(s["extreme_components"][index], np.abs(moved).max(axis=0), rtol=1e-12)
 
 
+def test_the_deflection_is_that_under_the_load_by_arrays_and_by_straight_lines(robot):
+    load = [300.0, -20.0, 5.0, 1.0, 2.0, 3.0]
+    where = {"z": 0.3, "theta": [-0.3, 0.1], "phi": [0.0, 0.4], "quantities": ["deflection"], "wrench": load}
+    s = robot.sweep(**where)
+    assert not s.remarks
+    single = robot.compliance(robot.pose(z=0.3, theta=0.1, phi=0.4)).deflection(load)
+    np.testing.assert_allclose(s["deflection"][1, 1], single, rtol=1e-9)
+    compiled = robot.sweep(**where, compiled=True)
+    assert not compiled.remarks
+    np.testing.assert_allclose(compiled["deflection"], s["deflection"], rtol=1e-9, atol=1e-15)
+
+
 def test_a_box_of_forces_alone_has_no_moments(robot):
     alone, slight, whole = (
         robot.sweep(z=0.3, theta=0.1, phi=0.2, quantities=["extremes"], force=100.0, **moment)["extremes"]

@@ -85,7 +85,7 @@ def test_a_force_is_one_in_other_languages():
     log = Log("x.csv", (Stream("table", {name: np.zeros(3) for name in names}),))
     lines = {line.target: line for line in wrench_lines(log, set())}
     assert set(lines) == {"w.fx", "w.mz", "w.fy"}
-    assert all(line.doubt for line in lines.values())
+    assert [bool(line.doubt) for line in lines.values()] == [True, False, False]  # asked once
 
 
 def test_one_of_a_thing_is_one():
@@ -193,7 +193,7 @@ def test_poses_far_off_are_told_with_the_joint_whose_column_is_missing():
         tolerances=Tolerances(),
     )
     for ask in (prospects, diagnose):
-        with pytest.raises(InputError, match=r"1 joint without a column q: elbow_joint"):
+        with pytest.raises(InputError, match=r"^1 joint without a column q: elbow_joint"):
             ask(robot, recording)
 
 

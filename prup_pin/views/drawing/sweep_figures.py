@@ -27,8 +27,11 @@ _SHARES = 5
 _DOMINANT = ("#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#bbbbbb")
 #: Decimals of a share that are more than rounding: of parts that share alike the robot file's first comes first.
 _SHARE_DIGITS = 9
-#: Dashes of curves in one drawing, so that two that are one are seen as two.
+#: Dashes and marks of curves in one drawing, so that two that are one are seen as two.
 _STYLES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)))
+_MARKS = "os^Dv"
+#: So many marks on a curve, each curve's beside those of others.
+_MARKED = 6
 _SIZE = 2.9  # of a map [in]
 _LEVELS = 12
 #: What a path misses after compensation.
@@ -38,8 +41,6 @@ _TALL = 4
 
 #: A sweep in memory or in a file.
 Swept = SweepResult | SweepFile
-#: The three principal stiffnesses, as they ascend.
-_RANKS = ("smallest", "middle one", "largest")
 #: A title, its unit, and the values over two axes (n, m), or over one (n,).
 Panel = tuple[str, str, Array]
 
@@ -76,7 +77,7 @@ def map_figure(found: Swept, name: str) -> Figure:
     """Return maps of one quantity, a panel for each of its entries; of one axis curves."""
     panels = _panels(found, name)
     if len(found._places.axes) == 1:
-        return _curves(found, panels, QUANTITIES[name].summary)
+        return _curves(found, panels, QUANTITIES[name].summary, name)
     return _maps(found, panels, QUANTITIES[name].summary)
 
 
@@ -117,7 +118,7 @@ def share_figure(found: Swept) -> Figure:
         means = np.nanmean(found["shares"], axis=0)
         most = np.argsort(-np.round(means, _SHARE_DIGITS), kind="stable")[:_SHARES]
         panels = [(modules[index], "%", 100 * found["shares"][:, index]) for index in most]
-        return _curves(found, panels, "largest shares of the work")
+        return _curves(found, panels, "largest shares of the work", "share of the work")
     shares = _plane(found, found["shares"])
     flat = shares.reshape(-1, len(modules))
     most = np.argsort(-np.round(np.nan_to_num(flat).max(axis=0), _SHARE_DIGITS), kind="stable")[:_SHARES]
@@ -155,15 +156,13 @@ def _panels(found: Swept, name: str, keep: Sequence[str] | None = None, beside: 
     quantity = QUANTITIES[name]
     values = _plane(found, found[name])
     panels = []
-    principal = quantity.shape(found.mechanism) == (3,) and quantity.unit in ("N/m", "N m/rad")
     for labels, place in quantity.entries(found.mechanism):
         if keep is not None and not set(labels) & set(keep):
             continue
         entry, *others = (quantity.entry(each, place) for each in (values, *(other[name] for other in beside)))
         unit = quantity.unit_of(found.mechanism, place)
         factor, shown = _readable(np.concatenate([np.ravel(each) for each in (entry, *others)]), unit)
-        rank = f", the {_RANKS[place[0]]}" if principal else ""
-        panels.append((" ".join((name, *labels)) + rank, shown, factor * entry))
+        panels.append((quantity.title(found.mechanism, place), shown, factor * entry))
     return panels
 
 
@@ -187,7 +186,7 @@ def _two(found: Swept) -> tuple[tuple[str, str], tuple[Array, Array]]:
 
 
 def _axis(found: Swept, name: str) -> tuple[Array, str]:
-    unit = dict(zip(found._places.names, found._engine.coordinates.units, strict=True))[name]
+    unit = found.coordinate_units[name]
     return (1e3 * found._places.axes[name], "mm") if unit == "m" else (np.degrees(found._places.axes[name]), "deg")
 
 
@@ -200,11 +199,12 @@ def _plane(found: Swept, values: Array) -> Array:
 
 def _heading(found: Swept, summary: str) -> str:
     """Return what is drawn of which robot, and where the coordinates stand that are not drawn."""
-    units = dict(zip(found._places.names, found._engine.coordinates.units, strict=True))
+    units = found.coordinate_units
     held = dict(found._places.fixed)
     held |= {name: axis[len(axis) // 2] for name, axis in list(found._places.axes.items())[:-2]}
     others = ", ".join(f"{name} {coordinate_text(value, units[name], 4)}" for name, value in held.items())
-    return f"{found.mechanism.name}: {summary}{f'; at {others}' if others else ''}"
+    others = f"\nat {others}" if others else ""
+    return f"{found.mechanism.name}: {summary}{others}"
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
@@ -225,8 +225,8 @@ def _maps(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
     return figure
 
 
-def _curves(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
-    """Draw entries over one axis, those of one unit together; a curve that lies on another one shows through it."""
+def _curves(found: Swept, panels: Sequence[Panel], summary: str, what: str) -> Figure:
+    """Draw entries of `what` over one axis, those of one unit together; one that lies on another shows through it."""
     by_unit: dict[str, list[Panel]] = {}
     for panel in panels:
         by_unit.setdefault(panel[1], []).append(panel)
@@ -237,9 +237,12 @@ def _curves(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
     for axes, (unit, group) in zip(figure.subplots(1, len(by_unit), squeeze=False)[0], by_unit.items(), strict=True):
         for place, (title, _, values) in enumerate(group):
             colour, style = _DOMINANT[place % len(_DOMINANT)], _STYLES[place % len(_STYLES)]
-            axes.plot(across, values, lw=1.8, ls=style, color=colour, label=title)
+            every = max(len(group), len(across) // _MARKED)
+            first = place * every // len(group)
+            marks = {"marker": _MARKS[place % len(_MARKS)], "markevery": (first, every), "ms": 4}
+            axes.plot(across, values, lw=1.8, ls=style, color=colour, label=title, **marks)
         axes.set_xlabel(f"{only} [{along}]", fontsize=8)
-        axes.set_ylabel(_with_unit(group[0][0] if len(group) == 1 else "", unit).strip(), fontsize=8)
+        axes.set_ylabel(_with_unit(group[0][0] if len(group) == 1 else what, unit), fontsize=8)
         if len(group) > 1:
             axes.legend(fontsize=7, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
         plain_axes(axes, 7, None)

@@ -54,6 +54,8 @@ def print_log(out: Console, log: Log) -> None:
 
 def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> None:
     """Print a recording column by column beside the columns it came from, and the remarks."""
+    from ...imports.map import ROTATIONS
+
     print_log(out, log)
     recording = done.recording
     span = recording.time[-1] - recording.time[0]
@@ -70,6 +72,9 @@ def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> 
         factor = f" x {number(column.sign * column.scale, 4)}" if column.sign * column.scale != 1 else ""
         rows.append((name, column.source, column.unit.name + factor, *ends, _si_of(name, column)))
     show_table(out, ("recording", "column of the log", "in", ">from", ">to", ""), rows)
+    for name, rotation in plan.rotations.items():
+        angles = f" in {rotation.unit.name}" if ROTATIONS[rotation.manner] == 3 else ""
+        paragraph(out, f"{name} from {', '.join(rotation.sources)}{angles}, as {rotation.manner}.", "- ")
     for group in plan.motors:
         paragraph(out, f"{', '.join(group.joints)} from the motors {', '.join(group.names)} by their matrix.", "- ")
     odd = [*done.remarks, *suspicions(recording), *recording.remarks]

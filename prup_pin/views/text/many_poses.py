@@ -12,9 +12,10 @@ from ...compensation import Compensation
 from ...laws import Effect
 from ...numbers import counted, fixed, number, readable_unit
 from ...robot import Robot
-from ...sweep import QUANTITIES, SweepFile, SweepResult
+from ...sweep import QUANTITIES, Quantity, SweepFile, SweepResult
 from .bench_tests import effect_text, print_failures
-from .terminal import bullets, heading, listed, paragraph, show_table
+from .terminal import bullets, heading, in_options, listed, paragraph, show_table
+from .values import clean, coordinate_text
 
 #: Quantities with more entries are named, not listed.
 _ENTRIES = 8
@@ -34,31 +35,57 @@ def print_sweep(out: Console, found: SweepResult | SweepFile, about: Mapping[str
     ok = found.status == "ok"
     if ok.any():
         _print_spread(out, found, ok)
-    bullets(out, "Remarks", found.remarks)
+    bullets(out, "Remarks", [in_options(text) for text in found.remarks])
 
 
 def _print_spread(out: Console, found: SweepResult | SweepFile, ok: np.ndarray) -> None:
-    rows, large = [], []
+    poses = np.flatnonzero(ok)
+    rows, places, listed_here, large = [], [], [], []
     for name in found:
-        entries = QUANTITIES[name].entries(found.mechanism)
+        quantity = QUANTITIES[name]
+        entries = quantity.entries(found.mechanism)
         if len(entries) > _ENTRIES:
             large.append(name)
             continue
         values = found[name][ok]
-        for labels, place in entries:
-            entry = QUANTITIES[name].entry(values, place)
-            finite = entry[np.isfinite(entry)]
-            if not len(finite):
+        listed_here.append(quantity)
+        for _, place in entries:
+            entry = quantity.entry(values, place)
+            known = np.flatnonzero(np.isfinite(entry))
+            if not len(known):
                 continue
-            unit = QUANTITIES[name].unit_of(found.mechanism, place)
-            unit, factor = ("°", 180 / np.pi) if unit == "rad" else readable_unit(float(np.abs(finite).max()), unit)
+            finite, title = entry[known], quantity.title(found.mechanism, place)
+            unit, factor = _readable(quantity, quantity.unit_of(found.mechanism, place), finite)
             shown = (finite.min(), finite.mean(), np.percentile(finite, 95), finite.max())
-            rows.append((" ".join((name, *labels)), *fixed(factor * value for value in shown), unit))
+            texts = fixed(factor * value for value in shown)
+            rows.append((title, *texts, unit))
+            if texts[0] != texts[-1]:
+                ends = (poses[known[at]] for at in (finite.argmin(), finite.argmax()))
+                places.append((title, *(_where(found, int(pose)) for pose in ends)))
     if rows:
         heading(out, "Over the poses that answered")
         show_table(out, ("", ">least", ">mean", ">95 %", ">largest", "unit"), rows)
+        for quantity in listed_here:
+            paragraph(out, f"{quantity.name}: {quantity.summary}", "  ")
+    if places:
+        heading(out, "Where")
+        show_table(out, ("", "least at", "largest at"), places)
     if large:
         listed(out, "in --out", [f"{', '.join(large)}: of each pose more than {_ENTRIES} numbers, not listed here"])
+
+
+def _readable(quantity: Quantity, unit: str, values: np.ndarray) -> tuple[str, float]:
+    """Return the unit in which people read values, and how many of it one SI unit is."""
+    if quantity.name == "shares":
+        return "%", 100.0
+    return ("°", 180 / np.pi) if unit == "rad" else readable_unit(float(np.abs(values).max()), unit)
+
+
+def _where(found: SweepResult | SweepFile, pose: int) -> str:
+    """Return the coordinates of a pose that are not the same at all poses."""
+    units = found.coordinate_units
+    moved = {name: value for name, value in found.coordinates_of(pose).items() if name not in found.fixed}
+    return ", ".join(f"{name} {coordinate_text(clean(value), units[name], 4, '°')}" for name, value in moved.items())
 
 
 # -- a compensation: what the path missed, what the commands leave -----------------------------------------------------

@@ -289,7 +289,9 @@ def print_check(out: Console, robot: Robot) -> None:
             listed(out, label.lower(), texts)
     except PrupPinError:
         pass  # among the remarks
-    print_remarks(out, [in_options(text) for text in robot_remarks(robot)], list(robot.assumptions))
+    remarks = list(robot_remarks(robot))
+    assumed = [text for text in robot.assumptions if text not in remarks]
+    print_remarks(out, [in_options(text) for text in remarks], assumed)
 
 
 def print_remarks(out: Console, remarks: list[str], assumed: list[str]) -> None:

@@ -28,6 +28,8 @@ _OPTIONS = {
     "wrench=[fx, fy, fz, mx, my, mz] [N, N m]": "--wrench fz=-300",
     'direction=[x, y, z], base axes, or direction="tool z"': "--direction 0,0,1, base axes, or --direction 'tool z'",
     "out='FILE.parquet'": "--out FILE.parquet",
+    "wrench is not used by": "--wrench is not used by",
+    "direction is not used by": "--direction is not used by",
     "(or home={...})": "(or --home JOINT=VALUE,JOINT=VALUE)",
 }
 
