@@ -40,7 +40,7 @@ def test_every_quantity_that_has_a_map_gets_one(swept):
 def test_principal_stiffnesses_are_told_by_their_rank():
     principal = ROBOT.sweep(z=0.3, theta=ANGLES, phi=ANGLES, quantities=["rotational"])
     ranks = [title.partition(",")[2].partition("[")[0].strip() for title in titles(figures_of(principal)["rotational"])]
-    assert ranks == ["the smallest", "the middle one", "the largest"]
+    assert ranks == ["softest", "the middle one", "stiffest"]
 
 
 def test_the_map_shows_the_numbers(swept):
@@ -64,7 +64,7 @@ def test_stiffness_is_told_in_units_without_powers_of_ten():
     stiff, soft = (
         robot.sweep(z=0.3, theta=ANGLES, phi=ANGLES, quantities=["translational"]) for robot in (ROBOT, weak)
     )
-    word = "translational 1, the smallest"
+    word = "translational 1, softest"
     assert titles(figures_of(stiff)["translational"])[0] == f"{word} [N/mm]"
     assert titles(figures_of(soft)["translational"])[0] == f"{word} [N/m]"
     both = titles(beside_figure([("a", stiff), ("b", soft)], ["translational"], ""))
@@ -113,9 +113,9 @@ def test_curves_of_one_unit_share_a_drawing_whose_axis_names_it(five_bar):
     units = {name: [axes.get_ylabel() for axes in figure.axes] for name, figure in figures.items()}
     assert units == {
         "extremes": ["extremes translation [mm]", "extremes rotation [deg]"],
-        "shares": ["[%]"],
-        "K_task": ["[N/mm]", "K_task x y [N/m]"],
-        "actuators": ["[deg]"],
+        "shares": ["share of the work [%]"],
+        "K_task": ["K_task [N/mm]", "K_task x y [N/m]"],
+        "actuators": ["actuators [deg]"],
     }
     assert all("x 0 mm" in figure.get_suptitle() for figure in figures.values())
     assert not figures["K_task"].axes[1].lines[0].get_ydata().any()  # of a symmetric pose; what is there is rounding
