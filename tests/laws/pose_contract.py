@@ -92,6 +92,7 @@ def check_quantities(name, law, place):
     strong = starts[0][first.name] if law.strong is None else first.check(law.strong, "strong")
     assert law.magnified(strong, 1.0) == pytest.approx(strong)
     assert law.magnified(law.magnified(strong, 3.0), 1 / 3) == pytest.approx(strong)
+    assert law.multiple(law.magnified(strong, 3.0), strong) == pytest.approx(3.0)
     assert set(law.neutral) <= set(quantities)
     assert list(law.neutral_at(place, mechanism)) == list(quantities)
 
