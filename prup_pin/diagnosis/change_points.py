@@ -18,7 +18,7 @@ from ..spatial import Array
 from .chances import WITHIN_95, chi2_isf
 from .criteria import FALSE_ALARM, FEW_ROUNDS, ROUNDING
 
-__all__ = ["RAMP", "STEP", "ChangePoint", "Values", "change_points", "estimate", "smallest_step"]
+__all__ = ["RAMP", "STEP", "ChangePoint", "Values", "change_points", "estimate", "gains", "smallest_step"]
 
 STEP, RAMP = "step", "ramp"
 #: Chi squared within which 95 % of the moments lie: twice a log likelihood of one number.
@@ -96,8 +96,8 @@ def change_points(values: Values) -> tuple[ChangePoint, ...]:
 
     def best(others: Sequence[tuple[int, str, int]]) -> tuple[int, str, int] | None:
         """Return the change that exceeds chance most beside others; None where none does."""
-        gains = _gains(values, others)
-        beyond = {key: gain - least[len(values.groups[key[0]])] for key, gain in gains.items()}
+        taken = gains(values, others)
+        beyond = {key: gain - least[len(values.groups[key[0]])] for key, gain in taken.items()}
         key = max(beyond, key=beyond.__getitem__, default=None)
         return key if key is not None and beyond[key] > 0 else None
 
@@ -117,10 +117,10 @@ def change_points(values: Values) -> tuple[ChangePoint, ...]:
     return tuple(sorted((_told(values, key, found) for key in found), key=lambda item: (item.begin, item.group)))
 
 
-def _gains(values: Values, others: Sequence[tuple[int, str, int]]) -> dict[tuple[int, str, int], float]:
+def gains(values: Values, others: Sequence[tuple[int, str, int]]) -> dict[tuple[int, str, int], float]:
     """Return what every further change takes off chi squared beside others."""
     precision, score = _beside(values, others)
-    gains = {}
+    found = {}
     for key in values.hypotheses():
         if key in others:
             continue
@@ -129,8 +129,8 @@ def _gains(values: Values, others: Sequence[tuple[int, str, int]]) -> dict[tuple
         inverse = _inverse(own, np.diagonal(whole))
         if inverse is not None:
             right = v.T @ score
-            gains[key] = float(right @ inverse @ right)
-    return gains
+            found[key] = float(right @ inverse @ right)
+    return found
 
 
 def _beside(values: Values, others: Sequence[tuple[int, str, int]]) -> tuple[Array, Array]:
@@ -157,12 +157,12 @@ def _inverse(matrix: Array, scale: Array) -> Array | None:
 def _told(values: Values, key: tuple[int, str, int], found: Sequence[tuple[int, str, int]]) -> ChangePoint:
     """Return a change with its size and the moments that cannot be told apart, beside all others."""
     others = [item for item in found if item != key]
-    gains = _gains(values, others)
+    taken = gains(values, others)
     precision, score = _beside(values, others)
     v = values.direction(*key)
     covariance = np.linalg.inv(v.T @ precision @ v)
-    near = [each[2] for each, gain in gains.items() if each[:2] == key[:2] and gain > gains[key] - _WITHIN_95]
-    return ChangePoint(*key, covariance @ (v.T @ score), covariance, gains[key], (min(near), max(near)))
+    near = [each[2] for each, gain in taken.items() if each[:2] == key[:2] and gain > taken[key] - _WITHIN_95]
+    return ChangePoint(*key, covariance @ (v.T @ score), covariance, taken[key], (min(near), max(near)))
 
 
 def estimate(values: Values, place: int, found: Sequence[ChangePoint], first: bool) -> tuple[Array, Array, Array]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from ..robot import Robot
 from ..simulation import CorrectedModel, effect_named
 from ..spatial import Array
 from .calibrate import Toleranced, changes_per_tolerance
-from .change_points import STEP, ChangePoint, Values, change_points, estimate, smallest_step
+from .change_points import STEP, ChangePoint, Values, change_points, estimate, gains, smallest_step
 from .chances import WITHIN_95
 from .conventions import read_logs
 from .criteria import INDISTINCT, LITTLE, ROUNDING
@@ -74,6 +73,11 @@ class Followed:
     before: Effect | None
     reference: Effect
     whole: bool
+
+    @property
+    def counts_from_nothing(self) -> bool:
+        """Whether its value in the first recording is open too; else the first model has it, or the like of it."""
+        return self.whole and self.before is None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -227,7 +231,8 @@ def _followed(named: Named | None, before: Effect | None, mechanism: Mechanism) 
     quantities = reference.law.quantities_at(reference.place, mechanism)
     names = [item.name for item in quantities if item.name in reference.values]
     reference = Effect(reference.law, reference.place, {name: float(reference.values[name]) for name in names})
-    whole = any(item.positive for item in quantities) or any(reference.law.neutral_at(reference.place, mechanism).values())
+    neutral = reference.law.neutral_at(reference.place, mechanism)
+    whole = any((item.positive and item.lower >= 0) or neutral[item.name] for item in quantities)
     found = Followed(named, before, reference, whole)
     if whole and not np.isfinite(found.coordinate(reference.values[names[0]])):
         return None
@@ -393,7 +398,7 @@ def _together(evidence: Sequence[Evidence], laws: Sequence[Followed], time: Arra
         right - by_v.T @ score,
         groups,
         time,
-        tuple(item.before is None for item in laws),
+        tuple(item.counts_from_nothing for item in laws),
         max(item.library for item in evidence),
     )
     return values, _Shared(covariance @ score, by_v, covariance)
@@ -421,8 +426,7 @@ def life_of(
         for index, item in enumerate(laws):
             if item.before is not None or any(each.group == index for each in found):
                 series += _series(item, index, values, shared, found, model, mechanism)
-        named = {(each.key, each.parameter): each for each in series}
-        changes = [_change(item, laws, values, found, named, answers, mechanism) for item in found]
+        changes = [_change(item, laws, values, found, answers, mechanism) for item in found]
     unknown = any(answer.verdict == "unexplained" for answer in answers[1:])
     verdict = "changed" if any(item.begin is not None for item in changes) else "nothing_changed"
     verdict = "unexplained" if unknown and verdict == "nothing_changed" else verdict
@@ -446,7 +450,7 @@ def _series(
     units = {each.name: each.unit for each in item.reference.law.quantities_at(item.reference.place, mechanism)}
     q = len(values.score) // n
     for name, place in zip(item.names, values.groups[index], strict=True):
-        v, mean, covariance = estimate(values, place, found, first=item.before is None)
+        v, mean, covariance = estimate(values, place, found, first=item.counts_from_nothing)
         begun, row = _begun(item, name, model)
         # value k = begun + row x + change k, and x follows the changes
         read = np.kron(np.eye(n), np.eye(q)[[place]]) - row @ shared.by_v
@@ -497,17 +501,15 @@ def _change(
     laws: Sequence[Followed],
     values: Values,
     found: Sequence[ChangePoint],
-    series: Mapping[Any, Series],
     answers: Sequence[Answer],
     mechanism: Mechanism,
 ) -> Change:
     """Return a change as people are told it."""
     item = laws[point.group]
     quantities = {each.name: each for each in item.reference.law.quantities_at(item.reference.place, mechanism)}
-    reach = WITHIN_95 * np.sqrt(np.diagonal(point.covariance))
+    law, reach = item.reference.law, WITHIN_95 * np.sqrt(np.diagonal(point.covariance))
     before = sum((each.size for each in found if each.group == point.group and _earlier(each, point)), np.zeros(len(reach)))
     main = item.names[0]
-    own = [series[item.named.key, name] for name in item.names]
     unit = quantities[main].unit
     if item.whole:
         at = (1.0 if item.before is not None else 0.0) + float(before[0])
@@ -520,7 +522,6 @@ def _change(
         parameters = {name: FittedParameter.about(size, quantities[name].unit, far) for name, size, far in sizes}
         then = float(before[0]) + (item.before.values[main] if item.before is not None else 0.0)
         now = then + float(point.size[0])
-    del own
     shift = 1 if point.shape == STEP else 0
     begin = None if point.shape == STEP and point.begin == 0 else point.begin - shift
     between = tuple(max(each - shift, 0) for each in point.between)
@@ -530,7 +531,6 @@ def _change(
     for other, law in enumerate(laws):
         if other != point.group and _alike(values, point, other, found):
             others[f"{law.named.physics} at {law.named.location}"] = None
-    law = item.reference.law
     if item.whole:
         words = f"{main.replace('_', ' ')} of the {law.physics.replace('_', ' ')} at {item.reference.place}"
         way = "grew" if abs(now) > abs(then) else "fell"
@@ -550,8 +550,6 @@ def _earlier(one: ChangePoint, other: ChangePoint) -> bool:
 
 def _alike(values: Values, point: ChangePoint, other: int, found: Sequence[ChangePoint]) -> bool:
     """Return whether another law explains a change as well, at the same moment."""
-    from .change_points import _gains
-
     others = [(each.group, each.shape, each.begin) for each in found if each is not point]
-    gain = _gains(values, others).get((other, point.shape, point.begin), 0.0)
+    gain = gains(values, others).get((other, point.shape, point.begin), 0.0)
     return gain > point.gain - INDISTINCT
