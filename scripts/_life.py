@@ -45,7 +45,8 @@ to 15 times the noise at the end, RMS in the strongest channel), or the tracker 
 def devices(count: int, first: int) -> list[tuple[str, int]]:
     """Return robots and seeds of so many trials."""
     robots = [IN_TURN[place % len(IN_TURN)] for place in range(count)]
-    return [(robot, first + robots[:place].count(robot)) for place, robot in enumerate(robots)]
+    found = [(robot, first + robots[:place].count(robot)) for place, robot in enumerate(robots)]
+    return sorted(found, key=lambda item: (list(ROBOTS).index(item[0]), item[1]))
 
 
 def trial(seed: int, robot: str) -> dict[str, Any]:

@@ -528,9 +528,9 @@ def _change(
     others = dict.fromkeys(
         text for answer in answers[1:] for each in answer.named if each.key == item.named.key for text in each.others
     )
-    for other, law in enumerate(laws):
-        if other != point.group and _alike(values, point, other, found):
-            others[f"{law.named.physics} at {law.named.location}"] = None
+    for index, other in enumerate(laws):
+        if index != point.group and _alike(values, point, index, found):
+            others[f"{other.named.physics} at {other.named.location}"] = None
     if item.whole:
         words = f"{main.replace('_', ' ')} of the {law.physics.replace('_', ' ')} at {item.reference.place}"
         way = "grew" if abs(now) > abs(then) else "fell"
