@@ -84,7 +84,9 @@ def trial(seed: int, robot: str) -> dict[str, Any]:
             for item in changes
         ],
         "first": [f"{item.physics} at {item.location}" for item in found.answers[0].named],
-        "asked": [[answer.verdict, *(f"{x.physics} at {x.location}" for x in answer.named)] for answer in found.answers],
+        "asked": [
+            [answer.verdict, *(f"{x.physics} at {x.location}" for x in answer.named)] for answer in found.answers
+        ],
         "found": bool(right),
         "apart": None if not right else min(abs(item.begin - truth["begin"]) for item in right),
         "inside": None if not right else _is_inside(found, right[0], truth),
@@ -116,7 +118,11 @@ def _is_inside(found, item, truth: Mapping[str, Any]) -> bool | None:
 def told(result: Mapping[str, Any]) -> str:
     """Return one line on a trial."""
     truth = result["truth"]
-    what = truth["life"] if truth["life"] == "nothing" else f"{truth['life']} at {truth['places'][0]} after {truth['begin']}"
+    what = (
+        truth["life"]
+        if truth["life"] == "nothing"
+        else f"{truth['life']} at {truth['places'][0]} after {truth['begin']}"
+    )
     named = ", ".join(f"{item['physics']}@{item['location']} after {item['begin']}" for item in result["changes"])
     good = (truth["life"] == "nothing" or (result["found"] and result["apart"] <= 1)) and not result["accused"]
     return (

@@ -1,4 +1,4 @@
-"""The commands about bench tests: `import`, `diagnose`, `calibrate`, `predict`, `export`, `simulate`."""
+"""The commands about bench tests: `import`, `diagnose`, `follow`, `calibrate`, `predict`, `export`, `simulate`."""
 
 from __future__ import annotations
 
@@ -286,6 +286,36 @@ def diagnose(
     list_written(written)
     if missing:
         typer.echo(f"Left out: {REPORT}: {missing}")
+
+
+def follow(
+    recordings: RecordingFiles,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for what was found; goes on with what is there.")
+    ],
+    robot: RobotOption = None,
+    tolerances: TolerancesOption = None,
+    convention: ConventionOption = None,
+    set_parameters: SetParameters = None,
+    *,
+    reading: Reading,
+) -> None:
+    """A machine's life: what changed between which of many recordings of one device; docs/life.md."""
+    from ..diagnosis.follow import follow as followed
+    from ..views.report.life_files import check_life, write_life
+    from ..views.text.life_words import print_life
+
+    folder_for(out, "--out")
+    check_life(out)
+    read, name = recorded(recordings, tolerances, robot, convention)
+    loaded, understood = reading.changed(name, set_parameters)
+    with progress.stages() as tell:
+        life = followed(loaded, read, out, robot_name=name, reading=understood, tell=tell)
+    written, missing = write_life(life, loaded, out)
+    print_life(terminal.console(), life)
+    list_written(written)
+    for text in missing:
+        typer.echo(f"Left out: {text}")
 
 
 def calibrate(

@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from ..robot import Robot
 from ..simulation import CorrectedModel, read_model, write_model
 from ..spatial import Array
 from .corrected import corrected_model
-from .criteria import MOST_LISTED
+from .criteria import LITTLE, MOST_LISTED
 from .diagnose import diagnose
 from .life import Answer, Evidence, Life, Named, answer_of, evidence_of, followed, life_of
 from .prepare import Tell
@@ -62,43 +63,39 @@ def follow(
     order, time, ordered_by, remarks = in_order_of_time(recordings, names)
     _check(recordings, names)
     recordings, names = [recordings[place] for place in order], [names[place] for place in order]
+    count = len(recordings)
     with threadpool_limits(1, user_api="blas"):
         model, first = _first(robot, recordings[0], names[0], folder, robot_name, reading, tell)
         of_model = _digest(_of_robot(robot), (folder / MODEL).read_bytes())
         answers = [first]
-        for place, (item, name) in enumerate(zip(recordings[1:], names[1:], strict=True), 1):
-
-            def asked(item: Recording = item, name: str = name, place: int = place) -> dict[str, Any]:
-                with _named(name):
-                    found = diagnose(
-                        robot, item, against=model, tell=lambda stage, share: tell(f"{name}: {stage}", _at(place, share))
-                    )
-                return asdict(answer_of(found, robot.mechanism))
-
-            def _at(place: int, share: float) -> float:
-                return 0.95 * (place + share) / len(recordings)
-
-            document = _kept_document(folder, _digest("answer", of_model, digest_of(item)), asked)
-            answers.append(_answer(document))
+        for place in range(1, count):
+            key = _digest("answer", of_model, digest_of(recordings[place]))
+            heard = partial(_part, tell, names[place], place / count, 1 / count)
+            with _named(names[place]):
+                answers.append(
+                    _answer(_kept_document(folder, key, partial(_asked, robot, recordings[place], model, heard)))
+                )
         laws = followed(model, answers, robot.mechanism)
-        evidence = []
         of_laws = repr([(item.named.key, sorted(item.named.values.items())) for item in laws])
-        for place, (item, name) in enumerate(zip(recordings, names, strict=True)):
-            tell(f"{name}: what it says of all", 0.95 + 0.05 * place / len(recordings))
-            key = _digest("evidence", of_model, digest_of(item), of_laws, repr(answers[place]), repr(place == 0))
-            if laws:
-                with _named(name):
-                    evidence.append(
-                        _kept_evidence(
-                            folder, key, lambda p=place: evidence_of(robot, recordings[p], model, laws, answers[p], p == 0)
-                        )
-                    )
+        evidence = []
+        for place, (item, answer) in enumerate(zip(recordings, answers, strict=True) if laws else ()):
+            key = _digest("evidence", of_model, digest_of(item), of_laws, repr(answer), repr(place == 0))
+            with _named(names[place]):
+                made = partial(evidence_of, robot, item, model, laws, answer, place == 0)
+                evidence.append(_kept_evidence(folder, key, made))
     return life_of(robot, model, recordings, answers, laws, evidence, time, ordered_by, names, remarks)
 
 
-def in_order_of_time(
-    recordings: Sequence[Recording], names: Sequence[str]
-) -> tuple[list[int], Array, str, list[str]]:
+def _asked(robot: Robot, recording: Recording, model: CorrectedModel, tell: Tell) -> dict[str, Any]:
+    return asdict(answer_of(diagnose(robot, recording, against=model, tell=tell), robot.mechanism))
+
+
+def _part(tell: Tell, name: str, begin: float, length: float, stage: str, share: float) -> None:
+    """Tell how far one recording is, as a part of all."""
+    tell(f"{name}: {stage}", begin + length * share)
+
+
+def in_order_of_time(recordings: Sequence[Recording], names: Sequence[str]) -> tuple[list[int], Array, str, list[str]]:
     """Return the order of recordings, when they were made (n,) in that order [days], by what, and remarks.
 
     By the dates in their JSON files, or else as they are given, one after the other. Raises InputError where only some
@@ -133,7 +130,10 @@ def _check(recordings: Sequence[Recording], names: Sequence[str]) -> None:
         if key in seen:
             raise InputError(f"{name} is the same recording as {seen[key]}; give each once")
         seen[key] = name
-    for what, of in (("robot", lambda item: Path(item.robot).stem if item.robot else ""), ("device", lambda x: x.device)):
+    for what, of in (
+        ("robot", lambda item: Path(item.robot).stem if item.robot else ""),
+        ("device", lambda x: x.device),
+    ):
         first = next(((of(item), name) for item, name in zip(recordings, names, strict=True) if of(item)), ("", ""))
         for item, name in zip(recordings, names, strict=True):
             if of(item) and of(item) != first[0]:
@@ -205,7 +205,7 @@ def _first(
             )
         return read_model(path), _answer(kept["answer"])
     with _named(name):
-        found = diagnose(robot, recording, tell=lambda stage, share: tell(f"{name}: {stage}", 0.1 * share))
+        found = diagnose(robot, recording, tell=partial(_part, tell, name, 0.0, LITTLE))
     if found.posterior is None:
         raise InputError(
             f"{name} holds nothing that later recordings could be compared with: expected poses of the tool or of "

@@ -9,8 +9,9 @@ together in it. When something began is then a matter of small matrices (`change
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -24,8 +25,8 @@ from ..robot import Robot
 from ..simulation import CorrectedModel, effect_named
 from ..spatial import Array
 from .calibrate import Toleranced, changes_per_tolerance
-from .change_points import STEP, ChangePoint, Values, change_points, estimate, gains, smallest_step
 from .chances import WITHIN_95
+from .change_points import STEP, ChangePoint, Values, change_points, estimate, gains, smallest_step
 from .conventions import read_logs
 from .criteria import INDISTINCT, LITTLE, ROUNDING
 from .diagnosis import Diagnosis, FittedParameter
@@ -294,28 +295,28 @@ def _put_back(prepared: Prepared, earlier: Earlier) -> list[Effect]:
     return [] if "pose_sensor" in earlier.set_up else list(prepared.placed.found)
 
 
-def _columns(item: Followed, answer: Answer, change, mechanism: Mechanism) -> list[Array]:
+def _columns(item: Followed, answer: Answer, change: Callable[[Effect], Array], mechanism: Mechanism) -> list[Array]:
     """Return what a unit of each coordinate of a law does to the columns.
 
     A law as a whole by the secant to what this recording found, or to what the first that named it did.
     """
     named = next((each for each in answer.named if each.key == item.named.key), item.named)
-    effect = item.reference
-    law = effect.law if item.before is None else ChangedEffect(item.before)
+    place, was = item.reference.place, item.reference.values
+    law = item.reference.law if item.before is None else ChangedEffect(item.before)
     if not item.whole:
+        begun = dict.fromkeys(was, 0.0) if item.before is None else dict(was)
         columns = []
-        for name, was in effect.values.items():
-            size = abs(named.values.get(name, 0.0) - (0.0 if item.before is None else was)) or _usual(item, name, mechanism)
-            begun = dict.fromkeys(effect.values, 0.0) if item.before is None else effect.values
-            columns.append(change(Effect(law, effect.place, {**begun, name: begun[name] + size})) / size)
+        for name, value in begun.items():
+            size = abs(named.values.get(name, 0.0) - value) or _usual(item, name, mechanism)
+            columns.append(change(Effect(law, place, {**begun, name: value + size})) / size)
         return columns
-    begun, main = (0.0 if item.before is None else 1.0), item.names[0]
-    values = {name: float(named.values.get(name, was)) for name, was in effect.values.items()}
-    apart = item.coordinate(values[main]) - begun
+    main, nothing = item.names[0], 0.0 if item.before is None else 1.0
+    values = {name: float(named.values.get(name, value)) for name, value in was.items()}
+    apart = item.coordinate(values[main]) - nothing
     if not abs(apart) > ROUNDING:
         apart = LITTLE
-        values = {**effect.values, main: item.value(begun + apart)}
-    return [change(Effect(law, effect.place, values)) / apart]
+        values = {**was, main: item.value(nothing + apart)}
+    return [change(Effect(law, place, values)) / apart]
 
 
 def _usual(item: Followed, name: str, mechanism: Mechanism) -> float:
@@ -389,10 +390,10 @@ def _together(evidence: Sequence[Evidence], laws: Sequence[Followed], time: Arra
     of_changes, right = np.zeros((n * q, n * q)), np.concatenate([item.score[p:] for item in evidence])
     for k, item in enumerate(evidence):
         of_changes[k * q : (k + 1) * q, k * q : (k + 1) * q] = item.precision[p:, p:]
-    covariance = np.linalg.inv(precision)
+    covariance = np.asarray(np.linalg.inv(precision))
     by_v = covariance @ across
     ends = np.cumsum([0, *(len(item.names) for item in laws)])
-    groups = tuple(tuple(range(a, b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
+    groups = tuple(tuple(range(a, b)) for a, b in pairwise(ends.tolist()))
     values = Values(
         of_changes - across.T @ by_v,
         right - by_v.T @ score,
@@ -492,7 +493,9 @@ def _begun(item: Followed, name: str, model: CorrectedModel) -> tuple[float, Arr
             row = model.posterior.root[place].copy()
             if item.whole:
                 step = LITTLE**3
-                row *= (item.coordinate(known.value * (1 + step)) - 1) / (step if known.logarithmic else step * known.value)
+                row *= (item.coordinate(known.value * (1 + step)) - 1) / (
+                    step if known.logarithmic else step * known.value
+                )
     return (1.0 if item.whole else item.before.values[name]), row
 
 
@@ -508,12 +511,17 @@ def _change(
     item = laws[point.group]
     quantities = {each.name: each for each in item.reference.law.quantities_at(item.reference.place, mechanism)}
     law, reach = item.reference.law, WITHIN_95 * np.sqrt(np.diagonal(point.covariance))
-    before = sum((each.size for each in found if each.group == point.group and _earlier(each, point)), np.zeros(len(reach)))
+    before = sum(
+        (each.size for each in found if each.group == point.group and _earlier(each, point)), np.zeros(len(reach))
+    )
     main = item.names[0]
     unit = quantities[main].unit
     if item.whole:
         at = (1.0 if item.before is not None else 0.0) + float(before[0])
-        ends = [_value(item, at + float(size), mechanism) for size in (0.0, point.size[0], *(point.size[0] + np.array([-1, 1]) * reach[0]))]
+        ends = [
+            _value(item, at + float(size), mechanism)
+            for size in (0.0, point.size[0], *(point.size[0] + np.array([-1, 1]) * reach[0]))
+        ]
         apart = sorted((ends[2] - ends[0], ends[3] - ends[0]))
         parameters = {main: FittedParameter(ends[1] - ends[0], unit, (apart[0], apart[1]))}
         then, now = ends[0], ends[1]

@@ -27,7 +27,7 @@ STANDSTILL = 1e-5
 
 
 def moment(date: str) -> datetime:
-    """Return the moment that a day or a moment of ISO 8601 stands for, in UTC where it does not say. Raises ValueError."""
+    """Return what a day or a moment of ISO 8601 stands for, in UTC where it does not say. Raises ValueError."""
     found = datetime.fromisoformat(date.replace("Z", "+00:00"))
     return found if found.tzinfo else found.replace(tzinfo=timezone.utc)
 
@@ -69,8 +69,8 @@ class Recording:
     gravity: (N, 3) acceleration of free fall in the base frame [m/s^2], or None where it is the robot file's.
     temperature: (N,) [degrees Celsius], or None.
     run: (N,) indices into `run_names`; one run named '' where the recording has no such column.
-    noise, tolerances, own_sensors, own_by_run, robot, notes, date, device: what the JSON file beside the table says; own_sensors are
-    those of `tolerances.SENSORS` that this recording does not share with others of the same device, own_by_run those
+    noise, tolerances, own_sensors, own_by_run, robot, notes, date, device: what the JSON file beside the table says;
+    own_sensors are those of `tolerances.SENSORS` that this recording does not share with others of the same device, own_by_run those
     that were set up anew for each of its runs.
     conventions: how the table was written where it differs from this, one read after the other; `in_format` of the
     simulation reads a recording so.
