@@ -21,7 +21,8 @@ own weight that a camera sees (OUT/markers.jsonl), `--tracked` so many arms whos
 draws so many arms and 3-PRUPs, two to one, or so many of each `--robot`, that are tested twice, and asks what has
 changed in between (OUT/since.jsonl); `--lives` so many arms and 3-PRUPs, nine to one, that are tested ten times, and
 asks what changed when (OUT/life.jsonl). `--loop` draws so many 3-PRUPs without scatter, or with `--robot` so many of
-each of these whose parameters scatter, and carries out the experiment that an ambiguous verdict proposes (OUT/loop.jsonl).
+each of these whose parameters scatter, and carries out the experiment that an ambiguous verdict proposes
+(OUT/loop.jsonl).
 `--misread` draws so many logs in all, of six robots in turn, that are written otherwise than they say
 (OUT/misread.jsonl). `--docs` writes the summaries into docs/concealed_trials.md, docs/scattered_trials.md,
 docs/effort_trials.md, docs/elastic_trials.md, docs/marker_trials.md, docs/tracked_trials.md,

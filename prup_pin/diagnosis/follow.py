@@ -72,9 +72,8 @@ def follow(
             key = _digest("answer", of_model, digest_of(recordings[place]))
             heard = partial(_part, tell, names[place], place / count, 1 / count)
             with _named(names[place]):
-                answers.append(
-                    _answer(_kept_document(folder, key, partial(_asked, robot, recordings[place], model, heard)))
-                )
+                asked = partial(_asked, robot, recordings[place], model, heard)
+                answers.append(_answer(_kept_document(folder, key, asked)))
         laws = followed(model, answers, robot.mechanism)
         of_laws = repr([(item.named.key, sorted(item.named.values.items())) for item in laws])
         evidence = []

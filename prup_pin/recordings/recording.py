@@ -70,8 +70,8 @@ class Recording:
     temperature: (N,) [degrees Celsius], or None.
     run: (N,) indices into `run_names`; one run named '' where the recording has no such column.
     noise, tolerances, own_sensors, own_by_run, robot, notes, date, device: what the JSON file beside the table says;
-    own_sensors are those of `tolerances.SENSORS` that this recording does not share with others of the same device, own_by_run those
-    that were set up anew for each of its runs.
+    own_sensors are those of `tolerances.SENSORS` that this recording does not share with others of the same device,
+    own_by_run those that were set up anew for each of its runs.
     conventions: how the table was written where it differs from this, one read after the other; `in_format` of the
     simulation reads a recording so.
     path: the file that was read, or ''. ignored: its columns that the format does not know.

@@ -14,7 +14,7 @@ from prup_pin.cli import app
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis import follow as following
 from prup_pin.diagnosis.follow import KEPT, MODEL, digest_of, follow, in_order_of_time
-from prup_pin.errors import InputError
+from prup_pin.errors import InputError, RecordingFileError
 from prup_pin.recordings import read_recording, write_recording
 from prup_pin.views.text.life_words import life_verdict
 
@@ -140,7 +140,7 @@ def test_recordings_out_of_order_are_put_in_order_of_their_dates(grown):
     assert remarks == ["put in order of their dates: 01.csv, 02.csv, 03.csv"]
     assert (np.diff(time) > 0).all()
     without = [replace(item, date="") for item in (second, first)]
-    assert in_order_of_time(without, names)[:3] == ([0, 1], pytest.approx([0.0, 1.0]), "the order given")
+    assert in_order_of_time(without, names[:2])[:3] == ([0, 1], pytest.approx([0.0, 1.0]), "the order given")
 
 
 def test_a_recording_written_again_is_the_same_recording(grown, tmp_path):
@@ -155,5 +155,5 @@ def test_a_date_that_is_none_is_a_problem_of_its_file(grown, tmp_path):
     write_recording(grown.recordings[0], tmp_path / "one.csv")
     beside = tmp_path / "one.json"
     beside.write_text(beside.read_text().replace(grown.recordings[0].date, "last Monday"))
-    with pytest.raises(InputError, match=r"date.*last Monday.*expected a day or a moment, as 2026-03-01"):
+    with pytest.raises(RecordingFileError, match=r"date.*last Monday.*expected a day or a moment, as 2026-03-01"):
         read_recording(tmp_path / "one.csv")
