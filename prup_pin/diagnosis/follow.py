@@ -27,10 +27,19 @@ from ..spatial import Array
 from .corrected import corrected_model
 from .criteria import LITTLE, MOST_LISTED
 from .diagnose import diagnose
-from .life import Answer, Evidence, Life, Named, answer_of, evidence_of, followed, life_of
+from .life import Answer, Evidence, Life, answer_of, evidence_of, followed, life_of
 from .prepare import Tell
 
-__all__ = ["KEPT", "MODEL", "digest_of", "follow", "in_order_of_time"]
+__all__ = [
+    "KEPT",
+    "MODEL",
+    "digest_of",
+    "digest_of_parts",
+    "digest_of_robot",
+    "follow",
+    "in_order_of_time",
+    "named_in_errors",
+]
 
 #: In the folder of a life: the corrected model of its first recording, and what each recording answered.
 MODEL, KEPT = "first_model.json", "kept"
@@ -66,20 +75,20 @@ def follow(
     count = len(recordings)
     with threadpool_limits(1, user_api="blas"):
         model, first = _first(robot, recordings[0], names[0], folder, robot_name, reading, tell)
-        of_model = _digest(_of_robot(robot), (folder / MODEL).read_bytes())
+        of_model = digest_of_parts(digest_of_robot(robot), (folder / MODEL).read_bytes())
         answers = [first]
         for place in range(1, count):
-            key = _digest("answer", of_model, digest_of(recordings[place]))
+            key = digest_of_parts("answer", of_model, digest_of(recordings[place]))
             heard = partial(_part, tell, names[place], place / count, 1 / count)
-            with _named(names[place]):
+            with named_in_errors(names[place]):
                 asked = partial(_asked, robot, recordings[place], model, heard)
-                answers.append(_answer(_kept_document(folder, key, asked)))
+                answers.append(Answer.of(_kept_document(folder, key, asked)))
         laws = followed(model, answers, robot.mechanism)
         of_laws = repr([(item.named.key, sorted(item.named.values.items())) for item in laws])
         evidence = []
         for place, (item, answer) in enumerate(zip(recordings, answers, strict=True) if laws else ()):
-            key = _digest("evidence", of_model, digest_of(item), of_laws, repr(answer), repr(place == 0))
-            with _named(names[place]):
+            key = digest_of_parts("evidence", of_model, digest_of(item), of_laws, repr(answer), repr(place == 0))
+            with named_in_errors(names[place]):
                 made = partial(evidence_of, robot, item, model, laws, answer, place == 0)
                 evidence.append(_kept_evidence(folder, key, made))
     return life_of(robot, model, recordings, answers, laws, evidence, time, ordered_by, names, remarks)
@@ -143,8 +152,8 @@ def _check(recordings: Sequence[Recording], names: Sequence[str]) -> None:
 
 
 @contextmanager
-def _named(name: str) -> Iterator[None]:
-    """Say in an error which recording it is about."""
+def named_in_errors(name: str) -> Iterator[None]:
+    """Say in an error which recording or device it is about."""
     try:
         yield
     except InputError as error:
@@ -169,13 +178,15 @@ def digest_of(recording: Recording) -> str:
     return found.hexdigest()
 
 
-def _of_robot(robot: Robot) -> str:
+def digest_of_robot(robot: Robot) -> str:
+    """Return a text that is the same for robots of the same file and values."""
     file = robot.mechanism.description.path
     values = [(name, np.asarray(item.value).tolist()) for name, item in sorted(robot.parameters.items())]
-    return _digest(file.read_bytes() if file.is_file() else str(file).encode(), repr(values))
+    return digest_of_parts(file.read_bytes() if file.is_file() else str(file).encode(), repr(values))
 
 
-def _digest(*parts: str | bytes) -> str:
+def digest_of_parts(*parts: str | bytes) -> str:
+    """Return a text that stands for all of these, and for this version."""
     found = hashlib.sha256(__version__.encode())
     for part in parts:
         found.update(hashlib.sha256(part if isinstance(part, bytes) else part.encode()).digest())
@@ -193,7 +204,7 @@ def _first(
 ) -> tuple[CorrectedModel, Answer]:
     """Return the corrected model of the first recording, as its file has it, and what that recording says."""
     path = folder / MODEL
-    key = folder / KEPT / f"{_digest('first', _of_robot(robot), digest_of(recording))}.json"
+    key = folder / KEPT / f"{digest_of_parts('first', digest_of_robot(robot), digest_of(recording))}.json"
     if key.exists() and path.exists():
         kept = json.loads(key.read_text(encoding="utf-8"))
         if hashlib.sha256(path.read_bytes()).hexdigest() != kept["model"]:
@@ -202,8 +213,8 @@ def _first(
                 "asked is not known of it any more. Put it back as it was, or remove it: it is then made again from "
                 f"{name}"
             )
-        return read_model(path), _answer(kept["answer"])
-    with _named(name):
+        return read_model(path), Answer.of(kept["answer"])
+    with named_in_errors(name):
         found = diagnose(robot, recording, tell=partial(_part, tell, name, 0.0, LITTLE))
     if found.posterior is None:
         raise InputError(
@@ -216,12 +227,7 @@ def _first(
     answer = asdict(answer_of(found, robot.mechanism))
     document = {"recording": name, "model": hashlib.sha256(path.read_bytes()).hexdigest(), "answer": answer}
     write_whole({key: json_lines(document)})
-    return read_model(path), _answer(json.loads(json.dumps(answer)))
-
-
-def _answer(document: dict[str, Any]) -> Answer:
-    named = tuple(Named(**{**item, "others": tuple(item["others"])}) for item in document["named"])
-    return Answer(document["verdict"], document["left"], named, tuple(document["unknown"]))
+    return read_model(path), Answer.of(json.loads(json.dumps(answer)))
 
 
 def _kept_document(folder: Path, key: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,7 +35,19 @@ from .influence import Influence
 from .prepare import Prepared, prepare
 from .since import Earlier
 
-__all__ = ["Answer", "Change", "Evidence", "Life", "Named", "Series", "answer_of", "evidence_of", "followed", "life_of"]
+__all__ = [
+    "Answer",
+    "Change",
+    "Evidence",
+    "Life",
+    "Named",
+    "Series",
+    "answer_of",
+    "evidence_of",
+    "followed",
+    "life_of",
+    "linearised",
+]
 
 
 @dataclass(frozen=True)
@@ -60,6 +73,12 @@ class Answer:
     left: float
     named: tuple[Named, ...] = ()
     unknown: tuple[str, ...] = ()  # where something is that no law explains
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> Answer:
+        """Return that of `dataclasses.asdict`, read from JSON."""
+        named = tuple(Named(**{**item, "others": tuple(item["others"])}) for item in document["named"])
+        return cls(document["verdict"], document["left"], named, tuple(document["unknown"]))
 
 
 @dataclass(frozen=True)
@@ -240,6 +259,32 @@ def _followed(named: Named | None, before: Effect | None, mechanism: Mechanism) 
     return found
 
 
+class Linearised(NamedTuple):
+    """Recordings linearised about a model of their device: whitened residual (n, K) and its change (K n, p) per number.
+
+    The first numbers are those of the posterior's rows `kept`, the others of sensors that were set up since.
+    """
+
+    earlier: Earlier
+    prepared: Prepared
+    start: Influence
+    residual: Array
+    by_x: Array
+    kept: tuple[int, ...]
+
+
+def linearised(robot: Robot, recordings: Sequence[Recording], model: CorrectedModel) -> Linearised:
+    """Return recordings linearised about what a model of their device says."""
+    earlier = Earlier.of(model, robot, recordings)
+    logs = read_logs(robot, [earlier.as_compared(item) for item in recordings])
+    prepared = prepare(robot, logs.recordings, _silent, earlier=earlier)
+    problem, toleranced = prepared.problem, prepared.toleranced
+    simulator, zero = problem.simulator, np.zeros(len(toleranced))
+    start = Influence(simulator, simulator.run([toleranced.effect(zero)], problem.nominal.run), problem.stack)
+    by_x = problem.whitened_changes(start, changes_per_tolerance(simulator, start, toleranced, zero, ()))
+    return Linearised(earlier, prepared, start, _residual(prepared, start), by_x, _kept(earlier, prepared))
+
+
 def evidence_of(
     robot: Robot, recording: Recording, model: CorrectedModel, laws: Sequence[Followed], answer: Answer, first: bool
 ) -> Evidence:
@@ -247,20 +292,16 @@ def evidence_of(
 
     first: it is the recording that the model is of, whose posterior the prior is.
     """
-    earlier = Earlier.of(model, robot, [recording])
-    logs = read_logs(robot, [earlier.as_compared(recording)])
-    prepared = prepare(robot, logs.recordings, _silent, earlier=earlier)
-    problem, toleranced = prepared.problem, prepared.toleranced
-    simulator, zero = problem.simulator, np.zeros(len(toleranced))
-    start = Influence(simulator, simulator.run([toleranced.effect(zero)], problem.nominal.run), problem.stack)
-    by_x = problem.whitened_changes(start, changes_per_tolerance(simulator, start, toleranced, zero, ()))
-    residual = _residual(prepared, start)
+    earlier, prepared, start, residual, by_x, rows = linearised(robot, [recording], model)
+    kept = len(rows)
+    simulator, toleranced = prepared.problem.simulator, prepared.toleranced
+    zero = np.zeros(len(toleranced))
 
     def change(effect: Effect) -> Array:
         """Return what an effect does to the whitened columns, through the whole simulation."""
         changed = [effect] if effect.law.instead_of is not None else []
         acting = [toleranced.effect(zero, changed), *([] if changed else [effect])]
-        moved = Influence(simulator, simulator.run(acting, start.run, near=True), problem.stack)
+        moved = Influence(simulator, simulator.run(acting, start.run, near=True), prepared.problem.stack)
         both = start.run.solved & moved.run.solved
         if not np.array_equal(moved.run.samples, start.run.samples):
             raise InputError(f"{recording.path or 'the recording'} cannot be simulated with {effect.law.physics}")
@@ -269,13 +310,12 @@ def evidence_of(
     columns = [column for item in laws for column in _columns(item, answer, change, robot.mechanism)]
     # a sensor that was seen to stand elsewhere before anything else was put back: that is a change as well
     off = sum((change(effect) for effect in _put_back(prepared, earlier)), np.zeros_like(residual))
-    kept = len(_kept(earlier, prepared))
     by_first = _in_first(by_x[:, :kept], model, toleranced, kept)
     jacobian = np.column_stack([by_first, *(each.ravel() for each in columns)])
     target = (residual + off).ravel()
     weight = 1 / max(1.0, answer.left) ** 2
     anew = by_x[:, kept:] if earlier.set_up else by_x[:, :0]
-    precision, score = _without(jacobian, target, anew, weight)
+    precision, score = without_anew(jacobian, target, anew, weight)
     p = jacobian.shape[1] - len(columns)
     if first:
         precision[:p, :p], score[:p] = np.eye(p), 0.0
@@ -327,17 +367,16 @@ def _usual(item: Followed, name: str, mechanism: Mechanism) -> float:
     return float(default) if isinstance(default, int | float) and default else largest or 1.0
 
 
-def _kept(earlier: Earlier, prepared: Prepared) -> list[int]:
+def _kept(earlier: Earlier, prepared: Prepared) -> tuple[int, ...]:
     """Return the rows of an earlier posterior that a later test's parameters begin with, as `Earlier.toleranced`."""
     anew = {kind for sensor in earlier.set_up for kind in SENSORS[sensor]}
     anew |= set(SENSORS["pose_sensor"]) if prepared.placed.found else set()
     kinds = {item.name: item.kind for item in prepared.toleranced.law.deviations}
-    rows = [
+    return tuple(
         row
         for row, item in enumerate(earlier.posterior.values)
         if kinds[value_name(earlier.effects[item.effect], item.name)] not in anew
-    ]
-    return rows
+    )
 
 
 def _in_first(by_x: Array, model: CorrectedModel, toleranced: Toleranced, kept: int) -> Array:
@@ -356,7 +395,7 @@ def _in_first(by_x: Array, model: CorrectedModel, toleranced: Toleranced, kept: 
     return np.asarray(by_x[:, :kept] @ np.linalg.solve(root, np.array([whole[name] for name in names])))
 
 
-def _without(jacobian: Array, target: Array, anew: Array, weight: float) -> tuple[Array, Array]:
+def without_anew(jacobian: Array, target: Array, anew: Array, weight: float) -> tuple[Array, Array]:
     """Return precision and score of a Jacobian's numbers, those of unit variance that `anew` may do integrated out."""
     if anew.shape[1]:
         root = np.linalg.cholesky(np.eye(anew.shape[1]) + weight * anew.T @ anew)

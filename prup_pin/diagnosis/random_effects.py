@@ -104,7 +104,7 @@ class _At:
             "ijk,kl,ijl->ij", self.by_fixed, self.covariance, self.by_fixed
         )
         each = (1 - (spread + self.own**2) / self.variance).sum(axis=0)
-        return np.bincount(data.kind, each, len(data.start))
+        return np.asarray(np.bincount(data.kind, each, len(data.start)), float)
 
     def gains(self) -> tuple[Array, Array]:
         """Return what one more fixed effect takes off chi squared: common ones (p,), and of each device (n, p)."""
@@ -143,10 +143,10 @@ def mixed_model(data: Likelihoods) -> MixedModel:
     for _ in range(n * p):
         common, each = _At(data, logs, fixed).gains()
         beyond = np.concatenate((common[None] - least[COMMON], each - least[0]))
-        place, parameter = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+        place, parameter = divmod(int(np.argmax(beyond)), p)
         if beyond[place, parameter] <= 0:
             break
-        fixed.append((int(place) - 1, int(parameter)))
+        fixed.append((place - 1, parameter))
         logs = _fitted(data, fixed, logs)
         fixed = _kept(data, fixed, logs, least)
     logs = _fitted(data, fixed, logs)

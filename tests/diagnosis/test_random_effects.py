@@ -57,7 +57,7 @@ def test_spreads_are_told_without_bias_and_their_intervals_hold_them():
     found = [mixed_model(fleet(seed)) for seed in range(30)]
     ratios = np.array([model.tau / TAU for model in found])
     assert np.exp(np.log(ratios).mean(axis=0)) == pytest.approx(1.0, abs=0.03)
-    inside = [(model.interval[:, 0] < TAU) & (TAU < model.interval[:, 1]) for model in found]
+    inside = [(model.interval[:, 0] < TAU) & (model.interval[:, 1] > TAU) for model in found]
     assert np.mean(inside) > 0.85
     assert all(model.told.all() for model in found)
     assert sum(len(model.fixed) for model in found) <= 2
