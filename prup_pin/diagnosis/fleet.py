@@ -336,6 +336,7 @@ def _together(robot: Robot, devices: Sequence[Device], said: Sequence[_Kept], re
         score[index][where] = item.score
     kind = np.array([kinds.index(item.kind) for item in deviations])
     told_by = {item.name: item for item in KINDS_OF_TOLERANCE}
+    relative = [name in told_by and told_by[name].unit == "relative" for name in kinds]
     start = np.array([declared.get(name, _usual(precision, kind == index)) for index, name in enumerate(kinds)])
     model = mixed_model(Likelihoods(precision, score, kind, start))
     common: list[Off] = []
@@ -356,7 +357,7 @@ def _together(robot: Robot, devices: Sequence[Device], said: Sequence[_Kept], re
     scatter = tuple(
         Scatter(
             name,
-            told_by[name].unit if name in told_by else "",
+            "relative" if relative[index] else next(item.unit for item in deviations if item.kind == name),
             float(model.tau[index]),
             (float(model.interval[index, 0]), float(model.interval[index, 1])),
             bool(model.told[index]) and name in told_by,

@@ -146,9 +146,12 @@ def mixed_model(data: Likelihoods) -> MixedModel:
         place, parameter = divmod(int(np.argmax(beyond)), p)
         if beyond[place, parameter] <= 0:
             break
+        before = set(fixed)
         fixed.append((place - 1, parameter))
         logs = _fitted(data, fixed, logs)
         fixed = _kept(data, fixed, logs, least)
+        if set(fixed) == before:
+            break  # what was added gave way at once
     logs = _fitted(data, fixed, logs)
     model = _At(data, logs, fixed)
     interval, told = _intervals(data, fixed, logs)
@@ -199,7 +202,7 @@ def _intervals(data: Likelihoods, fixed: list[tuple[int, int]], logs: Array) -> 
         reach = WITHIN_95 * np.sqrt(variance) / 2  # of log tau
         told[seen] = reach < np.log(MUCH)
         interval[seen] = np.exp(logs[seen, None] / 2 + np.outer(reach, [-1.0, 1.0]))
-    for place in np.flatnonzero(~seen):
+    for place in np.flatnonzero(~seen).tolist():
         far = logs[place] + 3 * _FAR
         if rise(place, far) > 0:
             interval[place, 1] = np.exp(brentq(lambda log, place=place: rise(place, log), logs[place], far) / 2)

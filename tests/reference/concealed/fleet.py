@@ -19,8 +19,8 @@ from .scattered import KINDS, WEIGHT
 TRUE, DECLARED = (0.5, 3.0), (0.7, 2.5)
 #: How far the drawing is off, and the device that stands apart, in tolerances.
 WRONG, APART = (3.0, 8.0), (8.0, 14.0)
-#: Kinds of which a drawing, or a single device, is wrong.
-OF_DRAWING = ("position", "direction", "stiffness", "bending")
+#: Kinds of which a drawing, and of which a single device, is wrong.
+OF_DRAWING, OF_DEVICE = ("position", "stiffness", "bending"), ("stiffness",)
 
 
 def draw_fleet(seed: int, robot: str, poses: int, count: int = 20) -> dict[str, Any]:
@@ -30,21 +30,23 @@ def draw_fleet(seed: int, robot: str, poses: int, count: int = 20) -> dict[str, 
     used = [key for key in kind.tolerances if key in set(kind.parameters.values())]
     true = {key: kind.tolerances[key] * float(np.exp(rng.uniform(*np.log(TRUE)))) for key in used}
     declared = {key: float(f"{true[key] * np.exp(rng.uniform(*np.log(DECLARED))):.2g}") for key in used}
-    # where the first joint is, is where the tracker is
-    parameters = [name for name, own in kind.parameters.items() if own in OF_DRAWING and not name.startswith("joint1.")]
-    wrong, apart = (str(name) for name in rng.choice(parameters, 2, replace=False))
+    wrong, apart = (
+        str(rng.choice([name for name, own in kind.parameters.items() if own in kinds and not _of_base(name)]))
+        for kinds in (OF_DRAWING, OF_DEVICE)
+    )
     error, alone = (
-        float(rng.choice([-1.0, 1.0]) * true[kind.parameters[name]] * rng.uniform(*ends))
-        for name, ends in ((wrong, WRONG), (apart, APART))
+        float(sign * true[kind.parameters[name]] * rng.uniform(*ends))
+        for name, ends, sign in ((wrong, WRONG, rng.choice([-1.0, 1.0])), (apart, APART, 1.0))
     )
     who = int(rng.integers(count))
     always = dict(WEIGHT) | ({"branches": draw.pick(rng, ["hub", "distributed"])} if robot == "3prup" else {})
-    records = []
+    records, scatters = [], []
     for device in range(count):
         scatter = draw_scatter(rng, kind.parameters, true)
         scatter[wrong] += error
         if device == who:
             scatter[apart] += alone
+        scatters.append(scatter)
         run = kind.programme(rng, poses)
         records.append(draw.measure(kind.machine([always], scatter=scatter), run, rng, kind.noise))
     return {
@@ -53,8 +55,13 @@ def draw_fleet(seed: int, robot: str, poses: int, count: int = 20) -> dict[str, 
         "noise": dict(kind.noise),
         "tolerances": declared,
         "truth": {"seed": seed, "robot": robot, "true": true, "declared": declared,
-                  "wrong": [wrong, kind.parameters[wrong], error], "apart": [who, apart, alone]},
+                  "wrong": [wrong, kind.parameters[wrong], error], "apart": [who, apart, alone], "scatters": scatters},
     }  # fmt: skip
+
+
+def _of_base(name: str) -> bool:
+    """Where the first joint is, is where the tracker is."""
+    return name.startswith("joint1.")
 
 
 def write(drawn: dict[str, Any], out: Path, sealed: Path, robot_file: str) -> list[Path]:
