@@ -20,14 +20,13 @@ own weight that a camera sees (OUT/markers.jsonl), `--tracked` so many arms whos
 `--friction` so many whose parameters scatter and of which a joint has dry friction (OUT/friction.jsonl). `--since`
 draws so many arms and 3-PRUPs, two to one, or so many of each `--robot`, that are tested twice, and asks what has
 changed in between (OUT/since.jsonl); `--lives` so many arms and 3-PRUPs, nine to one, that are tested ten times, and
-asks what changed when (OUT/life.jsonl); `--fleets` so many fleets of twenty arms (OUT/fleet.jsonl). `--loop` draws so many 3-PRUPs without scatter, or with `--robot` so many of
-each of these whose parameters scatter, and carries out the experiment that an ambiguous verdict proposes
-(OUT/loop.jsonl).
-`--misread` draws so many logs in all, of six robots in turn, that are written otherwise than they say
-(OUT/misread.jsonl). `--docs` writes the summaries into docs/concealed_trials.md, docs/scattered_trials.md,
-docs/effort_trials.md, docs/elastic_trials.md, docs/marker_trials.md, docs/tracked_trials.md,
-docs/uncalibrated_trials.md, docs/friction_trials.md, docs/since_trials.md, docs/life_trials.md, docs/fleet_trials.md, docs/loop_trials.md and
-docs/misread_trials.md.
+asks what changed when (OUT/life.jsonl); `--fleets` so many fleets of twenty arms (OUT/fleet.jsonl). `--loop` draws so
+many 3-PRUPs without scatter, or with `--robot` so many of each of these whose parameters scatter, and carries out the
+experiment that an ambiguous verdict proposes (OUT/loop.jsonl). `--misread` draws so many logs in all, of six robots in
+turn, that are written otherwise than they say (OUT/misread.jsonl). `--docs` writes the summaries into
+docs/concealed_trials.md, docs/scattered_trials.md, docs/effort_trials.md, docs/elastic_trials.md,
+docs/marker_trials.md, docs/tracked_trials.md, docs/uncalibrated_trials.md, docs/friction_trials.md,
+docs/since_trials.md, docs/life_trials.md, docs/fleet_trials.md, docs/loop_trials.md and docs/misread_trials.md.
 
 `--export` writes the scattered devices, their sealed answers and a description of the format, for any other tool;
 `--score` reads that tool's answers.
