@@ -72,6 +72,9 @@ def follow(
     order, time, ordered_by, remarks = in_order_of_time(recordings, names)
     _check(recordings, names)
     recordings, names = [recordings[place] for place in order], [names[place] for place in order]
+    for item, name in zip(recordings[1:], names[1:], strict=True):
+        anew = [sensor.replace("_", " ") for sensor in (*item.own_sensors, *item.own_by_run)]
+        remarks += [f"{name}: set up again, and so free: {' and '.join(anew)}"] if anew else []
     count = len(recordings)
     with threadpool_limits(1, user_api="blas"):
         model, first = _first(robot, recordings[0], names[0], folder, robot_name, reading, tell)
@@ -83,6 +86,11 @@ def follow(
             with named_in_errors(names[place]):
                 asked = partial(_asked, robot, recordings[place], model, heard)
                 answers.append(Answer.of(_kept_document(folder, key, asked)))
+        if first.verdict == "unexplained":
+            remarks.append(
+                f"{names[0]} was left unexplained itself: what its model lacks is told as changed wherever later poses "
+                "and loads show more of it. Look what it lacks before anything is repaired"
+            )
         laws = followed(model, answers, robot.mechanism)
         of_laws = repr([(item.named.key, sorted(item.named.values.items())) for item in laws])
         evidence = []

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..laws import Effect
-from ..laws.as_found import ChangedEffect, value_name
+from ..laws.as_found import ChangedEffect, said_of_change, value_name
 from ..mechanism import Mechanism
 from ..numbers import quantity
 from ..recordings import SENSORS, Recording
@@ -584,7 +584,8 @@ def _change(
         statement = f"{words} {way} from {quantity(then, unit)} to {quantity(now, unit)}"
     else:
         moved = {name: each.value for name, each in parameters.items()}
-        statement = f"{law.statement(item.reference.place, moved, mechanism)}, beside where it was"
+        told = said_of_change(law.statement(item.reference.place, moved, mechanism))
+        statement = f"{told} against where it was before"
     return Change(
         *item.named.key, point.shape, begin, (between[0], between[1]), parameters, then, now, unit, point.gain,
         statement, tuple(others), law.sensor,

@@ -35,7 +35,7 @@ def change_sentence(life: Life, change: Change) -> str:
     if change.shape == "ramp":
         told = f"{change.statement}, in proportion to time, from {_named(life, change.begin)} to the last"
     else:
-        told = f"{change.statement} between {_named(life, change.begin)} and {_named(life, change.begin + 1)}"
+        told = f"{change.statement}, between {_named(life, change.begin)} and {_named(life, change.begin + 1)}"
     first, last = change.between
     if first == last:
         return told
