@@ -17,10 +17,10 @@ def test_the_page_is_carried_out(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     runner = CliRunner()
     assert runner.invoke(app, ["examples", "--copy", "."]).exit_code == 0
-    printed = ""
+    printed, names = "", {"__name__": "__main__"}
     for block in BLOCK.finditer(PAGE):
         if block["what"] == "run":
-            exec(block["text"], {"__name__": "__main__"})
+            exec(block["text"], names)
         elif block["what"] == "shell":
             for line in block["text"].splitlines():
                 done = runner.invoke(app, shlex.split(line)[1:])
