@@ -201,7 +201,7 @@ def answer_of(diagnosis: Diagnosis, mechanism: Mechanism) -> Answer:
         effect = item.effect
         if item.physics == "unknown":
             unknown.append(item.location)
-        if effect is None or not item.is_fault or not effect.law.lasts or not effect.values:
+        if effect is None or not item.is_fault or not effect.law.lasts or effect.law.partial or not effect.values:
             continue
         where = tuple(f"{item.physics} at {place}" for place in item.candidates if place != item.location)
         others = (*where, *item.alternatives)
@@ -253,10 +253,10 @@ def _followed(named: Named | None, before: Effect | None, mechanism: Mechanism) 
     reference = Effect(reference.law, reference.place, {name: float(reference.values[name]) for name in names})
     neutral = reference.law.neutral_at(reference.place, mechanism)
     whole = any((item.positive and item.lower >= 0) or neutral[item.name] for item in quantities)
-    found = Followed(named, before, reference, whole)
-    if whole and not np.isfinite(found.coordinate(reference.values[names[0]])):
-        return None
-    return found
+    first = reference.values[names[0]]
+    if whole and not abs(reference.law.magnified(first, 2.0) - first) > ROUNDING * abs(first):
+        return None  # it does nothing
+    return Followed(named, before, reference, whole)
 
 
 class Linearised(NamedTuple):
