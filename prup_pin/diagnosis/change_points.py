@@ -48,17 +48,19 @@ class Values:
         places = max(len(self.groups), self.tests) * 2 * max(len(self.time) - 1, 1)
         return {size: chi2_isf(FALSE_ALARM / places, size) for size in {len(group) for group in self.groups}}
 
-    def direction(self, group: int, shape: str, begin: int) -> Array:
-        """Return the directions (n q, m) of a change of a group.
+    def share(self, shape: str, begin: int) -> Array:
+        """Return how much of a change is there in each recording, (n,).
 
         begin: the first recording that a step has changed, or the last that a ramp has not; a ramp is 1 at the last.
         """
-        n = len(self.time)
-        weights = (np.arange(n) >= begin).astype(float)
         if shape == RAMP:
-            weights = np.clip((self.time - self.time[begin]) / (self.time[-1] - self.time[begin]), 0.0, None)
-        q = len(self.score) // n
-        return np.kron(weights[:, None], np.eye(q)[:, list(self.groups[group])])
+            return np.clip((self.time - self.time[begin]) / (self.time[-1] - self.time[begin]), 0.0, None)
+        return (np.arange(len(self.time)) >= begin).astype(float)
+
+    def direction(self, group: int, shape: str, begin: int) -> Array:
+        """Return the directions (n q, m) of a change of a group, with its share in each recording."""
+        q = len(self.score) // len(self.time)
+        return np.kron(self.share(shape, begin)[:, None], np.eye(q)[:, list(self.groups[group])])
 
     def hypotheses(self) -> Iterator[tuple[int, str, int]]:
         """Yield every change: group, shape, begin. A ramp has two recordings on it, or it would be a step."""

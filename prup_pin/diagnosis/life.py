@@ -550,9 +550,10 @@ def _change(
     item = laws[point.group]
     quantities = {each.name: each for each in item.reference.law.quantities_at(item.reference.place, mechanism)}
     law, reach = item.reference.law, WITHIN_95 * np.sqrt(np.diagonal(point.covariance))
-    before = sum(
-        (each.size for each in found if each.group == point.group and _earlier(each, point)), np.zeros(len(reach))
-    )
+    shift = 1 if point.shape == STEP else 0
+    last = max(point.begin - shift, 0)  # that knew nothing of it
+    others_there = [each for each in found if each.group == point.group and each is not point]
+    before = sum((values.share(each.shape, each.begin)[last] * each.size for each in others_there), 0 * reach)
     main = item.names[0]
     unit = quantities[main].unit
     if item.whole:
@@ -569,7 +570,6 @@ def _change(
         parameters = {name: FittedParameter.about(size, quantities[name].unit, far) for name, size, far in sizes}
         then = float(before[0]) + (item.before.values[main] if item.before is not None else 0.0)
         now = then + float(point.size[0])
-    shift = 1 if point.shape == STEP else 0
     begin = None if point.shape == STEP and point.begin == 0 else point.begin - shift
     between = tuple(max(each - shift, 0) for each in point.between)
     others = dict.fromkeys(
@@ -590,10 +590,6 @@ def _change(
         *item.named.key, point.shape, begin, (between[0], between[1]), parameters, then, now, unit, point.gain,
         statement, tuple(others), law.sensor,
     )  # fmt: skip
-
-
-def _earlier(one: ChangePoint, other: ChangePoint) -> bool:
-    return (one.begin, one.shape != STEP) < (other.begin, other.shape != STEP)
 
 
 def _alike(values: Values, point: ChangePoint, other: int, found: Sequence[ChangePoint]) -> bool:
