@@ -54,7 +54,8 @@ class Values:
         begin: the first recording that a step has changed, or the last that a ramp has not; a ramp is 1 at the last.
         """
         if shape == RAMP:
-            return np.clip((self.time - self.time[begin]) / (self.time[-1] - self.time[begin]), 0.0, None)
+            since = (self.time - self.time[begin]) / (self.time[-1] - self.time[begin])
+            return np.asarray(np.maximum(since, 0.0), float)
         return (np.arange(len(self.time)) >= begin).astype(float)
 
     def direction(self, group: int, shape: str, begin: int) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize
 
 from ..spatial import Array
-from .chances import WITHIN_95, chi2_isf
+from .chances import WITHIN_95, chi2_isf, student_ppf
 from .criteria import FALSE_ALARM, INDISTINCT, MUCH, ROUNDING, STEP
 
 __all__ = ["COMMON", "FixedEffect", "Likelihoods", "MixedModel", "mixed_model"]
@@ -144,14 +144,13 @@ def mixed_model(data: Likelihoods) -> MixedModel:
         common, each = _At(data, logs, fixed).gains()
         beyond = np.concatenate((common[None] - least[COMMON], each - least[0]))
         place, parameter = divmod(int(np.argmax(beyond)), p)
-        if beyond[place, parameter] <= 0:
-            break
         before = set(fixed)
+        # judged by the spreads without it, which it widens otherwise until it hides in them
         fixed.append((place - 1, parameter))
         logs = _fitted(data, fixed, logs)
-        fixed = _kept(data, fixed, logs, least)
-        if set(fixed) == before:
-            break  # what was added gave way at once
+        fixed = _kept(data, fixed, logs)
+        if not set(fixed) - before:
+            break
     logs = _fitted(data, fixed, logs)
     model = _At(data, logs, fixed)
     interval, told = _intervals(data, fixed, logs)
@@ -159,13 +158,31 @@ def mixed_model(data: Likelihoods) -> MixedModel:
     return MixedModel(tuple(effects), np.exp(logs / 2), interval, told, model.own)
 
 
-def _kept(
-    data: Likelihoods, fixed: list[tuple[int, int]], logs: Array, least: dict[int, float]
-) -> list[tuple[int, int]]:
-    """Return the fixed effects that still take off more than chance beside the others."""
+def _kept(data: Likelihoods, fixed: list[tuple[int, int]], logs: Array) -> list[tuple[int, int]]:
+    """Return the fixed effects that take off more than chance beside the others.
+
+    By Student's t: a spread is known from so many degrees of freedom as its curvature says.
+    """
+    n, p = data.score.shape
     model = _At(data, logs, fixed)
-    gains = model.values**2 / np.diagonal(model.covariance)
-    return [key for key, gain in zip(fixed, gains, strict=True) if gain > least[min(key[0], 0)]]
+    degrees = np.maximum(2 * np.diagonal(_curvature(data, fixed, logs)), 1.0)
+    kept = []
+    for place, (device, parameter) in enumerate(fixed):
+        chance = FALSE_ALARM / (p if device == COMMON else n * p)
+        least = student_ppf(1 - chance / 2, float(degrees[data.kind[parameter]]))
+        if abs(model.values[place]) > least * np.sqrt(model.covariance[place, place]):
+            kept.append((device, parameter))
+    return kept
+
+
+def _curvature(data: Likelihoods, fixed: Sequence[tuple[int, int]], logs: Array) -> Array:
+    """Return the curvature (k, k) of minus the logarithm of the restricted likelihood by the logarithms of tau^2."""
+    step = STEP**0.5
+    rows = []
+    for unit in np.eye(len(logs)):
+        ends = [_At(data, logs + sign * step * unit, fixed).slope(data) for sign in (1.0, -1.0)]
+        rows.append((ends[0] - ends[1]) / (2 * step))
+    return (np.array(rows) + np.array(rows).T) / 4
 
 
 def _told(data: Likelihoods, fixed: list[tuple[int, int]], logs: Array, model: _At, place: int) -> FixedEffect:
@@ -180,13 +197,7 @@ def _told(data: Likelihoods, fixed: list[tuple[int, int]], logs: Array, model: _
 
 def _intervals(data: Likelihoods, fixed: list[tuple[int, int]], logs: Array) -> tuple[Array, np.ndarray]:
     """Return 95 % intervals of tau (k, 2) by the curvature of the restricted likelihood, and which are told."""
-    k = len(logs)
-    step = STEP**0.5
-    curvature = np.zeros((k, k))
-    for place, unit in enumerate(np.eye(k)):
-        ends = [_At(data, logs + sign * step * unit, fixed).slope(data) for sign in (1.0, -1.0)]
-        curvature[place] = (ends[0] - ends[1]) / (2 * step)
-    curvature = (curvature + curvature.T) / 4  # of -log L
+    k, curvature = len(logs), _curvature(data, fixed, logs)
     interval, told = np.tile([0.0, np.inf], (k, 1)), np.zeros(k, bool)
     best = _At(data, logs, fixed).criterion
 

@@ -83,3 +83,9 @@ def test_a_kind_that_does_not_scatter_has_no_spread():
     assert model.tau[1] < 0.1
     assert not model.told[1]
     assert model.interval[1, 0] == 0.0
+
+
+def test_chance_accuses_no_more_fleets_than_it_is_said_to():
+    """In 1 % the drawing and in 1 % a device; fleets of six, whose spreads few devices tell."""
+    accused = sum(bool(mixed_model(fleet(seed, devices=6)).fixed) for seed in range(2000, 2100))
+    assert accused <= 6
