@@ -55,13 +55,14 @@ class Values:
         """
         if shape == RAMP:
             since = (self.time - self.time[begin]) / (self.time[-1] - self.time[begin])
-            return np.asarray(np.maximum(since, 0.0), float)
-        return (np.arange(len(self.time)) >= begin).astype(float)
+            return np.asarray(np.where(since > 0, since, 0.0))
+        return np.asarray(np.arange(len(self.time)) >= begin, float)
 
     def direction(self, group: int, shape: str, begin: int) -> Array:
         """Return the directions (n q, m) of a change of a group, with its share in each recording."""
         q = len(self.score) // len(self.time)
-        return np.kron(self.share(shape, begin)[:, None], np.eye(q)[:, list(self.groups[group])])
+        found = np.kron(self.share(shape, begin)[:, None], np.eye(q)[:, list(self.groups[group])])
+        return np.asarray(found, float)
 
     def hypotheses(self) -> Iterator[tuple[int, str, int]]:
         """Yield every change: group, shape, begin. A ramp has two recordings on it, or it would be a step."""

@@ -4,8 +4,8 @@ Each device i says of its p parameters d_i, by how much they are off the drawing
 likelihood of its own tests, without any prior. The parameters are d_i = X_i b + u_i, with fixed effects b, errors of
 the drawing that all devices share or one device's own that is an outlier, and random effects u_i of variance tau^2,
 one tau for all parameters of a kind. The tau are those of the largest restricted likelihood (Patterson and Thompson
-1971), which is unbiased for the fixed effects that were taken out; these are added one by one where they take more off
-chi squared than chance does over all parameters and devices (Bonferroni).
+1971), which is unbiased for the fixed effects that were taken out; these are added one by one where they are larger
+than chance makes them over all parameters and devices (Student's t with the spreads beside them, Bonferroni).
 """
 
 from __future__ import annotations
