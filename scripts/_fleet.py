@@ -31,9 +31,9 @@ them.
 `prup-pin fleet` gets the recordings; only then the answer is opened.
 
 - *Named*: the parameter that is wrong on all, or the device and its drive, stands among what is told, or among what the
-  tests cannot tell from that. *Accused*: anything else is told of the drawing or of a device.
-- *Tolerances*: one standard deviation of each kind as told, beside the true one. Stiffnesses are told off by the
-  logarithm, and drawn by the share.
+  tests cannot tell from that. *Accused*: anything else is told of the drawing or of a device. Stiffnesses are off by
+  their logarithms.
+- *Tolerances*: one standard deviation of each kind as told, beside the true one.
 
 `{command}` makes this page again.
 

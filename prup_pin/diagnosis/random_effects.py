@@ -139,17 +139,18 @@ def mixed_model(data: Likelihoods) -> MixedModel:
     n, p = data.score.shape
     least = {COMMON: chi2_isf(FALSE_ALARM / p, 1), 0: chi2_isf(FALSE_ALARM / (n * p), 1)}
     fixed: list[tuple[int, int]] = []
+    seen: list[set[tuple[int, int]]] = []
     logs = _fitted(data, fixed, 2 * np.log(data.start))
     for _ in range(n * p):
         common, each = _At(data, logs, fixed).gains()
         beyond = np.concatenate((common[None] - least[COMMON], each - least[0]))
         place, parameter = divmod(int(np.argmax(beyond)), p)
-        before = set(fixed)
+        seen.append(set(fixed))
         # judged by the spreads without it, which it widens otherwise until it hides in them
         fixed.append((place - 1, parameter))
         logs = _fitted(data, fixed, logs)
         fixed = _kept(data, fixed, logs)
-        if not set(fixed) - before:
+        if set(fixed) in seen:
             break
     logs = _fitted(data, fixed, logs)
     model = _At(data, logs, fixed)

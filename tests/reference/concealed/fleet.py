@@ -43,9 +43,9 @@ def draw_fleet(seed: int, robot: str, poses: int, count: int = 20) -> dict[str, 
     records, scatters = [], []
     for device in range(count):
         scatter = draw_scatter(rng, kind.parameters, true)
-        scatter[wrong] += error
+        scatter[wrong] = _off(scatter[wrong], error, kind.parameters[wrong])
         if device == who:
-            scatter[apart] += alone
+            scatter[apart] = _off(scatter[apart], alone, kind.parameters[apart])
         scatters.append(scatter)
         run = kind.programme(rng, poses)
         records.append(draw.measure(kind.machine([always], scatter=scatter), run, rng, kind.noise))
@@ -57,6 +57,11 @@ def draw_fleet(seed: int, robot: str, poses: int, count: int = 20) -> dict[str, 
         "truth": {"seed": seed, "robot": robot, "true": true, "declared": declared,
                   "wrong": [wrong, kind.parameters[wrong], error], "apart": [who, apart, alone], "scatters": scatters},
     }  # fmt: skip
+
+
+def _off(scatter: float, error: float, kind: str) -> float:
+    """Return by how much a parameter is off by an error too: of what stays positive by its logarithm."""
+    return float(np.expm1(np.log1p(scatter) + error)) if kind in ("stiffness", "bending") else scatter + error
 
 
 def _of_base(name: str) -> bool:
