@@ -28,8 +28,8 @@ parameter, a place of a joint or a stiffness, is off on all devices alike by 3 t
 one device alone a drive is stiffer by 8 to 14 tolerances. A simulator of its own (`tests/reference/concealed/`) draws
 them.
 
-Where the last joint is along its axis, is where the target sits on the tool: such an error of the drawing cannot be told,
-and counts as missed.
+Where the last joint is along its axis, is where the target sits on the tool: such an error of the drawing cannot be
+told, and counts as missed.
 
 `prup-pin fleet` gets the recordings; only then the answer is opened.
 

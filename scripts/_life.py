@@ -25,10 +25,11 @@ TESTS = 10
 HEAD = """# Concealed trials of a machine's life
 
 An arm of six yielding joints (with `--robot 3prup` a 3-PRUP), every part of it off within tolerances that stand beside
-the recordings, is tested ten times, with 10 to 60 days between. Poses, loads and noise are others each time. Play grows from some test
-on in proportion to time, or a part loses stiffness in that way down to 50 to 75 %; or play is there suddenly (both by 3
-to 15 times the noise at the end, RMS in the strongest channel), or the tracker is moved by 0.1 to 1 mm and turned by
-0.2 to 2 mrad without a word, or nothing happens. Simulators of their own (`tests/reference/concealed/`) draw them.
+the recordings, is tested ten times, with 10 to 60 days between. Poses, loads and noise are others each time. Play grows
+from some test on in proportion to time, or a part loses stiffness in that way down to 50 to 75 %; or play is there
+suddenly (both by 3 to 15 times the noise at the end, RMS in the strongest channel), or the tracker is moved by 0.1 to
+1 mm and turned by 0.2 to 2 mrad without a word, or nothing happens. Simulators of their own
+(`tests/reference/concealed/`) draw them.
 
 `prup-pin follow` gets the recordings; only then the answer is opened.
 
