@@ -3,7 +3,7 @@
     python scripts/concealed_trials.py [--count 200] [--first-seed 1000] [--workers 2] [--out out/trials] [--docs]
         [--scattered 0] [--robot 3prup --robot six_ups --robot elastic_arm] [--today] [--efforts 0] [--markers 0]
         [--elastic 0] [--json DIR] [--loop 0] [--misread 0] [--uncalibrated 0] [--tracked 0]
-        [--friction 0] [--since 0]
+        [--friction 0] [--since 0] [--lives 0] [--fleets 0]
     python scripts/concealed_trials.py --export DIR --scattered 100 [--robot …] [--first-seed 1000]
     python scripts/concealed_trials.py --export DIR --efforts 40 | --markers 40 | --elastic 40
     python scripts/concealed_trials.py --score DIR
@@ -19,13 +19,14 @@ own weight that a camera sees (OUT/markers.jsonl), `--tracked` so many arms whos
 (OUT/tracked.jsonl), `--uncalibrated` so many parallel robots of which everything is off (OUT/uncalibrated.jsonl),
 `--friction` so many whose parameters scatter and of which a joint has dry friction (OUT/friction.jsonl). `--since`
 draws so many arms and 3-PRUPs, two to one, or so many of each `--robot`, that are tested twice, and asks what has
-changed in between (OUT/since.jsonl). `--loop` draws so many 3-PRUPs without scatter, or with `--robot` so many of each
-of these whose parameters scatter, and carries out the experiment that an ambiguous verdict proposes (OUT/loop.jsonl).
-`--misread` draws so many logs in all, of six robots in turn, that are written otherwise than they say
-(OUT/misread.jsonl). `--docs` writes the summaries into docs/concealed_trials.md, docs/scattered_trials.md,
-docs/effort_trials.md, docs/elastic_trials.md, docs/marker_trials.md, docs/tracked_trials.md,
-docs/uncalibrated_trials.md, docs/friction_trials.md, docs/since_trials.md, docs/loop_trials.md and
-docs/misread_trials.md.
+changed in between (OUT/since.jsonl); `--lives` so many arms and 3-PRUPs, nine to one, that are tested ten times, and
+asks what changed when (OUT/life.jsonl); `--fleets` so many fleets of twenty arms (OUT/fleet.jsonl). `--loop` draws so
+many 3-PRUPs without scatter, or with `--robot` so many of each of these whose parameters scatter, and carries out the
+experiment that an ambiguous verdict proposes (OUT/loop.jsonl). `--misread` draws so many logs in all, of six robots in
+turn, that are written otherwise than they say (OUT/misread.jsonl). `--docs` writes the summaries into
+docs/concealed_trials.md, docs/scattered_trials.md, docs/effort_trials.md, docs/elastic_trials.md,
+docs/marker_trials.md, docs/tracked_trials.md, docs/uncalibrated_trials.md, docs/friction_trials.md,
+docs/since_trials.md, docs/life_trials.md, docs/fleet_trials.md, docs/loop_trials.md and docs/misread_trials.md.
 
 `--export` writes the scattered devices, their sealed answers and a description of the format, for any other tool;
 `--score` reads that tool's answers.
@@ -51,7 +52,9 @@ from pathlib import Path
 
 import _efforts
 import _elastic
+import _fleet
 import _friction
+import _life
 import _loop
 import _markers
 import _misread
@@ -392,6 +395,8 @@ def main() -> None:
     parser.add_argument("--tracked", type=int, default=0, help="arms whose poses are logged in motion")
     parser.add_argument("--friction", type=int, default=0, help="scattered devices with dry friction in a joint")
     parser.add_argument("--since", type=int, default=0, help="devices that are tested twice")
+    parser.add_argument("--lives", type=int, default=0, help="devices that are tested ten times")
+    parser.add_argument("--fleets", type=int, default=0, help="fleets of twenty devices")
     parser.add_argument("--loop", type=int, default=0, help="devices whose next experiment is carried out")
     parser.add_argument("--misread", type=int, default=0, help="logs that are written otherwise than they say")
     parser.add_argument("--today", action="store_true", help="what people do today, beside, on scattered devices")
@@ -477,6 +482,16 @@ def main() -> None:
         jobs = {(robot, seed): (_since.trial, seed, robot) for robot, seed in devices}
         asked = f"--count 0 --since {options.since}" + "".join(f" --robot {name}" for name in options.robot or ())
         page("since", _since.HEAD, jobs, _since.told, partial(_since.summary, share=wilson), asked)
+    if options.lives:
+        devices = [(robot, first + index) for robot in options.robot or () for index in range(options.lives)]
+        devices = devices or _life.devices(options.lives, first)
+        jobs = {(robot, seed): (_life.trial, seed, robot) for robot, seed in devices}
+        asked = f"--count 0 --lives {options.lives}" + "".join(f" --robot {name}" for name in options.robot or ())
+        page("life", _life.HEAD, jobs, _life.told, partial(_life.summary, share=wilson), asked)
+    if options.fleets:
+        jobs = {(_fleet.ROBOT, first + k): (_fleet.trial, first + k, _fleet.ROBOT) for k in range(options.fleets)}
+        asked = f"--count 0 --fleets {options.fleets}"
+        page("fleet", _fleet.HEAD, jobs, _fleet.told, partial(_fleet.summary, share=wilson), asked)
     if options.loop:
         loops = [(kind, first + index) for kind in options.robot or [_loop.PLAIN] for index in range(options.loop)]
         jobs = {(kind, seed): (_loop.trial, seed, kind) for kind, seed in loops}

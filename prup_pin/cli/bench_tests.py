@@ -1,4 +1,7 @@
-"""The commands about bench tests: `import`, `diagnose`, `calibrate`, `predict`, `export`, `simulate`."""
+"""The commands about bench tests.
+
+`import`, `diagnose`, `follow`, `fleet`, `calibrate`, `predict`, `export`, `simulate`.
+"""
 
 from __future__ import annotations
 
@@ -39,6 +42,7 @@ from .options import (
     recording_typed,
     robot_beside,
 )
+from .processes import processes
 
 
 def simulate(
@@ -288,6 +292,69 @@ def diagnose(
     list_written(written)
     if missing:
         typer.echo(f"Left out: {REPORT}: {missing}")
+
+
+def follow(
+    recordings: RecordingFiles,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for what was found; goes on with what is there.")
+    ],
+    robot: RobotOption = None,
+    tolerances: TolerancesOption = None,
+    convention: ConventionOption = None,
+    set_parameters: SetParameters = None,
+    *,
+    reading: Reading,
+) -> None:
+    """A machine's life: what changed between which of many recordings of one device; docs/life.md."""
+    from ..diagnosis.follow import follow as followed
+    from ..views.report.life_files import check_life, write_life
+    from ..views.text.life_words import print_life
+
+    folder_for(out, "--out")
+    check_life(out)
+    read, name = recorded(recordings, tolerances, robot, convention)
+    loaded, understood = reading.changed(name, set_parameters)
+    with progress.stages() as tell:
+        life = followed(loaded, read, out, robot_name=name, reading=understood, tell=tell)
+    written, missing = write_life(life, loaded, out)
+    print_life(terminal.console(), life)
+    list_written(written)
+    for text in missing:
+        typer.echo(f"Left out: {text}")
+
+
+def fleet(
+    recordings: RecordingFiles,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for what was found; goes on with what is there.")
+    ],
+    robot: RobotOption = None,
+    tolerances: TolerancesOption = None,
+    convention: ConventionOption = None,
+    workers: Workers = 1,
+    set_parameters: SetParameters = None,
+    *,
+    reading: Reading,
+) -> None:
+    """Many devices of one drawing: what is common, by how much they scatter, who stands apart; docs/life.md."""
+    from ..diagnosis.fleet import devices_of
+    from ..diagnosis.fleet import fleet as together
+    from ..views.report.fleet_files import check_fleet, write_fleet
+    from ..views.text.fleet_words import print_fleet
+
+    folder_for(out, "--out")
+    check_fleet(out)
+    read, name = recorded(recordings, tolerances, robot, convention)
+    devices = devices_of(read)
+    _, understood = reading.changed(name, set_parameters)
+    with progress.rows("devices") as show, processes(workers) as executor:
+        found = together(devices, out, robot_name=name, reading=understood, executor=executor, tell=show)
+    written, missing = write_fleet(found, out, name)
+    print_fleet(terminal.console(), found)
+    list_written(written)
+    for text in missing:
+        typer.echo(f"Left out: {text}")
 
 
 def calibrate(

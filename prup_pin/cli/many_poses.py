@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -34,6 +32,7 @@ from ..views.text.values import coordinate_text
 from . import progress
 from .files import check_csv, check_folder, folder_for, list_written, write_figures
 from .options import Effects, ModelOption, Reading, RobotName, RobotOption, SetParameters, Workers, robot_beside
+from .processes import processes
 from .typed import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
 
 #: Units of the half sides of the box of wrenches.
@@ -129,7 +128,7 @@ def sweep(
         from ..views.drawing.sweep_figures import check_drawn, figures_of
 
         check_drawn(names, scattered=not any(isinstance(asked.get(name), np.ndarray) for name in kinds))
-    with progress.rows() as show, _executor(workers) as executor:
+    with progress.rows() as show, processes(workers) as executor:
         found = loaded.sweep(quantities=names, compiled=compiled, executor=executor, out=out, progress=show, **asked)
     written = [] if out is None else [out]
     if plots is not None:
@@ -149,19 +148,6 @@ def _index(robot: Robot) -> list[str]:
         if not len(home.rigid_directions) or yielding_beside(robot, home) == 6:
             return ["homogenised_ksi"]
     return ["K_task"] if robot.mechanism.tasks else []
-
-
-@contextmanager
-def _executor(workers: int) -> Iterator[ProcessPoolExecutor | None]:
-    """Yield processes where there are to be several; fresh ones, which inherit no locks of numerical libraries."""
-    if workers <= 1:
-        yield None
-        return
-    pool = ProcessPoolExecutor(workers, get_context("spawn"))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _axes(robot: Robot, over: Sequence[str], draws: int | None) -> dict[str, Any]:

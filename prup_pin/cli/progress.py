@@ -17,12 +17,12 @@ _PATIENCE = 2.0
 
 
 @contextmanager
-def rows() -> Iterator[Callable[[int, int], None]]:
+def rows(what: str = "rows") -> Iterator[Callable[[int, int], None]]:
     """Yield what draws a bar on a terminal once it has taken some seconds."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     began = time.monotonic()
-    bar = _bar(TextColumn("rows"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    bar = _bar(TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     task = bar.add_task("")
 
     def show(done: int, total: int) -> None:

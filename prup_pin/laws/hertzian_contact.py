@@ -51,6 +51,9 @@ class HertzianContact(Law):
     def magnified(self, value: float, times: float) -> float:
         return value * times**3
 
+    def multiple(self, value: float, of: float) -> float:
+        return float(np.cbrt(value / of))
+
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         name = stiffness_of(setup.mechanism.module(place.name), place.aspect)
         assert name is not None

@@ -190,6 +190,10 @@ class Law(ABC):
         """
         return times * value
 
+    def multiple(self, value: float, of: float) -> float:
+        """Return how many times as much as at `of` the law does at `value`: the inverse of `magnified`."""
+        return value / of
+
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         """Return other parts to which one and the same effect could be ascribed just as well."""
         return ()

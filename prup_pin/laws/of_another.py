@@ -58,5 +58,8 @@ class OfAnother(Law):
     def magnified(self, value: float, times: float) -> float:
         return self.law.magnified(value, times)
 
+    def multiple(self, value: float, of: float) -> float:
+        return self.law.multiple(value, of)
+
     def drawn(self, place: Place, at: Solved) -> Drawn | None:
         return None

@@ -37,6 +37,9 @@ class RootTiltCompliance(Law):
     def magnified(self, value: float, times: float) -> float:
         return value / times
 
+    def multiple(self, value: float, of: float) -> float:
+        return of / value
+
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         given = setup.module_value(place.name, "root_tilting_stiffness")
         compliance = 1 / given + 1 / values["root_tilting_stiffness"]

@@ -43,6 +43,9 @@ class StiffnessChanged(Law):
         compliance = 1 + times * (1 / value - 1)  # over the robot file's
         return 1 / compliance if compliance > 0 else np.inf
 
+    def multiple(self, value: float, of: float) -> float:
+        return (1 / value - 1) / (1 / of - 1)
+
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         module = setup.mechanism.module(place.name)
         name = stiffness_of(module, place.aspect)

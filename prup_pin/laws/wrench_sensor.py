@@ -83,6 +83,9 @@ class WrenchSensorCommonGain(Law):
     def magnified(self, value: float, times: float) -> float:
         return 1 + times * (value - 1)
 
+    def multiple(self, value: float, of: float) -> float:
+        return (value - 1) / (of - 1)
+
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("wrench_sensor", self.variant)]
 

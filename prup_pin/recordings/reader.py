@@ -48,12 +48,12 @@ from .problems import (
     read_json_object,
     shown,
 )
-from .recording import Noise, Recording, ToolPath
+from .recording import Noise, Recording, ToolPath, moment
 from .thinning import Thinning
 from .tolerances import KINDS_OF_TOLERANCE, SENSORS, Tolerances
 
 #: Keys of the JSON beside the table.
-KEYS = ("robot", *NOISE_KEYS, "tolerances", "own_sensors", "conventions", "notes")
+KEYS = ("robot", *NOISE_KEYS, "tolerances", "own_sensors", "conventions", "notes", "date", "device")
 _TOLERANCES = {kind.name: kind for kind in KINDS_OF_TOLERANCE}
 #: Rows that the careful reader holds as text at a time.
 _CHUNK = 20_000
@@ -682,9 +682,12 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> tuple
             found[key] = conventions_value(value, _joints(header), problems, beside.name) if header else ()
         elif key == "frame" and value == "base":
             pass  # which they all are in
-        elif key in ("robot", "notes"):
+        elif key in ("robot", "notes", "date", "device"):
             if isinstance(value, str):
                 found[key] = value
+                if key == "date" and not _is_date(value):
+                    message = f"is {shown(value)}; expected a day or a moment, as 2026-03-01 or 2026-03-01T14:30"
+                    problems.add(KeyProblem(message, None, beside.name, key=key))
             elif value is not None:
                 message = f"is {json_kind(value)}; expected a text"
                 problems.add(KeyProblem(message, None, beside.name, key=key))
@@ -693,6 +696,14 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> tuple
                 f"{beside.name}: the unknown key '{shown(key)}' is ignored. {nearest_names(shown(key), KEYS)}"
             )
     return {**found, "noise": Noise(**noise)}, remarks
+
+
+def _is_date(text: str) -> bool:
+    try:
+        moment(text)
+    except ValueError:
+        return False
+    return True
 
 
 def own_sensors_value(value: object, problems: Problems, file: str, key: str) -> tuple[str, ...]:

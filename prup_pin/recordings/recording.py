@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from datetime import datetime, timezone
 from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -23,6 +24,12 @@ if TYPE_CHECKING:
 
 #: Encoders resolve better than this; deliberate steps between poses are larger [m or rad].
 STANDSTILL = 1e-5
+
+
+def moment(date: str) -> datetime:
+    """Return what a day or a moment of ISO 8601 stands for, in UTC where it does not say. Raises ValueError."""
+    found = datetime.fromisoformat(date.replace("Z", "+00:00"))
+    return found if found.tzinfo else found.replace(tzinfo=timezone.utc)
 
 
 @dataclass(frozen=True)
@@ -62,9 +69,9 @@ class Recording:
     gravity: (N, 3) acceleration of free fall in the base frame [m/s^2], or None where it is the robot file's.
     temperature: (N,) [degrees Celsius], or None.
     run: (N,) indices into `run_names`; one run named '' where the recording has no such column.
-    noise, tolerances, own_sensors, own_by_run, robot, notes: what the JSON file beside the table says; own_sensors are
-    those of `tolerances.SENSORS` that this recording does not share with others of the same device, own_by_run those
-    that were set up anew for each of its runs.
+    noise, tolerances, own_sensors, own_by_run, robot, notes, date, device: what the JSON file beside the table says;
+    own_sensors are those of `tolerances.SENSORS` that this recording does not share with others of the same device,
+    own_by_run those that were set up anew for each of its runs.
     conventions: how the table was written where it differs from this, one read after the other; `in_format` of the
     simulation reads a recording so.
     path: the file that was read, or ''. ignored: its columns that the format does not know.
@@ -93,6 +100,8 @@ class Recording:
     conventions: tuple[Convention, ...] = ()
     robot: str | None = None
     notes: str = ""
+    date: str = ""
+    device: str = ""
     path: str = ""
     ignored: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()

@@ -59,8 +59,9 @@ def write_recording(recording: Recording, path: str | Path, status: Sequence[str
         beside["own_sensors"] = list(recording.own_sensors)
     if recording.conventions:
         beside["conventions"] = as_json(recording.conventions)
-    if recording.notes:
-        beside["notes"] = recording.notes
+    for name in ("notes", "date", "device"):
+        if getattr(recording, name):
+            beside[name] = getattr(recording, name)
     write_whole({path: _lines(columns), path.with_suffix(".json"): json_lines(beside)})
 
 

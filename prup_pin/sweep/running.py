@@ -12,7 +12,7 @@ from ..spatial import Array
 from .engine import Answer, Engine
 from .places import Places
 
-__all__ = ["PART", "solved_parts"]
+__all__ = ["PART", "is_ours", "solved_parts"]
 
 #: Poses of one part.
 PART = 8192
@@ -95,7 +95,7 @@ def _answers(
             except PrupPinError:
                 raise
             except (CancelledError, Exception) as error:  # executors have their own words for a lost worker
-                if _is_ours(error):
+                if is_ours(error):
                     raise
         if answer is None:
             lost += 1
@@ -111,7 +111,7 @@ def _answers(
         )
 
 
-def _is_ours(error: BaseException) -> bool:
+def is_ours(error: BaseException) -> bool:
     """Return True for an error of the computation itself, which another try would meet again."""
     return isinstance(error, ArithmeticError | AssertionError | AttributeError | LookupError | TypeError | ValueError)
 

@@ -184,6 +184,7 @@ def check_quantities(bench, law, place):
     strong = starts[0][first.name] if law.strong is None else first.check(law.strong, "strong")
     near(law.magnified(strong, 1.0), strong, rtol=1e-6, atol=1e-12)
     near(law.magnified(law.magnified(strong, 3.0), 1 / 3), strong, rtol=1e-6, atol=1e-12)
+    near(law.multiple(law.magnified(strong, 3.0), strong), 3.0, rtol=1e-6, atol=1e-12)
     require(set(law.neutral) <= set(quantities), f"neutral names {set(law.neutral) - set(quantities)}.")
     require(list(law.neutral_at(place, mechanism)) == list(quantities), "Its neutral values are not all of them.")
 

@@ -1,0 +1,75 @@
+"""A fleet in words: what is wrong with the drawing, who stands apart, by how much kinds of parameters scatter."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+
+from ...numbers import counted, number, quantity, readable_unit
+from .terminal import bullets, heading, paragraph, show_table
+
+if TYPE_CHECKING:  # the command line begins without it
+    from ...diagnosis.fleet import Fleet, Off, Scatter
+
+
+def fleet_verdict(fleet: Fleet) -> str:
+    """Return what devices have in common, in a sentence or two."""
+    said = []
+    if fleet.common:
+        said.append(f"the drawing is wrong: {'; '.join(map(off_text, fleet.common))}")
+    if fleet.outliers:
+        said.append("; ".join(f"{item.device} stands apart: {off_text(item)}" for item in fleet.outliers))
+    if not said:
+        return "the drawing is right as far as these devices tell, and none stands apart"
+    return "; ".join(said)
+
+
+def off_text(item: Off) -> str:
+    """Return 'joint4.y is off by 771 µm (657 to 885 µm)', and what it cannot be told from."""
+    ends, unit = np.array([item.value, *item.interval]), item.unit
+    if item.relative:
+        ends, unit = 100 * np.expm1(ends), "%"
+    value, low, high = ends.tolist()
+    name, factor = readable_unit(max(abs(low), abs(high)), unit)
+    by = number(factor * value, 3, True)
+    within = f"{number(factor * low, 3, True)} to {number(factor * high, 3, True)}"
+    text = f"{item.parameter} is off by {by} {name} (95 %: {within} {name})"
+    return f"{text}, or {' or '.join(item.others)}, which these tests cannot tell from it" if item.others else text
+
+
+def scatter_rows(fleet: Fleet) -> list[tuple[str, str, str, str, str]]:
+    """Return a row for each kind: how many parameters, its spread, the 95 % interval, what was declared."""
+    return [
+        (
+            item.kind,
+            str(item.count),
+            _size(item.value, item) if item.told else "not told",
+            f"{_size(item.interval[0], item)} to {_size(item.interval[1], item)}",
+            "" if item.declared is None else _size(item.declared, item),
+        )
+        for item in fleet.scatter
+    ]
+
+
+def _size(value: float, item: Scatter) -> str:
+    if not np.isfinite(value):
+        return "any"
+    if item.unit == "relative":
+        return f"{number(100 * value, 3)} %"
+    return quantity(value, item.unit.partition(",")[0])
+
+
+def print_fleet(out: Console, fleet: Fleet) -> None:
+    """Print what is common, who stands apart, the spreads, the laws by how many devices have them, and remarks."""
+    paragraph(out, f"{fleet_verdict(fleet)}.")
+    if fleet.scatter:
+        heading(out, "By how much devices scatter", "(one standard deviation; tolerances.json holds what is told)")
+        columns = ("kind", ">parameters", ">scatters by", ">95 %", ">declared")
+        show_table(out, columns, scatter_rows(fleet))
+    told = [f"{what}: {counted(count, 'device')} of {len(fleet.devices)}" for what, count in fleet.laws.items()]
+    bullets(out, "What they have that the robot file lacks", told)
+    unknown = [name for name, answer in zip(fleet.devices, fleet.answers, strict=True) if answer.unknown]
+    bullets(out, "With something that no law explains", unknown)
+    bullets(out, "Remarks", fleet.remarks)

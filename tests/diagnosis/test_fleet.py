@@ -1,0 +1,135 @@
+"""Many devices of one drawing, of a simulator that shares no code with the package."""
+
+import json
+import shutil
+from concurrent.futures import Future
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import prup_pin
+from prup_pin.cli import app
+from prup_pin.diagnosis import fleet as fleets
+from prup_pin.diagnosis.chances import chi2_sf
+from prup_pin.diagnosis.fleet import devices_of, fleet
+from prup_pin.errors import InputError
+from prup_pin.laws.deviations import calibration_of
+from prup_pin.recordings import read_recording, read_tolerances
+
+from ..reference.concealed.fleet import draw_fleet, write
+
+ARM = Path(__file__).parents[1] / "robots" / "elastic_arm" / "elastic_arm.urdf"
+
+
+class Fleet:
+    def __init__(self, folder, count):
+        drawn = draw_fleet(4, "elastic_arm", 6, count)
+        self.paths = write(drawn, folder, folder / "sealed", str(ARM))
+        self.truth, self.folder = drawn["truth"], folder / "fleet"
+        self.devices = devices_of([read_recording(path) for path in self.paths])
+        self.found = fleet(self.devices, self.folder, robot_name=str(ARM))
+
+
+@pytest.fixture(scope="module")
+def arms(tmp_path_factory):
+    return Fleet(tmp_path_factory.mktemp("fleet"), 3)
+
+
+def test_what_a_device_says_of_its_parameters_holds_the_true_ones(arms):
+    """Beside noise alone: the tolerances that were declared have no part in it."""
+    deviations = {item.name: item for item in calibration_of(prup_pin.load(ARM).mechanism).deviations}
+    for path in sorted((arms.folder / "kept").glob("*.npz")):
+        said = fleets._read(path)
+        fits = []
+        for scatter in arms.truth["scatters"]:
+            true = np.array([
+                np.log1p(scatter[name]) if deviations[name].relative else scatter[name] for name in said.names
+            ])  # fmt: skip
+            left = said.score - said.precision @ true
+            size = np.sqrt(np.diagonal(said.precision))
+            values, vectors = np.linalg.eigh(said.precision / np.outer(size, size))
+            told = values > 1e-4 * values[-1]
+            square = float((((left / size) @ vectors[:, told]) ** 2 / values[told]).sum())
+            fits.append(chi2_sf(square, int(told.sum())))
+        assert max(fits) > 1e-3  # it is one of the devices
+        assert sorted(fits)[-2] < 1e-6  # and no other
+
+
+def test_a_worker_that_is_lost_costs_its_device_only_and_no_bit(arms, tmp_path, monkeypatch):
+    said = {item.name: fleets._asked(item, str(ARM), fleets.Reading(), "x.json") for item in arms.devices[:1]}
+    here = []
+
+    def asked(device, *others):
+        here.append(device.name)
+        return said[device.name]
+
+    class Broken:
+        """A pool whose worker dies at the first device, and that takes nothing after the second."""
+
+        def __init__(self):
+            self.taken = 0
+
+        def submit(self, function, *arguments):
+            self.taken += 1
+            if self.taken > 2:
+                raise RuntimeError("cannot schedule new futures after shutdown")
+            future = Future()
+            if self.taken == 1:
+                future.set_exception(OSError("a child process terminated abruptly"))
+            else:
+                future.set_result(said[arguments[0].name])
+            return future
+
+    for item in arms.devices[1:]:
+        said[item.name] = said[arms.devices[0].name]
+    monkeypatch.setattr(fleets, "_asked", asked)
+    alone = fleet(arms.devices, tmp_path / "alone", robot_name=str(ARM))
+    assert here == ["device01", "device02", "device03"]
+    here.clear()
+    found = fleet(arms.devices, tmp_path / "lost", robot_name=str(ARM), executor=Broken())
+    assert here == ["device01", "device03"]
+    assert found.remarks == (
+        "2 of 3 devices came back from no worker (one may have died) and were diagnosed in this process; the numbers "
+        "are the same",
+    )
+    assert np.array_equal(found.own, alone.own)
+    here.clear()
+    (next((tmp_path / "lost" / "kept").glob("*.npz"))).unlink()
+    again = fleet(arms.devices, tmp_path / "lost", robot_name=str(ARM))
+    assert len(here) == 1  # resumed from what is whole
+    assert np.array_equal(again.own, alone.own)
+
+
+def test_the_command_writes_tolerances_that_the_next_diagnosis_takes(arms, tmp_path, monkeypatch):
+    monkeypatch.setattr(fleets, "_asked", None)  # nothing is asked again
+    out = tmp_path / "fleet"
+    shutil.copytree(arms.folder, out)
+    done = CliRunner().invoke(app, ["fleet", *map(str, arms.paths), "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    document = json.loads((out / "fleet.json").read_text())
+    told = {item["kind"]: item["value"] for item in document["scatter"] if item["told"]}
+    declared = read_tolerances(out / "tolerances.json").declared
+    assert "position" in declared
+    for kind, value in declared.items():
+        assert value == pytest.approx(told[kind], rel=0.01)
+    assert "By how much devices scatter" in done.output
+    table = pytest.importorskip("pyarrow.parquet").read_table(out / "fleet.parquet")
+    assert table.num_rows == 3 * len(arms.found.parameters)
+
+
+def test_devices_are_told_apart_by_what_they_say_or_by_their_files(arms):
+    one, two, three = (item.recordings[0] for item in arms.devices)
+    assert [item.name for item in arms.devices] == ["device01", "device02", "device03"]
+    said = [replace(item, device=name) for item, name in ((one, "7"), (two, "8"), (three, "9"))]
+    assert [item.name for item in devices_of(said)] == ["7", "8", "9"]
+    in_folders = [
+        replace(item, path=f"fleet/{name}/bench.csv") for item, name in ((one, "a"), (two, "b"), (three, "c"))
+    ]
+    assert [item.name for item in devices_of(in_folders)] == ["a", "b", "c"]
+    with pytest.raises(InputError, match=r"a fleet of 2 \(7, 8\): expected recordings of three devices or more"):
+        devices_of([replace(one, device="7"), replace(two, device="7"), replace(three, device="8")])
+    with pytest.raises(InputError, match=r"device01.csv is the same recording as .*device01.csv; give each once"):
+        devices_of([one, one, two, three])
