@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from _scattered import robot_file
 
-from prup_pin.diagnosis.fleet import devices_of, fleet
+from prup_pin.life.fleet import devices_of, fleet
 from prup_pin.recordings import read_recording
 from tests.reference.concealed.fleet import draw_fleet, write
 

@@ -12,7 +12,7 @@ from typing import Any
 from _scattered import robot_file
 
 import prup_pin
-from prup_pin.diagnosis.follow import follow
+from prup_pin.life.follow import follow
 from prup_pin.recordings import read_recording
 from tests.reference.concealed.life import LIVES, draw_life, write
 

@@ -24,7 +24,7 @@ STIFF, LEFT_OUT, BOTH = "#0072B2", "#009E73", INK  # colours of the roads
 GROUND = "#E1E5E8"
 PITCH, HEIGHT = 0.62, 0.42  # of rows and of boxes [in]
 BOTTOM = 0.42
-SIZE = (10.6, 11.96)
+SIZE = (10.6, 12.58)
 ROUND = "round,pad=0,rounding_size=0.08"
 LEFT, RIGHT = (0.75, 5.05), (5.75, 10.05)
 
@@ -89,8 +89,9 @@ BOXES = {
     "channels": Box(13, (RIGHT[0], RIGHT[1] - 2.0), LEFT_OUT, "residuals"),
     "testing": Box(13, (RIGHT[1] - 1.84, RIGHT[1] - 0.84), LEFT_OUT, ""),
     "diagnosis": Box(14, RIGHT, LEFT_OUT, "locate, compete, judge"),
-    "views": Box(15, (LEFT[0], RIGHT[1]), BOTH, "what people see: text, scene, drawing, meshcat, report"),
-    "cli": Box(16, (LEFT[0], RIGHT[1]), BOTH, "the command prup-pin"),
+    "life": Box(15, RIGHT, LEFT_OUT, "over time, over a fleet"),
+    "views": Box(16, (LEFT[0], RIGHT[1]), BOTH, "what people see: text, scene, drawing, meshcat, report"),
+    "cli": Box(17, (LEFT[0], RIGHT[1]), BOTH, "the command prup-pin"),
 }
 #: Rooms that are made to be added to.
 OPEN = {"modules": "a module", "mechanism": "a format", "laws": "a law, a deed", "channels": "a channel"}

@@ -46,6 +46,7 @@ LAYERS = [
     "compensation",
     "channels",
     "diagnosis",
+    "life",
     "views",
     "cli",
 ]

@@ -307,7 +307,7 @@ def follow(
     reading: Reading,
 ) -> None:
     """A machine's life: what changed between which of many recordings of one device; docs/life.md."""
-    from ..diagnosis.follow import follow as followed
+    from ..life.follow import follow as followed
     from ..views.report.life_files import check_life, write_life
     from ..views.text.life_words import print_life
 
@@ -338,8 +338,8 @@ def fleet(
     reading: Reading,
 ) -> None:
     """Many devices of one drawing: what is common, by how much they scatter, who stands apart; docs/life.md."""
-    from ..diagnosis.fleet import devices_of
-    from ..diagnosis.fleet import fleet as together
+    from ..life.fleet import devices_of
+    from ..life.fleet import fleet as together
     from ..views.report.fleet_files import check_fleet, write_fleet
     from ..views.text.fleet_words import print_fleet
 

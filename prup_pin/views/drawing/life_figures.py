@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...diagnosis.life import Life, Series
+from ...life.life import Life, Series
 from ...numbers import readable_unit
 from ...recordings.recording import moment
 from ..text.life_words import what_is_followed

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ... import __version__
-from ...diagnosis.fleet import Fleet
 from ...errors import InputError, MissingExtraError
+from ...life.fleet import Fleet
 from ...recordings.writer import check_replaceable, json_lines, write_folder
 from ...sweep.table import write_table
 from ..text.fleet_words import fleet_verdict

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ... import __version__
-from ...diagnosis.life import Life
 from ...errors import InputError, MissingExtraError
+from ...life.life import Life
 from ...recordings.writer import check_replaceable, text_of, write_whole
 from ...robot import Robot
 from ...sweep.table import write_table

@@ -11,7 +11,7 @@ from ...numbers import counted, number, quantity, readable_unit
 from .terminal import bullets, heading, paragraph, show_table
 
 if TYPE_CHECKING:  # the command line begins without it
-    from ...diagnosis.fleet import Fleet, Off, Scatter
+    from ...life.fleet import Fleet, Off, Scatter
 
 
 def fleet_verdict(fleet: Fleet) -> str:

@@ -11,7 +11,7 @@ from ...numbers import counted, number, quantity, readable_unit
 from .terminal import bullets, heading, listed, paragraph, show_table
 
 if TYPE_CHECKING:  # the command line begins without it
-    from ...diagnosis.life import Change, Life, Series
+    from ...life.life import Change, Life, Series
 
 
 def life_verdict(life: Life) -> str:

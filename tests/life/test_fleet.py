@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 
 import prup_pin
 from prup_pin.cli import app
-from prup_pin.diagnosis import fleet as fleets
 from prup_pin.diagnosis.chances import chi2_sf
-from prup_pin.diagnosis.fleet import devices_of, fleet
 from prup_pin.errors import InputError
 from prup_pin.laws.deviations import calibration_of
+from prup_pin.life import fleet as fleets
+from prup_pin.life.fleet import devices_of, fleet
 from prup_pin.recordings import read_recording, read_tolerances
 
 from ..reference.concealed.fleet import draw_fleet, write

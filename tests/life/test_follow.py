@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 import prup_pin
 from prup_pin.cli import app
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis import follow as following
-from prup_pin.diagnosis.follow import KEPT, MODEL, digest_of, follow, in_order_of_time
 from prup_pin.errors import InputError, RecordingFileError
+from prup_pin.life import follow as following
+from prup_pin.life.follow import KEPT, MODEL, digest_of, follow, in_order_of_time
 from prup_pin.recordings import read_recording, write_recording
 from prup_pin.views.text.life_words import life_verdict
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from prup_pin.diagnosis.chances import chi2_isf
-from prup_pin.diagnosis.change_points import RAMP, STEP, Values, change_points, estimate, smallest_step
 from prup_pin.diagnosis.criteria import FALSE_ALARM
+from prup_pin.life.change_points import RAMP, STEP, Values, change_points, estimate, smallest_step
 
 TIME = np.array([0.0, 3.0, 4.0, 7.0, 8.0, 10.0])
 

@@ -15,6 +15,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from .. import __version__
+from ..diagnosis.corrected import corrected_model
+from ..diagnosis.criteria import LITTLE, MOST_LISTED
+from ..diagnosis.diagnose import diagnose
+from ..diagnosis.prepare import Tell
 from ..errors import InputError
 from ..loading import Reading
 from ..numbers import some
@@ -24,11 +28,7 @@ from ..recordings.writer import json_lines, write_whole
 from ..robot import Robot
 from ..simulation import CorrectedModel, read_model, write_model
 from ..spatial import Array
-from .corrected import corrected_model
-from .criteria import LITTLE, MOST_LISTED
-from .diagnose import diagnose
 from .life import Answer, Evidence, Life, answer_of, evidence_of, followed, life_of
-from .prepare import Tell
 
 __all__ = [
     "KEPT",

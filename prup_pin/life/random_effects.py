@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq, minimize
 
+from ..diagnosis.chances import WITHIN_95, chi2_isf, student_ppf
+from ..diagnosis.criteria import FALSE_ALARM, INDISTINCT, MUCH, ROUNDING, STEP
 from ..spatial import Array
-from .chances import WITHIN_95, chi2_isf, student_ppf
-from .criteria import FALSE_ALARM, INDISTINCT, MUCH, ROUNDING, STEP
 
 __all__ = ["COMMON", "FixedEffect", "Likelihoods", "MixedModel", "mixed_model"]
 

@@ -19,6 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from ..diagnosis.chances import WITHIN_95
+from ..diagnosis.corrected import corrected_model
+from ..diagnosis.criteria import LITTLE, MOST_LISTED, ROUNDING
+from ..diagnosis.diagnose import diagnose
 from ..errors import InputError, PrupPinError
 from ..laws.deviations import Calibration, calibration_of
 from ..loading import Reading
@@ -30,10 +34,6 @@ from ..simulation import CorrectedModel
 from ..simulation.model_file import model_document
 from ..spatial import Array
 from ..sweep.running import is_ours
-from .chances import WITHIN_95
-from .corrected import corrected_model
-from .criteria import LITTLE, MOST_LISTED, ROUNDING
-from .diagnose import diagnose
 from .follow import KEPT, digest_of, digest_of_parts, digest_of_robot, named_in_errors
 from .life import Answer, answer_of, linearised
 from .random_effects import COMMON, Likelihoods, mixed_model

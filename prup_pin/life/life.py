@@ -16,6 +16,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..diagnosis.calibrate import Toleranced, changes_per_tolerance
+from ..diagnosis.chances import WITHIN_95
+from ..diagnosis.conventions import read_logs
+from ..diagnosis.criteria import INDISTINCT, LITTLE, ROUNDING
+from ..diagnosis.diagnosis import Diagnosis, FittedParameter
+from ..diagnosis.influence import Influence
+from ..diagnosis.prepare import Prepared, prepare
+from ..diagnosis.since import Earlier
 from ..errors import InputError
 from ..laws import Effect
 from ..laws.as_found import ChangedEffect, said_of_change, value_name
@@ -25,15 +33,7 @@ from ..recordings import SENSORS, Recording
 from ..robot import Robot
 from ..simulation import CorrectedModel, effect_named
 from ..spatial import Array
-from .calibrate import Toleranced, changes_per_tolerance
-from .chances import WITHIN_95
 from .change_points import STEP, ChangePoint, Values, change_points, estimate, gains, smallest_step
-from .conventions import read_logs
-from .criteria import INDISTINCT, LITTLE, ROUNDING
-from .diagnosis import Diagnosis, FittedParameter
-from .influence import Influence
-from .prepare import Prepared, prepare
-from .since import Earlier
 
 __all__ = [
     "Answer",

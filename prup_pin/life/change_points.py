@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..diagnosis.chances import WITHIN_95, chi2_isf
+from ..diagnosis.criteria import FALSE_ALARM, FEW_ROUNDS, ROUNDING
 from ..spatial import Array
-from .chances import WITHIN_95, chi2_isf
-from .criteria import FALSE_ALARM, FEW_ROUNDS, ROUNDING
 
 __all__ = ["RAMP", "STEP", "ChangePoint", "Values", "change_points", "estimate", "gains", "smallest_step"]
 

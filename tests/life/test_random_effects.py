@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from prup_pin.diagnosis.random_effects import COMMON, Likelihoods, _At, mixed_model
+from prup_pin.life.random_effects import COMMON, Likelihoods, _At, mixed_model
 
 KIND = np.repeat([0, 1], (8, 4))
 TAU = np.array([0.5, 2.0])
