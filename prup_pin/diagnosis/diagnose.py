@@ -72,6 +72,7 @@ def diagnose(
     recording: Recording | Sequence[Recording],
     *,
     against: CorrectedModel | None = None,
+    propose: bool | Sequence[str] = False,
     tell: Tell = _silent,
 ) -> Diagnosis:
     """Return what a recording, or several of one device, say that the simulation of `robot` left out.
@@ -81,7 +82,8 @@ def diagnose(
 
     Each has its own noise, and where it says so its own sensors (`Recording.own_sensors`). `tell(stage, share)` hears
     how far it is. against: the corrected model of an earlier diagnosis of poses of this robot; then the simulation is
-    that model, what its test knew is known, and the verdict says what has changed since (`Diagnosis.since`).
+    that model, what its test knew is known, and the verdict says what has changed since (`Diagnosis.since`). propose: look for formulas where something is unknown
+    (`Diagnosis.proposals`), or at these joints.
 
     Raises InputError where a recording does not belong to this robot at all (units, frames, another machine) or is
     given twice, or the earlier model is of another robot, does not say what it knows or was changed by hand;
@@ -98,13 +100,13 @@ def diagnose(
             recording = [earlier.as_compared(item) for item in given]
         logs = read_logs(robot, recording)
         if earlier is None:
-            found = logs.before(_of_channels(robot, logs.recordings, tell))
+            found = logs.before(_of_channels(robot, logs.recordings, tell, propose))
         else:
             found = logs.before(_changed(robot, logs.recordings, earlier, tell))
     return replace(found, remarks=tuple(dict.fromkeys((*found.remarks, *told))))
 
 
-def _of_channels(robot: Robot, given: Sequence[Recording], tell: Tell) -> Diagnosis:
+def _of_channels(robot: Robot, given: Sequence[Recording], tell: Tell, propose: bool | Sequence[str]) -> Diagnosis:
     """Return the diagnosis of what was recorded: poses and markers, efforts, or both."""
     mechanism = robot.mechanism
     if not given or not has_efforts(given, mechanism):
@@ -114,7 +116,7 @@ def _of_channels(robot: Robot, given: Sequence[Recording], tell: Tell) -> Diagno
     if poses and is_standing(given[0], positions):
         return with_efforts_at_rest(_diagnosed(robot, given, tell), robot, given)
     adapted = as_recorded(robot, given)
-    efforts = diagnose_efforts(adapted.robot, together_in_time(given, adapted.robot.mechanism), tell)
+    efforts = diagnose_efforts(adapted.robot, together_in_time(given, adapted.robot.mechanism), tell, propose=propose)
     if not poses:
         found = diagnosis_of_efforts(efforts, given, mechanism)
         return replace(found, remarks=(*adapted.remarks, *found.remarks))

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from .efforts import EffortDiagnosis
     from .posterior import JointPosterior
+    from .proposal import Proposal
     from .since import Since
 
 __all__ = ["ByRecording", "Detectable", "Diagnosis", "Finding", "FittedParameter", "by_recording", "heldout_gain"]
@@ -187,6 +188,7 @@ class Diagnosis:
     since: Since | None = None  # what has changed since an earlier test, where that was asked
     own_by_run: tuple[str, ...] = ()  # sensors that were set up anew for each run, declared or found
     premises: tuple[str, ...] = ()  # what was taken for granted where nothing was recorded, and everything rests on it
+    proposals: tuple[Proposal, ...] = ()  # formulas for what is unknown, where they were asked for
 
     @property
     def explained(self) -> bool:

@@ -20,6 +20,7 @@ from ..criteria import (
     EFFORT_MATERIAL,
     EFFORT_UNIT,
     GAIN,
+    NOISE_LIKE,
     NO_MATTER,
     SURE,
 )
@@ -35,6 +36,7 @@ from .nonlinear import refined
 from .outliers import OutlierInterval, is_outlying
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
+from .propose import proposals
 from .search import cost_of, kinds_of_most_drives, pruned, relieving_curve, searched, sure_of_all, with_relieving_laws
 from .verdict import effort_diagnosis_of
 
@@ -49,10 +51,13 @@ def diagnose_efforts(
     recording: Recording,
     tell: Callable[[str, float], None] = lambda stage, share: None,
     held: Mapping[str, Array] | None = None,
+    propose: bool | Sequence[str] = False,
 ) -> EffortDiagnosis:
     """Return what the columns tau of a recording say that a rigid robot's inverse dynamics leave out.
 
     held: by joint (N,), what drives hold at rest where more is known than of a rigid robot; NaN where it is not.
+    propose: whether formulas are looked for where something is unknown or more than the declared noise is left; or at
+    which joints.
 
     Raises InputError where the motion cannot be told, or no effort of a driven joint was recorded.
     """
@@ -78,7 +83,17 @@ def diagnose_efforts(
         still = [interval for interval in outliers if is_outlying(interval, rows, residual, whole.good)]
         if len(still) < len(outliers):
             final = _final_state(robot, recording, prepared(still) if still else whole, noise, still, tell)
-    return effort_diagnosis_of(final)
+    found = effort_diagnosis_of(final)
+    if not propose:
+        return found
+    tell("formulas for what no law explains", 0.95)
+    if not isinstance(propose, bool):
+        return replace(found, proposals=tuple(proposals(final, propose)))
+    unknown = [item for item in sorted(found.findings, key=lambda item: -item.heldout_gain) if item.physics == "unknown"]
+    joints = [item.location for item in unknown]
+    if found.declared:  # what laws leave beyond the noise is no less a matter of something else
+        joints += [name for name, sizes in found.by_joint.items() if sizes["after"] > NOISE_LIKE]
+    return replace(found, proposals=tuple(proposals(final, list(dict.fromkeys(joints)))))
 
 
 def _tolerances(recording: Recording) -> dict[str, float]:

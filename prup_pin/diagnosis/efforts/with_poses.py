@@ -111,6 +111,7 @@ def diagnosis_of_efforts(efforts: EffortDiagnosis, recordings: Sequence[Recordin
         residual_after=np.zeros((len(efforts.rows), 0)),
         efforts=efforts,
         premises=efforts.premises,
+        proposals=efforts.proposals,
     )
 
 
@@ -151,6 +152,7 @@ def joined(poses: Diagnosis, efforts: EffortDiagnosis) -> Diagnosis:
         effects=(*poses.effects, *efforts.effects),
         efforts=efforts,
         premises=(*poses.premises, *efforts.premises),
+        proposals=(*poses.proposals, *efforts.proposals),
     )
 
 

@@ -1,0 +1,96 @@
+"""What a formula of one joint's effort is, as a law: the base of those that a diagnosis proposes and of written ones."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ...dynamics import InMotion
+from ...mechanism import Mechanism
+from ...numbers import number
+from ...spatial import Array
+from ..efforts.effort_law import EFFORT, EffortLaw
+from ..law import Place
+from .known import KNOWN
+
+__all__ = ["JointFormula"]
+
+#: A place moves by this part of the way between its bounds where a size becomes e times as large: about a third of the
+#: range in which it may lie.
+_STEPS = 9
+
+
+class JointFormula(EffortLaw):
+    """An effort along one joint as a sum of terms: what no law of the library gives, proposed from a recording.
+
+    A subclass says its `joint`, its `columns`, and `recorded`: between which ends each variable of a joint was when it
+    was found, by (variable, joint). Beyond them it was never seen.
+    """
+
+    variant = EFFORT
+    remedy = "look at {place} for what this formula describes, and record once more to confirm or refute it"
+    #: Where it acts.
+    joint: ClassVar[str]
+    #: In symbols, as 'c |v| v'.
+    equation: ClassVar[str]
+    #: The ends between which each variable was seen, by (variable, joint).
+    recorded: ClassVar[Mapping[tuple[str, str], tuple[float, float]]]
+    #: The 95 % interval of each parameter that was found.
+    found: ClassVar[Mapping[str, tuple[float, float]]]
+
+    @abstractmethod
+    def columns(self, at: InMotion, values: Mapping[str, float]) -> Sequence[Array]:
+        """Return the effort along the joint per unit of each `linear` parameter, each (N,), or (N, c) of c of them."""
+
+    @property
+    def of_motion(self) -> bool:  # type: ignore[override]
+        """Not so where it follows positions or loads alone, which a robot at rest has too."""
+        return any(name not in ("position", "load") for name, _ in self.recorded)
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place(self.joint, EFFORT)] if self.joint in mechanism.actuated else []
+
+    def acts(self, place: Place, at: InMotion) -> bool:
+        joints = {self.joint, *(joint for _, joint in self.recorded)}
+        return place.name in at.driven and all(joint in at.motion.names and at.moves(joint) for joint in joints)
+
+    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
+        return [{q.name: float(q.default) for q in self.quantities if q.name in self.settled}]  # type: ignore[arg-type]
+
+    def free(self, values: Mapping[str, float]) -> tuple[str, ...]:
+        return self.settled
+
+    def scaled(self, values: Mapping[str, float], factors: Sequence[float]) -> Mapping[str, float]:
+        """Return other values: sizes so many times as large, places moved by logarithms of shares of their bounds."""
+        out, quantities = dict(values), {q.name: q for q in self.quantities}
+        for name, factor in zip(self.settled, factors, strict=True):
+            q = quantities[name]
+            moved = values[name] * factor if q.positive else values[name] + np.log(factor) * (q.upper - q.lower) / _STEPS
+            out[name] = float(np.clip(moved, q.lowest, q.upper))
+        return out
+
+    def near(self, values: Mapping[str, float]) -> float:
+        return 0.06
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        table = np.column_stack(list(self.columns(at, values)))
+        return np.stack([at.along(place.name, column) for column in table.T], axis=-1)
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        known = {q.name: q.unit for q in self.quantities_at(place, mechanism)}
+        told = ", ".join(f"{name} {number(values[name], 3)} {unit}".rstrip() for name, unit in known.items())
+        return f"{place.name} follows {self.equation} ({told})"
+
+    def left_range(self, at: InMotion) -> Iterator[str]:
+        """Yield in words where a motion leaves the ranges in which the formula was seen."""
+        for (name, joint), (low, high) in self.recorded.items():
+            values = KNOWN[name].of(at, joint)
+            share = float(((values < low) | (values > high)).mean())
+            if share > 0:
+                yield (
+                    f"{self.physics}: the {name} of {joint} is outside {number(low, 3)} to {number(high, 3)}, where "
+                    f"it was seen, in {number(100 * share, 2)} % of the samples: an extrapolation"
+                )
