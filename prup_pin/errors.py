@@ -24,6 +24,7 @@ __all__ = [
     "NoStiffnessError",
     "NotConvergedError",
     "ParameterError",
+    "PluginError",
     "Problem",
     "PrupPinError",
     "RecordingFileError",
@@ -93,6 +94,14 @@ class RecordingFileError(PrupPinError):
         count = len(self.problems)
         lines = "\n".join([*(f"  {problem}" for problem in self.problems), *filter(None, [advice])])
         super().__init__(f"{path}: {count} problem{'s' if count != 1 else ''}\n{lines}")
+
+
+class PluginError(PrupPinError):
+    """What another package or a file brings, and cannot be used. `source` says whose it is."""
+
+    def __init__(self, source: object, message: str):
+        self.source = str(source)
+        super().__init__(f"{source}: {message}")
 
 
 class InputError(PrupPinError, ValueError):

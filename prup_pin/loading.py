@@ -12,7 +12,7 @@ import numpy as np
 from . import robots
 from .errors import InputError, ParameterError, named, shortened
 from .mechanism import Mechanism, Module
-from .mechanism.description import KIND_BY_NAME, ModuleDescription, RobotDescription
+from .mechanism.description import ModuleDescription, RobotDescription, kinds_by_name
 from .mechanism.readers import read
 from .parameters import Parameter
 from .robot import Robot
@@ -153,7 +153,7 @@ def _refuse_series(mechanism: Mechanism, joints: Iterable[str]) -> None:
 def _with_joint_springs(description: RobotDescription, mechanism: Mechanism, stiffness) -> RobotDescription:
     """Return the description with a spring on every actuated joint, or on the joints of a mapping."""
     springs = dict(stiffness) if isinstance(stiffness, Mapping) else dict.fromkeys(mechanism.actuated, stiffness)
-    quantity = KIND_BY_NAME["joint_spring"].quantities[0]
+    quantity = kinds_by_name()["joint_spring"].quantities[0]
     taken = {module.name for module in description.modules}
     _refuse_series(mechanism, springs)
     modules = list(description.modules)

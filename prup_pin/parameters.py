@@ -6,7 +6,7 @@ the user, sensitivities and fits all speak of the same objects. A `Tolerance` sa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
@@ -75,6 +75,17 @@ class Quantity:
         high = f"<= {self.upper:g}" if np.isfinite(self.upper) else ""
         bounds = " and ".join(part for part in (low, high) if part)
         return " ".join(part for part in (bounds, "" if self.unit == "1" else self.unit) if part) or "any number"
+
+    def defects(self, needs_start: bool = True) -> Iterator[str]:
+        """Yield in words what is wrong with the declaration. needs_start: the default is where a fit starts."""
+        for name in ("unit", "description"):
+            if not (isinstance(text := getattr(self, name), str) and text.strip()):
+                also = ", '1' for a ratio" if name == "unit" else ""
+                yield f"{name} of quantity '{self.name}' is {text!r}; expected a text{also}"
+        if needs_start and not (isinstance(self.default, float | int) and np.isfinite(self.default)):
+            yield f"quantity '{self.name}' has no start: expected Quantity('{self.name}', unit, description, number)"
+        elif needs_start and not self.lower <= float(self.default) <= self.upper:  # type: ignore[arg-type]
+            yield f"quantity '{self.name}' starts at {self.default}; expected {self.expected()}"
 
     def check_within(self, values: Mapping[str, Any], owner: str) -> None:
         """Raise ParameterError where the value of this quantity is not smaller than those that it must fit into."""

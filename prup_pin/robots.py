@@ -6,8 +6,10 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 from .errors import InputError, PrupPinError, UnknownNameError
+from .plugins import Plugin, brought
 
 #: Robots of example-robot-data by the names its users know: folder and file below `robots/`.
 EXAMPLE_ROBOTS: Mapping[str, str] = {
@@ -144,11 +146,26 @@ def packaged_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in packaged_folder().glob("*.urdf")))
 
 
+def brought_robots() -> tuple[Plugin[Path], ...]:
+    """Return the files of robots that are brought along, by name. Raises PluginError."""
+    return brought("robots", (*packaged_names(), *EXAMPLE_ROBOTS), _brought)
+
+
+def _brought(plugin: Plugin[Any]) -> tuple[str, Path]:
+    if any(plugin.name.startswith(f"{own}_") for own in packaged_names()):
+        raise InputError(f"'{plugin.name}' reads as a variant of a packaged robot; choose another name")
+    if not plugin.name or Path(plugin.name).suffix or len(Path(plugin.name).parts) > 1:
+        raise InputError(f"'{plugin.name}' is no name of a robot; expected {{'name': 'file.urdf'}}, without an ending")
+    if not isinstance(plugin.thing, str | Path) or not is_file(plugin.folder / plugin.thing):
+        raise InputError(f"robot '{plugin.name}': {plugin.thing!r} is no file; expected a path, from {plugin.folder}")
+    return plugin.name, plugin.folder / plugin.thing
+
+
 def find(name: str) -> tuple[Path, tuple[Path, ...], str | None]:
     """Return (file, package folders, variant) of a robot given by name or path.
 
-    A name is a packaged robot, '<packaged>_<variant>', or one of example-robot-data. Anything with a folder or an
-    ending is a path. Raises UnknownNameError with the nearest names.
+    A name is a packaged robot, '<packaged>_<variant>', one that is brought along, or one of example-robot-data.
+    Anything with a folder or an ending is a path. Raises UnknownNameError with the nearest names.
     """
     path = as_path(name)
     if is_file(path / "diagnosis.json"):
@@ -162,6 +179,9 @@ def find(name: str) -> tuple[Path, tuple[Path, ...], str | None]:
     for known in sorted(packaged_names(), key=len, reverse=True):
         if name == known or name.startswith(f"{known}_"):
             return packaged / f"{known}.urdf", (), name[len(known) + 1 :] or None
+    own = {found.name: found.thing for found in brought_robots()}
+    if name in own:
+        return own[name], (), None
     examples = example_folder()
     if name in EXAMPLE_ROBOTS:
         if examples is None:
@@ -176,7 +196,7 @@ def find(name: str) -> tuple[Path, tuple[Path, ...], str | None]:
         near = sorted(other.name for ending in ("urdf", "xml") for other in path.glob(f"*.{ending}"))[:8]
         also = f" The folder holds: {', '.join(near)}." if near else ""
         raise InputError(f"'{name}' is a folder; expected a robot file, or a name of `prup-pin robots`.{also}")
-    raise UnknownNameError("robot", name, (*packaged_names(), *every), "A path to a file works too.")
+    raise UnknownNameError("robot", name, (*packaged_names(), *own, *every), "A path to a file works too.")
 
 
 def as_path(name: str | Path) -> Path:

@@ -57,10 +57,11 @@ def _halves(sides: tuple[float, float]) -> list[tuple[float, float]]:
 
 #: What every room may import; arrows to them would cover the page.
 GROUND_ROOMS = {
-    "errors": "what can go wrong",
-    "numbers": "with units, to read",
-    "spatial": "wrenches, frames",
-    "parameters": "by name",
+    "errors": "in words",
+    "plugins": "of others",
+    "numbers": "with units",
+    "spatial": "frames",
+    "parameters": "named",
 }
 BOXES = {
     "modules": Box(1, LEFT, STIFF, "beams, bearings, screws: equations"),

@@ -23,6 +23,7 @@ from ..errors import InputError, JointLimitWarning, RecordingFileError, UnknownN
 from ..kinematics import ClosedPose
 from ..laws import Effect
 from ..numbers import some
+from ..plugins import along, blaming
 from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
 from ..recordings.reader import ROBOT
 from ..robot import Robot
@@ -297,18 +298,44 @@ def _with_tolerances(recording: Recording, name: str | None) -> Recording:
     return replace(recording, tolerances=wanted, remarks=remarks)
 
 
+def _bring(context: typer.Context, files: list[Path]) -> None:
+    context.with_resource(along(*files))
+
+
+_WITH = inspect.Parameter(
+    "brought",
+    inspect.Parameter.KEYWORD_ONLY,
+    default=[],
+    annotation=Annotated[
+        list[Path],
+        typer.Option(
+            "--with",
+            metavar="FILE.py",
+            help="Laws, modules, log readers and robots of a file of yours; may be repeated. docs/your_own.md.",
+            callback=_bring,
+            is_eager=True,  # before other options ask for names
+            expose_value=False,
+        ),
+    ],
+)
+
+
 def taken_apart(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command whose parameters that are groups of options (dataclasses) stand as those options, in place."""
+    """Return a command whose parameters that are groups of options (dataclasses) stand as those options, in place.
+
+    Every command takes --with beside them.
+    """
     # Not get_type_hints for the command: with a default of None, Python 3.10 would hide what stands in Annotated.
     own = list(inspect.signature(command, eval_str=True).parameters.values())
     parameters = [single for parameter in own for single in _singles(parameter)]
 
     def run(**given: Any) -> None:
-        command(**{parameter.name: _taken(parameter, given) for parameter in own})
+        with blaming():
+            command(**{parameter.name: _taken(parameter, given) for parameter in own})
 
     run.__name__, run.__doc__ = command.__name__, command.__doc__
-    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in (*parameters, _WITH)}
+    run.__signature__ = inspect.Signature([*parameters, _WITH])  # type: ignore[attr-defined]
     return run
 
 

@@ -16,6 +16,7 @@ from ..numbers import number, quantity
 from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import CorrectedModel, as_recorded
+from ..simulation.needs import taking_part
 from .conventions import read_logs
 from .criteria import FEW_FITS, LITTLE, MOST_FITS, beyond_tolerance
 from .diagnosis import Diagnosis, Finding, by_recording
@@ -103,7 +104,8 @@ def diagnose(
             found = logs.before(_of_channels(robot, logs.recordings, tell, propose))
         else:
             found = logs.before(_changed(robot, logs.recordings, earlier, tell))
-    return replace(found, remarks=tuple(dict.fromkeys((*found.remarks, *told))))
+    remarks = (*taking_part(robot.mechanism), *found.remarks, *told)
+    return replace(found, remarks=tuple(dict.fromkeys(remarks)))
 
 
 def _of_channels(robot: Robot, given: Sequence[Recording], tell: Tell, propose: bool | Sequence[str]) -> Diagnosis:

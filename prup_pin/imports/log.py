@@ -5,18 +5,21 @@ from __future__ import annotations
 import re
 import struct
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 from unicodedata import category
 
 import numpy as np
 
-from ..errors import Problem, PrupPinError, RecordingFileError
+from ..errors import InputError, PluginError, Problem, PrupPinError, RecordingFileError
 from ..numbers import number
+from ..plugins import Plugin, brought
 from ..recordings.problems import MAX_NAMES, shown
 from ..spatial import Array
 from .headings import unique_names
@@ -160,14 +163,14 @@ def read_log(path: str | Path) -> Log:
     path = Path(path)
     try:
         if "\0" in str(path) or not path.exists():
-            endings = tuple(ending for kinds in FORMATS for ending in kinds)
+            endings = tuple(readers())
             near = sorted(other.name for other in path.parent.glob("*") if other.suffix.lower() in endings)[:8]
             raise refuse(path, "file not found." + (f" The folder holds: {', '.join(near)}." if near else ""))
         if not (path.is_file() or path.is_dir()):
             raise refuse(path, "is a pipe or a device; expected a file")
         kind = ".bag" if path.is_dir() else path.suffix.lower()
-        reader = next((name for endings, name in FORMATS.items() if kind in endings), None)
-        log: Log | None = import_module(f"{__package__}.{reader}").read(path) if reader else None
+        reader = readers().get(kind)
+        log = None if reader is None else reader(path)
     except MemoryError as error:
         raise refuse(path, "needs more memory than there is; export a part of it") from error
     except OSError as error:
@@ -179,9 +182,38 @@ def read_log(path: str | Path) -> Log:
         if count > MAX_COLUMNS:
             raise refuse(path, f"holds {count} columns of numbers; expected at most {MAX_COLUMNS}")
         return _printable(log)
-    known = ", ".join(ending for endings in FORMATS for ending in endings)
+    known = ", ".join(readers())
     what = f"has the ending '{path.suffix}'; expected one of {known}, or the folder of a ROS 2 bag"
     raise refuse(path, what + (". Export the sheet as CSV (UTF-8)" if kind in (".xlsx", ".xls", ".ods") else ""))
+
+
+def readers() -> dict[str, Callable[[Path], Log]]:
+    """Return what reads each ending: the package's own, then what is brought along. Raises PluginError."""
+    own: dict[str, Callable[[Path], Log]] = {
+        ending: partial(_read_by, room) for endings, room in FORMATS.items() for ending in endings
+    }
+    return own | {found.name: partial(_read_by_plugin, found) for found in brought("readers", own, _reader)}
+
+
+def _read_by(room: str, path: Path) -> Log:
+    return import_module(f"{__package__}.{room}").read(path)
+
+
+def _read_by_plugin(plugin: Plugin[Callable[[Path], Log]], path: Path) -> Log:
+    with reading(path, f"what {plugin.source} reads"):
+        log = plugin.thing(path)
+    if not isinstance(log, Log):
+        raise PluginError(plugin.source, f"the reader of {plugin.name} returned {type(log).__name__}; expected a Log")
+    return log
+
+
+def _reader(plugin: Plugin[Any]) -> tuple[str, Callable[[Path], Log]]:
+    ending = "." + plugin.name.lower().removeprefix(".")
+    if not re.fullmatch(r"\.\w+", ending):
+        raise InputError(f"'{plugin.name}' is no ending of files; expected such as {{'.jsonl': read}}")
+    if not callable(plugin.thing):
+        raise InputError(f"the reader of {ending} is {plugin.thing!r}; expected a function read(path) -> Log")
+    return ending, plugin.thing
 
 
 def _printable(log: Log) -> Log:

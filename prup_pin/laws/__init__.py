@@ -1,13 +1,14 @@
 """Laws: pieces of physics that a simulation may have left out. One library, for simulation and diagnosis alike.
 
 To add one: a final class in a file, and one line in `LAWS`. The contract is in `law.py`; the tests in
-`tests/laws/test_contract.py` run over this tuple.
+`tests/laws/test_contract.py` run over this tuple. What packages and files bring along comes after it (`plugins`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 
 from ..errors import UnknownNameError
 from ..mechanism import Mechanism
+from ..plugins import Library, Plugin, brought, instances
 from .backlash import Backlash, BacklashByAxis
 from .base_compliance import BaseCompliance, UnevenBaseCompliance
 from .coulomb_friction import CoulombFriction
@@ -23,7 +24,7 @@ from .in_recording import in_groups, lasting
 from .inputs import Inputs, Trajectory
 from .joint_compliance import EveryJointCompliance, JointCompliance, UnevenJointCompliance
 from .joint_places import JointDirection, JointPosition
-from .law import Effect, Law, Place, Sharing
+from .law import Effect, Law, Place, Sharing, defects
 from .lead_error import LeadError, PeriodicLeadError
 from .loop_places import LoopEndPosition, SeatPosition
 from .model_equation_error import ModelEquationError
@@ -45,7 +46,7 @@ from .wrench_sensor import (
     WrenchSensorMisalignment,
 )
 
-LAWS: tuple[Law, ...] = (
+_OWN: tuple[Law, ...] = (
     StiffnessChanged(),
     RootTiltCompliance(),
     HubRootCompliance(),
@@ -111,6 +112,20 @@ LAWS: tuple[Law, ...] = (
     ),
 )
 
+
+_MAKE = instances(Law, "physics", defects)  # type: ignore[type-abstract]
+
+
+def brought_laws() -> tuple[Plugin[Law], ...]:
+    """Return the laws of either channel that are brought along. Raises PluginError."""
+    from .efforts import EFFORT_LAWS
+
+    words = dict.fromkeys(law.physics for law in (*_OWN, *EFFORT_LAWS.own))
+    return brought("laws", words, _MAKE, several=True)
+
+
+LAWS: Library[Law] = Library(_OWN, lambda: [found for found in brought_laws() if not found.thing.of_efforts])
+
 __all__ = [
     "LAWS",
     "Effect",
@@ -121,6 +136,7 @@ __all__ = [
     "Setup",
     "Sharing",
     "Trajectory",
+    "brought_laws",
     "lasting",
     "law_at",
     "laws_of",

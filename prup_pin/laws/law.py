@@ -9,8 +9,9 @@ To add one: a final class in a file of its own, and one line in `laws/__init__.p
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Protocol
 
@@ -22,7 +23,7 @@ from .drawn import Drawn, against_load, against_motion
 from .inputs import Inputs
 from .setup import Setup
 
-__all__ = ["ASPECTS", "Effect", "Law", "Place", "Sharing"]
+__all__ = ["ASPECTS", "Effect", "Law", "Place", "Sharing", "defects"]
 
 
 class Sharing(Protocol):
@@ -64,6 +65,8 @@ class Law(ABC):
     quantities: ClassVar[tuple[Quantity, ...]]
     #: Values at which it changes nothing, whatever the others are. They may lie on or beyond the bounds.
     neutral: ClassVar[Mapping[str, float]]
+    #: True where it acts on the efforts of a robot in motion, False where it acts on poses.
+    of_efforts: ClassVar[bool] = False
     #: Aspect of its places, where several laws share one word.
     variant: ClassVar[str] = ""
     #: What it cannot act without: the columns of 'temperature', 'speed' or 'wrench', or 'gravity' of whatever source.
@@ -247,6 +250,30 @@ class Effect:
         for name, value in self.values.items():
             quantities[name].check(value, f"{self.law.physics} at {self.place}")
         return self
+
+
+def defects(law: Law) -> Iterator[str]:
+    """Yield in words what a law does not declare, or declares so that it cannot be used: all but what it computes."""
+    for name in ("physics", "summary"):
+        if not (isinstance(text := getattr(law, name, None), str) and text.strip()):
+            yield f"{name} is {text!r}; expected a text"
+    physics = getattr(law, "physics", "")
+    if isinstance(physics, str) and physics and not re.fullmatch(r"[a-z][a-z0-9_]*", physics):
+        yield f"physics is {physics!r}; expected a word of lower-case letters, digits and _"
+    quantities = getattr(law, "quantities", None)
+    if not (isinstance(quantities, tuple) and quantities and all(isinstance(item, Quantity) for item in quantities)):
+        yield f"quantities is {quantities!r}; expected a tuple of Quantity(name, unit, description, start, ...)"
+        return
+    yield from (text for quantity in quantities for text in quantity.defects())
+    names = {quantity.name for quantity in quantities}
+    neutral = getattr(law, "neutral", None)
+    if not (isinstance(neutral, Mapping) and neutral and all(isinstance(x, float | int) for x in neutral.values())):
+        yield f"neutral is {neutral!r}; expected values at which it changes nothing, {{'name': 0.0}}"
+    elif unknown := [name for name in neutral if name not in names]:
+        yield f"neutral names {', '.join(unknown)}; its quantities are {', '.join(names)}"
+    linear = getattr(law, "linear", ())
+    if unknown := [name for name in linear if name not in names]:
+        yield f"linear names {', '.join(unknown)}; its quantities are {', '.join(names)}"
 
 
 #: Load components of each motion of a joint module.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ParameterError, Problem, close_names, nearest_names
-from ..modules import KINDS
+from ..modules import KINDS, CompliantModule
 from ..parameters import SMALLEST_TOLERANCE, Parameter, Tolerance
 from ..spatial import Array
 
@@ -27,7 +27,10 @@ ROTATION_ORDERS = ("xyz", "zyx")
 #: Nobody reads on; and each unknown name is compared with all others.
 MAX_PROBLEMS = 100
 
-KIND_BY_NAME = {kind.kind: kind for kind in KINDS}
+
+def kinds_by_name() -> dict[str, CompliantModule]:
+    """Return all kinds of modules, those that are brought along too, by the words of robot files."""
+    return {kind.kind: kind for kind in KINDS}
 
 
 @dataclass(frozen=True)
@@ -157,7 +160,7 @@ class RobotDescription:
             for key, (value, source) in variant.values.items():
                 owner, _, short = key.rpartition(".")
                 if owner == module.name:
-                    quantity = next(q for q in KIND_BY_NAME[module.kind].quantities if q.name == short)
+                    quantity = next(q for q in kinds_by_name()[module.kind].quantities if q.name == short)
                     tolerance = variant.tolerances.get(key) or (
                         values[short].declared_tolerance if short in values else None
                     )
@@ -224,12 +227,12 @@ def check_references(
         where = f"variant '{variant.name}'"
         for name, kind in variant.kinds.items():
             need("module", name, names, variant.line, where)
-            need("kind of module", kind, KIND_BY_NAME, variant.line, where)
+            need("kind of module", kind, kinds_by_name(), variant.line, where)
         for key in variant.values:
             owner, _, short = key.rpartition(".")
             need("module", owner, names, variant.line, where)
-            if owner in names and names[owner].kind in KIND_BY_NAME:
-                quantities = [q.name for q in KIND_BY_NAME[names[owner].kind].quantities]
+            if owner in names and names[owner].kind in kinds_by_name():
+                quantities = [q.name for q in kinds_by_name()[names[owner].kind].quantities]
                 need(f"parameter of '{owner}'", short, quantities, variant.line, where)
     return problems
 
@@ -260,9 +263,9 @@ def _check_kinds(robot: RobotDescription) -> list[Problem]:
     problems: list[Problem] = []
     for module in robot.modules:
         where = f"module '{module.name}'"
-        kind = KIND_BY_NAME.get(module.kind)
+        kind = kinds_by_name().get(module.kind)
         if kind is None:
-            near = nearest_names(module.kind, list(KIND_BY_NAME))
+            near = nearest_names(module.kind, list(kinds_by_name()))
             problems.append(Problem(f"{where}: no kind of module named '{module.kind}'. {near}", module.line))
             continue
         if kind.spans_frames and not (module.root and module.tip):
@@ -329,7 +332,7 @@ def _meant_instead(module: ModuleDescription) -> str:
 
     Compared are name and unit: people know that they have a spring, not what this format calls it.
     """
-    kind = KIND_BY_NAME[module.kind]
+    kind = kinds_by_name()[module.kind]
     needed = {other.kind: [one for one in other.quantities if one.default is None] for other in KINDS}
     if len(module.values) != 1 or len(needed[kind.kind]) < 2:
         return ""
@@ -349,7 +352,7 @@ def resolve_values(module: ModuleDescription) -> dict[str, Any]:
 
     Raises ModuleValuesError with all unknown names, values out of range and missing quantities.
     """
-    kind = KIND_BY_NAME[module.kind]
+    kind = kinds_by_name()[module.kind]
     problems: list[tuple[str, str]] = []
     failed: set[str] = set()
     known = {quantity.name for quantity in kind.quantities}

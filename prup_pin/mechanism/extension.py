@@ -13,7 +13,6 @@ from lxml import etree
 from ..errors import nearest_names
 from ..parameters import LARGEST_VALUE, SMALLEST_TOLERANCE, SMALLEST_VALUE, Parameter, Tolerance
 from .description import (
-    KIND_BY_NAME,
     LOOP_AXES,
     ROTATION_ORDERS,
     TASK_COMPONENTS,
@@ -23,6 +22,7 @@ from .description import (
     ModuleDescription,
     TaskDescription,
     VariantDescription,
+    kinds_by_name,
 )
 from .xml_file import MAX_NUMBER, Document
 
@@ -179,7 +179,7 @@ class ExtensionDocument(Document):
             self.problem(element, f"module '{name}': anchor=\"{anchor}\"; expected root or tip")
         values: dict[str, Parameter] = {}
         lines: dict[str, int | None] = {}
-        quantities = {q.name: q for q in KIND_BY_NAME[kind].quantities} if kind in KIND_BY_NAME else {}
+        quantities = {q.name: q for q in kinds_by_name()[kind].quantities} if kind in kinds_by_name() else {}
         for item in element:
             if item.tag != "parameter":
                 self.problem(item, f"module '{name}': unknown element <{item.tag}>; expected <parameter>")

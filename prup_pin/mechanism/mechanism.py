@@ -21,12 +21,12 @@ from ..parameters import Parameter
 from ..spatial import Array, axis_as_z, placement, rotation_exp
 from .coupling import coupling_of
 from .description import (
-    KIND_BY_NAME,
     LengthDescription,
     ModuleDescription,
     ModuleValuesError,
     RobotDescription,
     TaskDescription,
+    kinds_by_name,
     resolve_values,
     same_description,
 )
@@ -369,7 +369,7 @@ class Mechanism:
         return frame if offset is None else replace(frame, placement=frame.placement @ offset)
 
     def _module(self, module: ModuleDescription) -> Module:
-        kind = KIND_BY_NAME[module.kind]
+        kind = kinds_by_name()[module.kind]
         joint = self.joint(module.joint)
         if not isinstance(kind, WrenchModule) and joint.nv != 1:
             raise _file_error(
@@ -691,7 +691,7 @@ def _with_values(module: ModuleDescription, values: Mapping[str, Any]) -> Module
 
     A changed value keeps its tolerance: a share of the value stays that share, an absolute one stays absolute.
     """
-    quantities = {quantity.name: quantity for quantity in KIND_BY_NAME[module.kind].quantities}
+    quantities = {quantity.name: quantity for quantity in kinds_by_name()[module.kind].quantities}
     kept = {
         name: parameter
         for name, parameter in module.values.items()

@@ -16,11 +16,11 @@ from ..spatial import Array, placement, rotation_exp
 from .changes import Changes, JointDynamics
 from .constraint_element import CONSTRAINT
 from .description import (
-    KIND_BY_NAME,
     FrameDescription,
     LoopDescription,
     ModuleDescription,
     RobotDescription,
+    kinds_by_name,
     resolve_values,
 )
 from .extension import EXTENSION
@@ -394,7 +394,7 @@ def _parameters(
     module: str, kind: str, values: Mapping[str, object], given: Mapping[str, Parameter]
 ) -> dict[str, Parameter]:
     """Return values as a module's parameters, found by a diagnosis; a tolerance that was declared stays."""
-    quantities = {item.name: item for item in KIND_BY_NAME[kind].quantities}
+    quantities = {item.name: item for item in kinds_by_name()[kind].quantities}
     out = {}
     for name, value in values.items():
         quantity = quantities[name]

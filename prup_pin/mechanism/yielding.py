@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..parameters import Parameter
-from .description import KIND_BY_NAME, ModuleDescription
+from .description import ModuleDescription, kinds_by_name
 from .joints import Joint
 
 __all__ = ["WAYS", "yielding_module", "yielding_modules"]
@@ -44,5 +44,5 @@ def _across(joint: Joint) -> ModuleDescription:
 
 
 def _given(module: str, kind: str, name: str, value: Any) -> dict[str, Parameter]:
-    quantity = next(item for item in KIND_BY_NAME[kind].quantities if item.name == name)
+    quantity = next(item for item in kinds_by_name()[kind].quantities if item.name == name)
     return {name: Parameter(f"{module}.{name}", value, quantity.unit, "a law", quantity.description, quantity)}

@@ -1,9 +1,10 @@
 """Compliant modules, one kind a class; `KINDS` lists them all.
 
 To add one: a final class in a file of its own, and one line here. The contract is in `module.py`; the tests in
-`tests/modules/test_contract.py` run over this tuple.
+`tests/modules/test_contract.py` run over this tuple. What packages and files bring along comes after it (`plugins`).
 """
 
+from ..plugins import Library, brought, instances
 from .as_published import BeamAsPublished
 from .ball_nut import BallNut
 from .ball_screw import BallScrew
@@ -13,7 +14,7 @@ from .bearing_pair import BearingPair
 from .compliance_matrix import ComplianceMatrix
 from .hertzian_bearing import HertzianBearing
 from .joint_spring import JointSpring
-from .module import CompliantModule, DriveModule, ModuleGeometry, WrenchModule
+from .module import CompliantModule, DriveModule, ModuleGeometry, WrenchModule, defects
 from .motor import Motor
 from .preloaded_ball_nut import PreloadedBallNut
 from .section_beam import SectionBeam
@@ -21,7 +22,7 @@ from .support_bearing import SupportBearing
 from .tapered_beam import TaperedBeam
 from .timing_belt import TimingBelt
 
-KINDS: tuple[CompliantModule, ...] = (
+_OWN: tuple[CompliantModule, ...] = (
     Beam(),
     TaperedBeam(),
     SectionBeam(),
@@ -38,5 +39,10 @@ KINDS: tuple[CompliantModule, ...] = (
     ComplianceMatrix(),
     BeamAsPublished(),
 )
+
+_MAKE = instances(CompliantModule, "kind", defects)  # type: ignore[type-abstract]
+_WORDS = tuple(kind.kind for kind in _OWN)
+
+KINDS: Library[CompliantModule] = Library(_OWN, lambda: brought("modules", _WORDS, _MAKE))
 
 __all__ = ["KINDS", "CompliantModule", "DriveModule", "ModuleGeometry", "WrenchModule"]

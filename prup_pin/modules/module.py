@@ -15,8 +15,9 @@ pose axes, so that a single pose is the batch of one.
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -118,6 +119,29 @@ class CompliantModule(ABC):
     def problem_text(self, values: Values, at: ModuleGeometry, index: int) -> str:
         """Return what is wrong with module `index` of the batch, in words."""
         return "outside its range"
+
+
+def defects(kind: CompliantModule) -> Iterator[str]:
+    """Yield in words what a kind of module does not declare, or declares so that no robot file can name it."""
+    for name in ("kind", "summary"):
+        if not (isinstance(text := getattr(kind, name, None), str) and text.strip()):
+            yield f"{name} is {text!r}; expected a text"
+    word = getattr(kind, "kind", "")
+    if isinstance(word, str) and word and not re.fullmatch(r"[a-z][a-z0-9_]*", word):
+        yield f"kind is {word!r}; expected a word of lower-case letters, digits and _"
+    if isinstance(kind, WrenchModule) == isinstance(kind, DriveModule):
+        yield "expected either a WrenchModule or a DriveModule"
+    quantities = kind.quantities
+    if not (isinstance(quantities, tuple) and all(isinstance(item, Quantity) for item in quantities)):
+        yield f"quantities is {quantities!r}; expected a tuple of Quantity"
+        return
+    yield from (text for quantity in quantities for text in quantity.defects(needs_start=False))
+    names = [quantity.name for quantity in quantities]
+    if len(set(names)) < len(names):
+        yield f"quantities share a name: {', '.join(names)}"
+    for quantity in quantities:
+        if unknown := set(quantity.derived_from) - set(names):
+            yield f"quantity '{quantity.name}' is derived from {', '.join(unknown)}, which is no quantity of it"
 
 
 class WrenchModule(CompliantModule):

@@ -19,6 +19,7 @@ from ..laws.efforts.free_curve import CURVES
 from ..laws.target import of_markers
 from ..loading import Reading
 from ..mechanism import Mechanism
+from ..plugins import Source
 from ..recordings import Noise
 from ..recordings.columns import NOISE_KEYS
 from ..recordings.conventions import Convention, as_json
@@ -26,6 +27,8 @@ from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, re
 from ..recordings.reader import conventions_value, noise_value, own_sensors_value
 from ..recordings.writer import json_lines, write_whole
 from ..robot import Robot
+from .needs import as_json as needs_as_json
+from .needs import lacking, needs_of
 from .posterior import Posterior, read_posterior
 
 __all__ = [
@@ -41,11 +44,6 @@ __all__ = [
     "write_model",
 ]
 
-#: Of both channels; where they share a word, the aspect of a place tells.
-EVERY_LAW: tuple[Law, ...] = (*LAWS, *EFFORT_LAWS)
-#: What a file may hold besides: curves of efforts that no law gives.
-_KNOWN: tuple[Law, ...] = (*EVERY_LAW, *CURVES)
-
 FORMAT = "prup_pin corrected model"
 VERSION = 1
 _KEYS = (
@@ -53,6 +51,7 @@ _KEYS = (
     "version",
     "robot",
     "variant",
+    "needs",
     "reading",
     "finite_deflection",
     "effects",
@@ -119,14 +118,24 @@ class CorrectedModel:
         return replace(self.reading, variant=self.variant or self.reading.variant)
 
 
+def _every_law() -> tuple[Law, ...]:
+    """Return the laws of both channels; where they share a word, the aspect of a place tells."""
+    return (*LAWS, *EFFORT_LAWS)
+
+
+def _known() -> tuple[Law, ...]:
+    """Return what a file may hold: curves of efforts that no law gives too."""
+    return (*_every_law(), *CURVES)
+
+
 def law_named(physics: str, place: Place | None = None, mechanism: Mechanism | None = None) -> Law:
     """Return the law of that name; where several share it, the one that acts at `place`. Raises UnknownNameError."""
     if physics == Calibration.physics:
         return Calibration(()) if mechanism is None else calibration_of(mechanism)
-    every = _KNOWN if mechanism is None else (*_KNOWN, *of_markers(mechanism))
+    every = _known() if mechanism is None else (*_known(), *of_markers(mechanism))
     named = [law for law in every if law.physics == physics]
     if not named:
-        raise UnknownNameError("law", physics, sorted({law.physics for law in EVERY_LAW}))
+        raise UnknownNameError("law", physics, sorted({law.physics for law in _every_law()}))
     if place is not None and mechanism is not None:
         for law in named:
             if place in law.places(mechanism):
@@ -139,7 +148,7 @@ def place_named(physics: str, name: str, aspect: str, mechanism: Mechanism) -> P
     if physics == Calibration.physics:
         return Place(name, aspect)
     law_named(physics)
-    every = (*_KNOWN, *of_markers(mechanism))
+    every = (*_known(), *of_markers(mechanism))
     places = [place for law in every if law.physics == physics for place in law.places(mechanism)]
     if not places:
         raise UnknownNameError(f"place of {physics}", name, [], f"{physics} cannot act on '{mechanism.name}'.")
@@ -207,6 +216,8 @@ def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
     }
     if model.read.variant is not None:
         value["variant"] = model.read.variant
+    if needs := needs_of(model.robot, mechanism, [effect.law for effect in model.effects]):
+        value["needs"] = needs_as_json(needs)
     if reading := _reading_as_json(model.reading):
         value["reading"] = reading
     value |= {"finite_deflection": True, "effects": effects}
@@ -311,6 +322,8 @@ class _Reader:
             given = f"is {json_kind(values['version'])}" if "version" in values else "is missing"
             self.wrong("version", f"{given}; this prup_pin reads version {VERSION}")
         self.entries(values, "", _KEYS)
+        if self.needs(values.get("needs", [])):
+            self.problems.raise_all()  # all else would follow from it
         if values.get("finite_deflection", True) is not True:
             given = json_kind(values["finite_deflection"])
             self.wrong("finite_deflection", f"is {given}; expected true: the equilibrium is always the deformed one")
@@ -359,6 +372,22 @@ class _Reader:
         """Return whether there is a posterior, and every effect that it may be of was read."""
         listed = values.get("effects")
         return "posterior" in values and isinstance(listed, list) and len(listed) == len(effects)
+
+    def needs(self, value: object) -> bool:
+        """Return whether something that the model needs is not here, after reporting it."""
+        if not isinstance(value, list):
+            self.wrong("needs", f"is {json_kind(value)}; expected a list, which may be empty")
+        before = len(self.problems)
+        for index, item in enumerate(value if isinstance(value, list) else ()):
+            key = f"needs[{index}]"
+            entry = self.entries(item, key, ("package", "version", "file", "sha256", "for"))
+            named, version = ("file", "sha256") if "file" in entry else ("package", "version")
+            texts = [self.text(entry, name, f"{key}.{name}", needed=True) for name in (named, version)]
+            things = entry.get("for")
+            told = ", ".join(map(shown, things)) if isinstance(things, list) and things else "something"
+            if all(texts) and (missing := lacking(Source(texts[0], texts[1], named == "file"), told)):
+                self.wrong(f"{key}.{version}", missing)
+        return len(self.problems) > before
 
     def by_joint(self, values: dict[str, Any], key: str, units: Mapping[str, str]) -> dict[str, float]:
         """Return numbers above 0 by driven joint, each in its unit; of a robot that is not known, any."""

@@ -4,6 +4,7 @@ They share their words with the laws of the pose channel where it is the same ph
 `effort_law.EffortLaw` in a file, and one line in `EFFORT_LAWS`; `tests/laws/test_effort_laws.py` runs over the tuple.
 """
 
+from ...plugins import Library
 from .backlash import LostLoad
 from .cogging import Cogging, CoggingOfFewPeriods
 from .coulomb_friction import ColdFriction, LoadedFriction, SlidingFriction
@@ -23,7 +24,7 @@ from .stribeck_friction import StribeckFriction
 from .transmission_coupling import TransmissionCoupling
 from .viscous_friction import Damping, DirectedViscousFriction
 
-EFFORT_LAWS: tuple[EffortLaw, ...] = (
+_OWN: tuple[EffortLaw, ...] = (
     Damping(),
     DirectedViscousFriction(),
     SlidingFriction(),
@@ -56,5 +57,14 @@ EFFORT_LAWS: tuple[EffortLaw, ...] = (
     CoggingOfFewPeriods(),
     LostLoad(),
 )
+
+
+def _brought():
+    from .. import brought_laws
+
+    return [found for found in brought_laws() if found.thing.of_efforts]
+
+
+EFFORT_LAWS: Library[EffortLaw] = Library(_OWN, _brought)
 
 __all__ = ["CURVES", "EFFORT", "EFFORT_LAWS", "ROUGH_CURVES", "Body", "EffortLaw", "curve_by_position"]

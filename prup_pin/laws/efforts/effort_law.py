@@ -39,6 +39,7 @@ class EffortLaw(Law):
     it does nothing.
     """
 
+    of_efforts: ClassVar[bool] = True
     variant: ClassVar[str] = EFFORT
     #: The parameters to which its efforts are in proportion.
     linear: ClassVar[tuple[str, ...]]

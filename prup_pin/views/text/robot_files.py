@@ -13,7 +13,7 @@ from rich.text import Text
 
 from ... import robots
 from ...errors import MissingExtraError, PrupPinError, UnknownNameError
-from ...laws import LAWS, Law, Place
+from ...laws import LAWS, Law, Place, brought_laws
 from ...laws.efforts import EFFORT_LAWS, EffortLaw
 from ...mechanism import Mechanism
 from ...mechanism.second_reader import second_opinion
@@ -206,6 +206,10 @@ def print_robots(out: Console) -> None:
                 for name, robot in group.items()
             ]
             show_table(out, ("name", "file", "variants"), rows)
+    for source in dict.fromkeys(found.source for found in robots.brought_robots()):
+        heading(out, "Brought", f"by {source}")
+        there = [found for found in robots.brought_robots() if found.source == source]
+        show_table(out, ("name", "file"), [(found.name, found.thing.name) for found in there])
     examples = robots.example_folder()
     heading(out, "From example-robot-data,", "which describes no compliance: add --joint-stiffness")
     if examples is None:
@@ -233,6 +237,7 @@ def print_robots(out: Console) -> None:
 
 def print_kinds(out: Console, kinds: Sequence[CompliantModule] = KINDS) -> None:
     """Print kinds of modules with their parameters."""
+    brought = {found.name: found.source for found in KINDS.brought()}
     for index, kind in enumerate(kinds):
         if index:
             out.print()
@@ -244,6 +249,8 @@ def print_kinds(out: Console, kinds: Sequence[CompliantModule] = KINDS) -> None:
             traits.append("nonlinear")
         paragraph(out, f"{kind.summary[0].upper()}{kind.summary[1:]}.")
         listed(out, "", traits, "; ")
+        if kind.kind in brought:
+            listed(out, "brought by", [str(brought[kind.kind])])
         rows = [(each.name, each.unit, _default(each), each.description) for each in kind.quantities]
         show_table(out, ("parameter", "unit", "default", "description"), rows)
 
@@ -340,8 +347,11 @@ def _alike(pairs: Sequence[tuple[str, str]]) -> list[str]:
 # -- laws --------------------------------------------------------------------------------------------------------------
 
 
-#: Both channels', poses' first.
-_ALL: tuple[Law, ...] = (*LAWS, *EFFORT_LAWS)
+def _all() -> tuple[Law, ...]:
+    """Return the laws of both channels, poses' first."""
+    return (*LAWS, *EFFORT_LAWS)
+
+
 _NEEDS = {
     "temperature": "the column temperature",
     "speed": "columns qd.<joint>",
@@ -356,16 +366,16 @@ def laws_named(word: str | None, mechanism: Mechanism) -> list[Law]:
     Raises UnknownNameError where none is.
     """
     if word is None:
-        return list(_ALL)
-    names = {law.physics for law in _ALL}
+        return list(_all())
+    names = {law.physics for law in _all()}
     plain = "_".join(re.split(r"[\s_-]+", word.strip().lower()))
     if plain not in names:
         said = re.compile(rf"\b{re.escape(word.strip())}", re.IGNORECASE)
-        spoken = {law.physics for law in _ALL if said.search(_spoken(law, mechanism))} if word.strip() else set()
+        spoken = {law.physics for law in _all() if said.search(_spoken(law, mechanism))} if word.strip() else set()
         if not spoken:
             raise UnknownNameError("law", word, sorted(names))
-        return [law for law in _ALL if law.physics in spoken]
-    return [law for law in _ALL if law.physics == plain]
+        return [law for law in _all() if law.physics in spoken]
+    return [law for law in _all() if law.physics == plain]
 
 
 def _spoken(law: Law, mechanism: Mechanism) -> str:
@@ -381,8 +391,9 @@ def print_laws(out: Console, laws: Sequence[Law], robot: Robot) -> None:
     Of several names, which are not all, what each is.
     """
     mechanism = robot.mechanism
+    brought = {found.name: found.source for found in brought_laws()}
     names = dict.fromkeys(law.physics for law in laws)
-    if 1 < len(names) < len({law.physics for law in _ALL}):
+    if 1 < len(names) < len({law.physics for law in _all()}):
         for name in names:
             alike = dict.fromkeys(law.summary for law in laws if law.physics == name)
             listed(out, "", [f"{name}: {next(iter(alike))}"])
@@ -396,6 +407,8 @@ def print_laws(out: Console, laws: Sequence[Law], robot: Robot) -> None:
             paragraph(out, text)
         if law.source:
             listed(out, "source", [law.source])
+        if law.physics in brought:
+            listed(out, "brought by", [str(brought[law.physics])])
         if law.needs:
             listed(out, "needs", [_NEEDS.get(name, name) for name in law.needs], ", ")
         places = list(law.places(mechanism))
