@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from ..laws import Effect
-from ..laws.formulas import Formula
+from ..laws.formulas import Formula, law_file, word_of
 from .diagnosis import FittedParameter
 
-__all__ = ["EqualFormula", "Proposal"]
+__all__ = ["EqualFormula", "Judged", "Proposal", "proposed_files"]
 
 
 @dataclass(frozen=True)
@@ -45,3 +46,26 @@ class Proposal:
     doubts: tuple[str, ...] = ()
     apart: str = ""
     effects: tuple[Effect, ...] = field(default=(), repr=False)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What a recording says of a formula that was proposed from another one: 'confirmed', 'refuted' or 'neither'."""
+
+    physics: str
+    word: str
+    why: str
+
+    def __str__(self) -> str:
+        return f"{self.physics} is {'neither confirmed nor refuted' if self.word == 'neither' else self.word}: {self.why}"
+
+
+def proposed_files(proposals: Sequence[Proposal], recordings: Sequence[Path]) -> Iterator[tuple[str, str]]:
+    """Yield the name, without an ending, and the text of the file of each proposed formula.
+
+    recordings: what they were proposed from.
+    """
+    names = ", ".join(path.name for path in recordings)
+    for item in proposals:
+        remarks = [f"The data do not tell it from {other.text}" for other in item.equals]
+        yield word_of(item.law), law_file(item.law, names, [*remarks, *item.doubts, *([item.apart] * bool(item.apart))])

@@ -31,6 +31,7 @@ from .diagnosis import EffortDiagnosis
 from .evidence import CrossValidation, held_out, relative_gain, scores
 from .final_state import FinalState, shows
 from .gains import Gains, gains_of, in_newtons, law_of_gains, scale_of
+from .judge import judged
 from .noise import EffortNoise, noise_of, true_sizes
 from .nonlinear import refined
 from .outliers import OutlierInterval, is_outlying
@@ -84,16 +85,19 @@ def diagnose_efforts(
         if len(still) < len(outliers):
             final = _final_state(robot, recording, prepared(still) if still else whole, noise, still, tell)
     found = effort_diagnosis_of(final)
+    found = replace(found, judged=tuple(judged(final, found.findings)))
     if not propose:
         return found
     tell("formulas for what no law explains", 0.95)
-    if not isinstance(propose, bool):
-        return replace(found, proposals=tuple(proposals(final, propose)))
-    unknown = [item for item in sorted(found.findings, key=lambda item: -item.heldout_gain) if item.physics == "unknown"]
-    joints = [item.location for item in unknown]
-    if found.declared:  # what laws leave beyond the noise is no less a matter of something else
-        joints += [name for name, sizes in found.by_joint.items() if sizes["after"] > NOISE_LIKE]
-    return replace(found, proposals=tuple(proposals(final, list(dict.fromkeys(joints)))))
+    joints = [] if isinstance(propose, bool) else list(propose)
+    if propose is True:
+        unknown = [item for item in found.findings if item.physics == "unknown"]
+        joints = [item.location for item in sorted(unknown, key=lambda item: -item.heldout_gain)]
+        if found.declared:  # what laws leave beyond the noise is no less a matter of something else
+            joints += [name for name, sizes in found.by_joint.items() if sizes["after"] > NOISE_LIKE]
+    proposed = tuple(proposals(final, list(dict.fromkeys(joints))))
+    advice = "; ".join(text for text in (*(item.apart for item in proposed), found.advice) if text)
+    return replace(found, proposals=proposed, advice=advice)
 
 
 def _tolerances(recording: Recording) -> dict[str, float]:

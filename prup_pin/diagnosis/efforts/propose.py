@@ -15,6 +15,8 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...errors import InputError
+from ...laws import Place
+from ...laws.efforts import EffortLaw
 from ...laws.formulas import Formula, Term, library, tried
 from ...numbers import number
 from ...spatial import Array
@@ -29,7 +31,7 @@ from .problem import EffortCandidate, EffortModel, fit
 from .search import pruned
 from .verdict import effects_of
 
-__all__ = ["proposals"]
+__all__ = ["beside", "proposals", "with_columns"]
 
 #: Terms of a formula: with more it is a curve by another name.
 _MOST_TERMS = 3
@@ -60,7 +62,7 @@ def proposals(final: FinalState, joints: Sequence[str]) -> Iterator[Proposal]:
     model = final.model
     for joint in joints:
         curves = [term for term in model.terms if term.law.is_curve and term.place.name == joint]
-        base = _beside(model.without(*curves), joint)
+        base = beside(model.without(*curves), joint)
         known = base.problem.columns.size
         best, equals = _searched(efforts, base, joint, len(joints))
         if best is None:
@@ -73,7 +75,7 @@ def proposals(final: FinalState, joints: Sequence[str]) -> Iterator[Proposal]:
         model = found.model
 
 
-def _beside(model: EffortModel, joint: str) -> EffortModel:
+def beside(model: EffortModel, joint: str) -> EffortModel:
     """Return the model with what every drive has free at a joint, whether it was needed beside a curve or not."""
     there = {term.law.physics for term in model.terms if term.place.name == joint}
     families = {term.law.family for term in model.terms if term.place.name == joint and term.law.family}
@@ -121,11 +123,12 @@ def _extended(
     """Yield formulas of one term more that save what chance does not, each with its parameters where they are best."""
     at, columns = efforts.at, best.model.problem.columns
     size, candidates = columns.size, best.model.problem.candidates
-    entered: list[tuple[Formula, dict[str, float]]] = []
+    entered: list[tuple[EffortLaw, Mapping[str, float]]] = []
+    place = best.formula.places(at.mechanism)[0]
     for term in library(at, joint):
         one = Formula.of(joint, (term,), at)
         entered += [(one, dict(zip(one.settled, values, strict=True))) for values in tried(term, at, joint)]
-    model = _with_columns(efforts, best.model, joint, entered)
+    model = with_columns(efforts, best.model, place, entered)
     new = model.problem.candidates[len(candidates) :]
     ranked, limit = scores(model.in_problem(model.problem.only(new)))
     columns.cut(size)
@@ -148,18 +151,17 @@ def _fitted(
     formula = Formula.of(joint, (*best.formula.terms, term), efforts.at)
     before = best.model.terms[-1].values if best.formula.terms else {}
     own = dict(zip(formula.settled, (*before.values(), *values), strict=True))
-    model = _with_columns(efforts, base, joint, [(formula, own)])
+    model = with_columns(efforts, base, formula.places(efforts.at.mechanism)[0], [(formula, own)])
     model = model.with_term(model.problem.candidates[-1])
     model = optimised(efforts, model, [len(model.terms) - 1])
     return _Tried(formula, model, held_out(model))
 
 
-def _with_columns(
-    efforts: PreparedEfforts, model: EffortModel, joint: str, laws: Sequence[tuple[Formula, dict[str, float]]]
+def with_columns(
+    efforts: PreparedEfforts, model: EffortModel, place: Place, laws: Sequence[tuple[EffortLaw, Mapping[str, float]]]
 ) -> EffortModel:
-    """Return the model in a problem with formulas at values among its candidates."""
+    """Return the model in a problem with further laws at values among its candidates, the last ones."""
     problem, columns = model.problem, model.problem.columns
-    place = laws[0][0].places(problem.mechanism)[0]
     where = columns.add(efforts.whitened(law.efforts_per(place, values, efforts.at)) for law, values in laws)
     new = [EffortCandidate(law, place, values, own) for (law, values), own in zip(laws, where, strict=True)]
     prior = np.zeros(columns.size)

@@ -112,6 +112,7 @@ def diagnosis_of_efforts(efforts: EffortDiagnosis, recordings: Sequence[Recordin
         efforts=efforts,
         premises=efforts.premises,
         proposals=efforts.proposals,
+        judged=efforts.judged,
     )
 
 
@@ -153,6 +154,7 @@ def joined(poses: Diagnosis, efforts: EffortDiagnosis) -> Diagnosis:
         efforts=efforts,
         premises=(*poses.premises, *efforts.premises),
         proposals=(*poses.proposals, *efforts.proposals),
+        judged=(*poses.judged, *efforts.judged),
     )
 
 
