@@ -100,8 +100,9 @@ def _searched(efforts: PreparedEfforts, base: EffortModel, joint: str, places: i
         if not rivals:
             break
         leader = min(rivals, key=lambda one: one.total)
-        share, sure = relative_gain(best.left, leader.left)
-        if not (sure > SURE and share * best.total > GAIN * best.total):
+        saved = float((best.left - leader.left).sum())
+        here = CrossValidation(best.model).squares_at(leader.model.terms[-1])
+        if not (relative_gain(best.left, leader.left)[1] > SURE and saved > GAIN * here):
             break
         pool, best = [*pool, *rivals], leader
     if not pool:
@@ -131,17 +132,16 @@ def _extended(
     model = with_columns(efforts, best.model, place, entered)
     new = model.problem.candidates[len(candidates) :]
     ranked, limit = scores(model.in_problem(model.problem.only(new)))
+    left = CrossValidation(model).with_each(new).sum(axis=1).tolist()
     columns.cut(size)
     if not min((score.log_chance for score in ranked), default=0.0) < limit - np.log(places):
         return  # chance alone would do as well with one of so many terms
-    kinds: dict[Term, tuple[float, EffortCandidate]] = {}
-    for score in ranked:
-        term = score.candidate.law.terms[0]
-        if score.gain > kinds.get(term, (0.0, None))[0]:
-            kinds[term] = score.gain, score.candidate
-    found = sorted(kinds.items(), key=lambda item: -item[1][0])[:TRIED]
-    for term, (_, candidate) in found:
-        yield _fitted(efforts, best, base, joint, term, tuple(candidate.values.values()))
+    kinds: dict[Term, tuple[float, tuple[float, ...]]] = {}
+    for candidate, total in zip(new, left, strict=True):
+        term, values = candidate.law.terms[0], tuple(candidate.values.values())
+        kinds[term] = min(kinds.get(term, (np.inf, ())), (total, values), key=lambda item: item[0])
+    for term, (_, values) in sorted(kinds.items(), key=lambda item: item[1][0])[:TRIED]:
+        yield _fitted(efforts, best, base, joint, term, values)
 
 
 def _fitted(
