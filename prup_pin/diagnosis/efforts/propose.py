@@ -176,7 +176,8 @@ def _proposal(final: FinalState, found: _Tried, equals: Sequence[_Tried], before
     values = dict(term.law.fitted(term.place, state.x[state.model.slice_of(term)], term.values))
     parameters = parameters_of(state, term, values)
     law = found.formula.with_values(values, {name: item.interval for name, item in parameters.items()})
-    others = [one for one in equals if one.formula is not found.formula]
+    # what has the same terms and some more is the same formula, not another one
+    others = [one for one in equals if not set(found.formula.terms) <= set(one.formula.terms)]
     squares = float(before.sum())
     return Proposal(
         joint=law.joint,

@@ -192,7 +192,7 @@ class Formula(JointFormula):
             heights = ", ".join(own[height] for height in SHAPES[term.shape].heights)
             heights = f"({heights})" if len(SHAPES[term.shape].heights) > 1 else heights
             parts.append(f"{heights} {term.text(self.joint, own)}")
-        return " + ".join(parts).replace("+ -", "- ")
+        return " + ".join(parts).replace("+ -", "- ").replace("- -", "+ ")
 
     def told_at(self, values: Mapping[str, float]) -> str:
         """Return it in symbols and numbers."""

@@ -21,6 +21,8 @@ __all__ = ["JointFormula"]
 #: A place moves by this part of the way between its bounds where a size becomes e times as large: about a third of the
 #: range in which it may lie.
 _STEPS = 9
+#: Beyond its range by less than this share of it, a variable is hardly anywhere else.
+_MARGIN = 0.01
 
 
 class JointFormula(EffortLaw):
@@ -87,10 +89,10 @@ class JointFormula(EffortLaw):
     def left_range(self, at: InMotion) -> Iterator[str]:
         """Yield in words where a motion leaves the ranges in which the formula was seen."""
         for (name, joint), (low, high) in self.recorded.items():
-            values = KNOWN[name].of(at, joint)
-            share = float(((values < low) | (values > high)).mean())
+            values, margin = KNOWN[name].of(at, joint), _MARGIN * (high - low)
+            share = float(((values < low - margin) | (values > high + margin)).mean())
             if share > 0:
                 yield (
-                    f"{self.physics}: the {name} of {joint} is outside {number(low, 3)} to {number(high, 3)}, where "
-                    f"it was seen, in {number(100 * share, 2)} % of the samples: an extrapolation"
+                    f"the {name} of {joint} is outside {number(low, 3)} to {number(high, 3)}, where {self.physics} was "
+                    f"seen, in {number(100 * share, 2)} % of the samples: an extrapolation"
                 )
