@@ -78,10 +78,10 @@ class Quantity:
 
     def defects(self, needs_start: bool = True) -> Iterator[str]:
         """Yield in words what is wrong with the declaration. needs_start: the default is where a fit starts."""
-        for name in ("unit", "description"):
-            if not (isinstance(text := getattr(self, name), str) and text.strip()):
-                also = ", '1' for a ratio" if name == "unit" else ""
-                yield f"{name} of quantity '{self.name}' is {text!r}; expected a text{also}"
+        if not isinstance(self.unit, str):
+            yield f"unit of quantity '{self.name}' is {self.unit!r}; expected a text, '1' of a ratio"
+        if not isinstance(self.description, str) or not self.description.strip():
+            yield f"description of quantity '{self.name}' is {self.description!r}; expected a text"
         if needs_start and not (isinstance(self.default, float | int) and np.isfinite(self.default)):
             yield f"quantity '{self.name}' has no start: expected Quantity('{self.name}', unit, description, number)"
         elif needs_start and not self.lower <= float(self.default) <= self.upper:  # type: ignore[arg-type]

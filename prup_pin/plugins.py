@@ -104,12 +104,16 @@ def brought(group: str, own: Iterable[str], make: Make[T], several: bool = False
         return _made(_declared(group, files()), tuple(own), make, several)
 
 
+def _entry_points(group: str) -> list[tuple[Source, metadata.EntryPoint]]:
+    points = [(point.dist, point) for point in metadata.entry_points(group=f"prup_pin.{group}")]
+    found = [(Source(dist.name, dist.version), point) for dist, point in points if dist is not None]
+    return sorted(found, key=lambda pair: (pair[0].name, pair[1].name))
+
+
 @cache
 def _declared(group: str, files: tuple[tuple[Path, str], ...]) -> tuple[Plugin[Any], ...]:
     found = []
-    points = [(point.dist, point) for point in metadata.entry_points(group=f"prup_pin.{group}")]
-    known = [(Source(dist.name, dist.version), point) for dist, point in points if dist is not None]
-    for source, point in sorted(known, key=lambda pair: (pair[0].name, pair[1].name)):
+    for source, point in _entry_points(group):
         with _refusing(source, f"its entry point {point.name} = {point.value}"):
             thing, module = point.load(), sys.modules[point.module]
             found.append(Plugin(point.name, thing, source, Path(module.__file__ or "").parent))
@@ -164,11 +168,12 @@ def blaming() -> Iterator[None]:
     except PrupPinError:
         raise
     except Exception as error:
-        with _LOCK:
-            every = [found for group in GROUPS for found in _declared(group, files())]
-        owners = {getattr(found.thing, "__module__", ""): found.source for found in every}
+        owners = {_module_name(path, digest): Source(path.name, digest, True) for path, digest in files()}
+        for group in GROUPS:
+            owners |= {point.module.partition(".")[0]: source for source, point in _entry_points(group)}
         for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
-            if (source := owners.get(frame.f_globals.get("__name__", ""))) is not None:
+            name = str(frame.f_globals.get("__name__"))
+            if (source := owners.get(name) or owners.get(name.partition(".")[0])) is not None:
                 at = f"{Path(frame.f_code.co_filename).name}, line {line}"
                 raise PluginError(source, f"{_said(error)} ({at})") from error
         raise

@@ -106,6 +106,15 @@ def packaged_folder() -> Path:
     raise PrupPinError(f"the packaged robots are missing next to {here}; reinstall prup_pin")
 
 
+def examples_folder() -> Path:
+    """Return the folder of the examples: installed with the package, or that of a source checkout."""
+    package = Path(__file__).resolve().parent
+    for folder in (package / "examples", package.parent / "examples"):
+        if (folder / "bench.csv").is_file():
+            return folder
+    raise PrupPinError(f"the examples are missing next to {package}; reinstall prup_pin")
+
+
 def example_folder() -> Path | None:
     """Return example-robot-data's folder of robots, or None where it is not installed."""
     try:

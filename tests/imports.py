@@ -41,6 +41,7 @@ LAYERS = [
     "build",
     "loading",
     "simulation",
+    "testing",
     "export",
     "compensation",
     "channels",

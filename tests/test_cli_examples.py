@@ -8,7 +8,10 @@ import pytest
 from typer.testing import CliRunner
 
 from prup_pin.cli import app
-from prup_pin.cli.robot_files import examples_folder
+from prup_pin.robots import examples_folder
+
+
+FILES = [path for path in examples_folder().iterdir() if path.is_file()]
 
 
 @pytest.fixture
@@ -22,7 +25,7 @@ def test_every_file_is_listed_with_what_it_is(run):
     done = run()
     assert done.exit_code == 0
     rows = {words[0]: words[1:] for line in done.stdout.splitlines() if (words := line.split())}
-    for path in examples_folder().iterdir():
+    for path in FILES:
         assert rows[path.name], path.name
     assert " ".join(rows["six_ups.urdf"]).startswith("A 6-UPS platform")
     assert " ".join(rows["diagnosis.ipynb"]) == "a notebook: What did the simulation leave out?"
@@ -36,7 +39,7 @@ def test_they_are_copied_as_they_are_and_again_without_harm(run, tmp_path):
         done = run("--copy", folder)
         assert done.exit_code == 0, done.output
         copied = {path.name: path.read_bytes() for path in folder.iterdir()}
-        assert copied == {path.name: path.read_bytes() for path in examples_folder().iterdir()}
+        assert copied == {path.name: path.read_bytes() for path in FILES}
     assert "bench.csv" in copied
 
 
@@ -74,9 +77,9 @@ def test_examples_are_copied_into_a_clone(tmp_path):
     """README's own commands are typed there: no example is called as a file of the clone is."""
     clone = Path(__file__).resolve().parents[1]
     there = {path.name for path in clone.iterdir()}
-    assert not there & {path.name for path in examples_folder().iterdir() if path.is_file()}
+    assert not there & {path.name for path in FILES}
 
 
 def test_what_is_copied_names_nothing_that_only_a_clone_has():
-    for path in examples_folder().iterdir():
+    for path in FILES:
         assert "scripts/" not in path.read_text(encoding="utf-8"), path.name

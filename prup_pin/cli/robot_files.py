@@ -11,10 +11,10 @@ from typing import Annotated
 import typer
 
 from .. import __version__
-from ..errors import InputError, PrupPinError, SingularPoseError, UnknownNameError, UnreachablePoseError
+from ..errors import InputError, SingularPoseError, UnknownNameError, UnreachablePoseError
 from ..modules import KINDS
 from ..recordings.writer import write_whole
-from ..robots import packaged_names
+from ..robots import examples_folder, packaged_names
 from ..views.report.as_json import dump, info_as_json
 from ..views.text import terminal
 from ..views.text.robot_files import (
@@ -180,15 +180,6 @@ def examples(
     except OSError as error:
         raise InputError(f"--copy: cannot write to '{copy}': {error.strerror}") from error
     typer.echo(f"{len(files)} files in {target}; EXAMPLES.md tells what they are")
-
-
-def examples_folder() -> Path:
-    """Return the folder of the examples: installed with the package, or that of a source checkout."""
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package / "examples", package.parent / "examples"):
-        if (folder / "bench.csv").is_file():
-            return folder
-    raise PrupPinError(f"the examples are missing next to {package}; reinstall prup_pin")
 
 
 def _differs(path: Path, there: Path) -> bool:

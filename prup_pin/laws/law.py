@@ -13,7 +13,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from ..errors import InputError, UnknownNameError
 from ..mechanism import Changes, Mechanism
@@ -260,20 +260,21 @@ def defects(law: Law) -> Iterator[str]:
     physics = getattr(law, "physics", "")
     if isinstance(physics, str) and physics and not re.fullmatch(r"[a-z][a-z0-9_]*", physics):
         yield f"physics is {physics!r}; expected a word of lower-case letters, digits and _"
-    quantities = getattr(law, "quantities", None)
-    if not (isinstance(quantities, tuple) and quantities and all(isinstance(item, Quantity) for item in quantities)):
+    quantities: Any = getattr(law, "quantities", None)
+    own = type(law)
+    by_place = own.quantities_at is not Law.quantities_at
+    some = isinstance(quantities, tuple) and bool(quantities or by_place)
+    if not some or not all(isinstance(item, Quantity) for item in quantities):
         yield f"quantities is {quantities!r}; expected a tuple of Quantity(name, unit, description, start, ...)"
         return
     yield from (text for quantity in quantities for text in quantity.defects())
     names = {quantity.name for quantity in quantities}
-    neutral = getattr(law, "neutral", None)
-    if not (isinstance(neutral, Mapping) and neutral and all(isinstance(x, float | int) for x in neutral.values())):
+    neutral = getattr(law, "neutral", {})
+    some = bool(neutral) or own.neutral_at is not Law.neutral_at
+    if not some or not isinstance(neutral, Mapping) or not all(isinstance(x, float | int) for x in neutral.values()):
         yield f"neutral is {neutral!r}; expected values at which it changes nothing, {{'name': 0.0}}"
-    elif unknown := [name for name in neutral if name not in names]:
+    elif unknown := [name for name in neutral if names and name not in names]:
         yield f"neutral names {', '.join(unknown)}; its quantities are {', '.join(names)}"
-    linear = getattr(law, "linear", ())
-    if unknown := [name for name in linear if name not in names]:
-        yield f"linear names {', '.join(unknown)}; its quantities are {', '.join(names)}"
 
 
 #: Load components of each motion of a joint module.

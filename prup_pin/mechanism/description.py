@@ -347,12 +347,13 @@ def _meant_instead(module: ModuleDescription) -> str:
     return " ".join(f"Did you mean '{other.kind}', {other.summary}?" for other in fits)
 
 
-def resolve_values(module: ModuleDescription) -> dict[str, Any]:
+def resolve_values(module: ModuleDescription, kind: CompliantModule | None = None) -> dict[str, Any]:
     """Return the value of every quantity of the module's kind, derived defaults included.
 
-    Raises ModuleValuesError with all unknown names, values out of range and missing quantities.
+    kind: by default that of the module's word. Raises ModuleValuesError with all unknown names, values out of range
+    and missing quantities.
     """
-    kind = kinds_by_name()[module.kind]
+    kind = kinds_by_name()[module.kind] if kind is None else kind
     problems: list[tuple[str, str]] = []
     failed: set[str] = set()
     known = {quantity.name for quantity in kind.quantities}
@@ -398,7 +399,7 @@ def resolve_values(module: ModuleDescription) -> dict[str, Any]:
             failed |= {quantity.name, *given}
         except (TypeError, KeyError):
             values[quantity.name] = np.nan  # follows from a value already reported
-    if problems and (meant := _meant_instead(module)):
+    if problems and module.kind in kinds_by_name() and (meant := _meant_instead(module)):
         problems.insert(0, ("", f"module '{module.name}' is a {kind.kind}, {kind.summary}. {meant}"))
     if len(lengths) > 1:
         text = f"module '{module.name}': its tables have {sorted(lengths)} entries; all must have as many as 'stations'"

@@ -8,34 +8,12 @@ import pinocchio as pin
 import pytest
 
 from prup_pin import load
-from prup_pin.dynamics import INERTIAL, Band, InMotion, Motion, in_frame
+from prup_pin.dynamics import INERTIAL, Band, InMotion, in_frame
+from prup_pin.testing.efforts import motion_along
 
 from ..loaded.coupled import belted_arm
 
 ROBOTS = Path(__file__).parents[1] / "robots"
-
-
-def motion_along(names, q, qd, qdd, wrench=None):
-    """Return a motion whose speeds and accelerations are known."""
-    n = len(q)
-    return Motion(
-        names=tuple(names),
-        driven=tuple(names),
-        time=np.arange(n) * 0.02,
-        piece=np.zeros(n, int),
-        rate=50.0,
-        position=q,
-        speed=qd,
-        acceleration=qdd,
-        still=np.zeros(q.shape, bool),
-        slow=np.full(q.shape[1], 1e-6),
-        efforts=np.zeros(q.shape),
-        saturated=np.zeros(q.shape, bool),
-        wrench=wrench,
-        gravity=None,
-        rows=np.arange(n),
-        band=Band((20.0,) * len(names), 50.0),
-    )
 
 
 @pytest.fixture(scope="module")

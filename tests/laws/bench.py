@@ -5,18 +5,13 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 import prup_pin
 from prup_pin.laws import LAWS, Effect, Inputs, Law, Place
 from prup_pin.simulation import Simulator
-from prup_pin.spatial import rotation_log
+from prup_pin.testing.poses import CYCLE, WRENCH, PoseBench, load_cycle
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 NAMES = ("3prup", "3prup_as_published", "ur5", "five_bar", "delta", "six_ups", "lift")
-#: One load cycle in shares of a wrench: it ends where it began, so that what remembers shows.
-CYCLE = (0.0, 1.0, 0.5, -1.0, 0.0)
-WRENCH = np.array([30.0, -20.0, 25.0, 4.0, 3.0, -2.0])
 ACTUATORS = {
     "3prup": [[0.40, 0.42, 0.36], [0.33, 0.35, 0.39]],
     "3prup_as_published": [[0.40, 0.42, 0.36], [0.33, 0.35, 0.39]],
@@ -47,28 +42,21 @@ def robot(name: str) -> prup_pin.Robot:
 
 
 def inputs(name: str, wrench=WRENCH, actuators=None, cycle=CYCLE) -> Inputs:
-    """A load cycle in each of two poses, with speeds and a structure that warms up."""
-    poses = np.array(ACTUATORS[name] if actuators is None else actuators, float)
-    positions = np.repeat(poses, len(cycle), axis=0)
-    n = len(positions)
-    return Inputs(
-        time=np.arange(n, dtype=float),
-        actuators=positions,
-        wrench=np.tile(np.outer(cycle, wrench), (len(poses), 1)),
-        blocks=np.repeat(np.arange(len(poses)), len(cycle)),
-        temperature=np.linspace(22.0, 30.0, n),
-        speeds=np.full_like(positions, 0.05),
-    )
+    """A load cycle in each of two poses."""
+    return load_cycle(ACTUATORS[name] if actuators is None else actuators, wrench, cycle)
 
 
 @cache
+def bench(name: str) -> PoseBench:
+    return PoseBench.of(robot(name), ACTUATORS[name])
+
+
 def simulator(name: str) -> Simulator:
-    return Simulator(robot(name), inputs(name))
+    return bench(name).simulator
 
 
-@cache
 def nominal(name: str):
-    return simulator(name).run()
+    return bench(name).nominal
 
 
 def effect(name: str, law: type[Law], place: str, aspect: str = "", **values: float) -> Effect:
@@ -77,11 +65,3 @@ def effect(name: str, law: type[Law], place: str, aspect: str = "", **values: fl
     at = Place(place, aspect)
     given = {**found.starts(at, robot(name).mechanism)[0], **values}
     return Effect(found, at, given).checked(robot(name).mechanism)
-
-
-def change(run, other) -> np.ndarray:
-    """Return how the tool's pose differs between two runs, (N, 6) [m, rad]."""
-    assert run.solved.all()
-    assert other.solved.all()
-    turned = rotation_log(run.rotation @ other.rotation.swapaxes(1, 2))
-    return np.concatenate((run.position - other.position, turned), axis=1)

@@ -44,11 +44,9 @@ class Form:
         return self.of(law, place, values, at)
 
 
-def some_values(law, place, values, at):
-    """Return the values by which a law is tried: scanned ones, different coefficients, and what its form asks for."""
-    form = next(CLOSED_FORMS[cls] for cls in type(law).__mro__ if cls in CLOSED_FORMS)
-    coefficients = np.linspace(0.4, 0.9, len(law.linear))
-    return {**values, **law.fitted(place, coefficients, values), **form.values}
+def form_of(law):
+    """Return the form of a law, or of the one that it derives from."""
+    return next(CLOSED_FORMS[cls] for cls in type(law).__mro__ if cls in CLOSED_FORMS)
 
 
 class Joint:

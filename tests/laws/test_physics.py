@@ -15,9 +15,10 @@ from prup_pin.laws.deviations import calibration_of
 from prup_pin.laws.joint_places import parts
 from prup_pin.simulation import Simulator
 from prup_pin.spatial import rotation_exp, rotation_log
+from prup_pin.testing.poses import change
 
 from ..statics.build import RobotFile
-from .bench import NAMES, change, effect, nominal, robot, simulator
+from .bench import NAMES, effect, nominal, robot, simulator
 
 
 def of(law, place, aspect="", **values):

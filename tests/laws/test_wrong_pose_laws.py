@@ -7,8 +7,7 @@ from prup_pin.laws import Place
 from prup_pin.laws.deeds import ExtraStrain, Strain
 from prup_pin.laws.encoder import EncoderOffset
 from prup_pin.laws.payload import Payload
-
-from .pose_contract import (
+from prup_pin.testing.poses import (
     check_derivatives,
     check_leaves_alone,
     check_neutral,
@@ -16,6 +15,8 @@ from .pose_contract import (
     check_refit,
     check_shows,
 )
+
+from .bench import bench
 
 
 class Stretch(EncoderOffset):
@@ -82,7 +83,7 @@ class HeavyPayload(Payload):
         return value * times**2 + 0.1
 
 
-ROBOT, PLACE = "3prup", Place("leg1/motor")
+PLACE = Place("leg1/motor")
 CHECKS = [check_neutral, check_shows, check_leaves_alone, check_derivatives, check_quantities, check_refit]
 REFUSED = {
     check_neutral: [(RestlessOffset(), PLACE)],
@@ -96,8 +97,8 @@ REFUSED = {
 
 @pytest.mark.parametrize("check", CHECKS)
 def test_a_right_law_passes_every_check(check):
-    check(ROBOT, EncoderOffset(), PLACE)
-    check(ROBOT, Stretch(), PLACE)
+    check(bench("3prup"), EncoderOffset(), PLACE)
+    check(bench("3prup"), Stretch(), PLACE)
 
 
 @pytest.mark.parametrize(
@@ -107,5 +108,5 @@ def test_a_right_law_passes_every_check(check):
 )
 def test_wrong_laws_are_refused(check, law, place):
     assert set(REFUSED) == set(CHECKS)
-    with pytest.raises((AssertionError, ValueError)):
-        check(ROBOT, law, place)
+    with pytest.raises(AssertionError, match=rf"{type(law).__name__} at {place.name} breaks: {check.__doc__[:40]}"):
+        check(bench("3prup"), law, place)

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from prup_pin.mechanism.description import ModuleDescription, resolve_values
 from prup_pin.modules import KINDS, CompliantModule, ModuleGeometry
-from prup_pin.parameters import Parameter
+from prup_pin.testing import modules as testing
 
 STEEL: dict[str, Any] = {"youngs_modulus": 201e9, "shear_modulus": 77e9, "shear_coefficient": 0.886, "density": 7850.0}
 CATALOGUE_NUT: dict[str, Any] = {"rated_stiffness": 680e6, "dynamic_load_rating": 14300.0}
@@ -88,11 +87,6 @@ EXAMPLES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     ),
 }
 
-#: Two modules in their places: lengths, joint positions, and all that decides where their own weight goes.
-GEOMETRY = ModuleGeometry(
-    np.array([0.3, 0.45]), np.array([0.2, 0.35]), np.array([True, False]), np.array([True, False])
-)
-
 
 def kind_named(name: str) -> CompliantModule:
     return next(kind for kind in KINDS if kind.kind == name)
@@ -100,18 +94,12 @@ def kind_named(name: str) -> CompliantModule:
 
 def resolved(kind: str, **given: Any) -> dict[str, Any]:
     """Return all values of one module, derived defaults included, as a robot file would get them."""
-    quantities = {quantity.name: quantity for quantity in kind_named(kind).quantities}
-    values = {
-        name: Parameter(f"m.{name}", quantities[name].check(value, "m"), quantities[name].unit)
-        for name, value in given.items()
-    }
-    return resolve_values(ModuleDescription("m", kind, "joint", values=values))
+    return testing.resolved(kind_named(kind), given)
 
 
 def stacked(kind: str, *modules: dict[str, Any]) -> dict[str, np.ndarray]:
     """Return the values of several modules as the arrays (n,) that the equations take."""
-    each = [resolved(kind, **given) for given in modules]
-    return {name: np.array([values[name] for values in each]) for name in each[0]}
+    return testing.stacked(kind_named(kind), *modules)
 
 
 def one(kind: str, span: float = 1.0, /, position: float = 0.2, load=None, **given: Any) -> np.ndarray:

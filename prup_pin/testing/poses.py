@@ -1,0 +1,216 @@
+"""What every law of poses must hold at a place of a robot, as checks that raise AssertionError of one that does not."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import least_squares
+
+from ..laws import Effect, Inputs, Place
+from ..mechanism import Mechanism
+from ..robot import Robot
+from ..simulation import Run, Simulator
+from ..spatial import Array, rotation_log
+from .contract import contract, near, require
+
+__all__ = [
+    "PoseBench",
+    "change",
+    "check_derivatives",
+    "check_leaves_alone",
+    "check_neutral",
+    "check_quantities",
+    "check_refit",
+    "check_shows",
+    "load_cycle",
+    "size_at_start",
+    "unlike",
+]
+
+#: One load cycle in shares of a wrench: it ends where it began, so that what remembers shows.
+CYCLE = (0.0, 1.0, 0.5, -1.0, 0.0)
+WRENCH = np.array([30.0, -20.0, 25.0, 4.0, 3.0, -2.0])
+#: Share by which parameters differ from where a fit starts, and how well they are found again.
+_OFF, _FOUND = 0.2, 1e-3
+#: Singular value of the change per share of a parameter, over the largest, from which data tell it.
+_TOLD = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class PoseBench:
+    """A robot on a bench: simulated under a load cycle in some of its poses, without any law."""
+
+    simulator: Simulator
+    nominal: Run
+
+    @classmethod
+    def of(cls, robot: Robot, actuators: ArrayLike | None = None) -> PoseBench:
+        """Return the bench of a robot in poses of actuators (n, k) [m, rad]; by default home, and a bit beside."""
+        if actuators is None:
+            home = np.array(list(robot.home.actuators.values()))
+            actuators = [home, home + 0.02 * np.where(np.arange(len(home)) % 2, -1.0, 1.0)]
+        simulator = Simulator(robot, load_cycle(actuators))
+        return cls(simulator, simulator.run())
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.simulator.robot
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """What the robot file says."""
+        return self.robot.mechanism
+
+
+def load_cycle(actuators: ArrayLike, wrench: Array = WRENCH, cycle: tuple[float, ...] = CYCLE) -> Inputs:
+    """Return a load cycle in each pose of actuators (n, k), with speeds and a structure that warms up."""
+    poses = np.array(actuators, float)
+    positions = np.repeat(poses, len(cycle), axis=0)
+    n = len(positions)
+    return Inputs(
+        time=np.arange(n, dtype=float),
+        actuators=positions,
+        wrench=np.tile(np.outer(cycle, wrench), (len(poses), 1)),
+        blocks=np.repeat(np.arange(len(poses)), len(cycle)),
+        temperature=np.linspace(22.0, 30.0, n),
+        speeds=np.full_like(positions, 0.05),
+    )
+
+
+def change(run: Run, other: Run) -> Array:
+    """Return how the tool's pose differs between two runs, (N, 6) [m, rad]."""
+    require(run.solved.all() and other.solved.all(), "The robot has no equilibrium in some of the samples.")
+    turned = rotation_log(run.rotation @ other.rotation.swapaxes(1, 2))
+    return np.concatenate((run.position - other.position, turned), axis=1)
+
+
+def start_of(law, bench, place):
+    return dict(law.starts(place, bench.mechanism)[0])
+
+
+def unlike(places: Sequence[Place], mechanism: Mechanism) -> list[Place]:
+    """Return the first of those places that differ only by a number: legs are alike, a tree's joints are not."""
+    if not mechanism.loops:
+        return list(places)
+    return list({re.sub(r"\d+", "", str(place)): place for place in reversed(places)}.values())[::-1]
+
+
+def size_at_start(bench, law, place, start=None):
+    """Return by how much a law moves the tool [m, rad] at values where a fit starts; the first of them."""
+    effect = Effect(law, place, start or start_of(law, bench, place))
+    return float(np.abs(change(bench.simulator.run([effect], bench.nominal), bench.nominal)).max())
+
+
+@contract("law")
+def check_neutral(bench, law, place):
+    """At its neutral values the robot stands where it stands without the law."""
+    base = bench.nominal
+    run = bench.simulator.run([Effect(law, place, law.neutral_at(place, bench.mechanism))], base)
+    largest = np.abs(change(run, base)).max()
+    require(largest < 2e-11, f"It moves by {largest:g} m or rad.")
+
+
+@contract("law")
+def check_shows(bench, law, place, shows=True):
+    """Where a fit starts the law moves the tool: else it would find no way from there."""
+    sizes = [size_at_start(bench, law, place, start) for start in law.starts(place, bench.mechanism)]
+    require((max(sizes) > 4e-11) == shows, f"The tool moves by {max(sizes):g} m or rad.")
+
+
+@contract("law")
+def check_leaves_alone(bench, law, place):
+    """Neither the caller's arrays are changed by it, nor its values, nor the robot."""
+    base = bench.simulator
+    arrays = [getattr(base.inputs, key) for key in ("time", "actuators", "wrench", "blocks", "temperature", "speeds")]
+    before = [array.copy() for array in arrays]
+    known = {key: np.copy(parameter.value) for key, parameter in base.robot.parameters.items()}
+    values = start_of(law, bench, place)
+    setup = base.setup()
+    setup.take(Effect(law, place, values).deeds(setup))
+    for array, copy in zip(arrays, before, strict=True):
+        np.testing.assert_array_equal(array, copy)
+    require(values == start_of(law, bench, place), f"Its values became {values}.")
+    for key, parameter in base.robot.parameters.items():
+        np.testing.assert_array_equal(parameter.value, known[key])
+
+
+@contract("law")
+def check_derivatives(bench, law, place):
+    """A strain's derivative by the load is its finite difference, and a part of its samples is that part of it."""
+    setup = bench.simulator.setup([Effect(law, place, start_of(law, bench, place))])
+    for module, strains in setup.strains.items():
+        wide = 1 if module in bench.robot._statics.drive_names else 6
+        load = np.random.default_rng(5).normal(size=(len(setup.inputs), wide)) * 3.0
+        for strain in strains:
+            value, slope = strain(load)
+            require(value.shape == load.shape, f"The strain of {module} has the shape {value.shape}, not {load.shape}.")
+            expected = (*load.shape, wide)
+            require(slope.shape == expected, f"Its derivative has the shape {slope.shape}, not {expected}.")
+            part = strain.take(slice(2, 4))
+            np.testing.assert_array_equal(part(load[2:4])[0], value[2:4])
+            for column in range(wide):
+                step = np.zeros_like(load)
+                step[:, column] = 1e-5
+                difference = (strain(load + step)[0] - strain(load - step)[0]) / 2e-5
+                np.testing.assert_allclose(slope[:, :, column], difference, atol=1e-6 * np.abs(slope).max() + 1e-20)
+
+
+@contract("law")
+def check_quantities(bench, law, place):
+    """Its parameters have units, bounds and starts inside, and twice as much of its first one is told as that."""
+    mechanism = bench.mechanism
+    quantities = {quantity.name: quantity for quantity in law.quantities_at(place, mechanism)}
+    require(quantities, "It has none.")
+    for quantity in quantities.values():
+        require(not (wrong := "; ".join(quantity.defects())), wrong)
+        require(quantity.unit, f"{quantity.name} has no unit; '1' is that of a ratio.")
+        require(np.isfinite([quantity.lower, quantity.upper]).all(), f"{quantity.name} has no bounds.")
+    starts = law.starts(place, mechanism)
+    require(starts, "No fit has a start.")
+    for start in starts:
+        require(list(start) == list(quantities), f"It starts at {start}, whose names are not {list(quantities)}.")
+        Effect(law, place, start).checked(mechanism)
+    first = next(iter(quantities.values()))
+    strong = starts[0][first.name] if law.strong is None else first.check(law.strong, "strong")
+    near(law.magnified(strong, 1.0), strong, rtol=1e-6, atol=1e-12)
+    near(law.magnified(law.magnified(strong, 3.0), 1 / 3), strong, rtol=1e-6, atol=1e-12)
+    require(set(law.neutral) <= set(quantities), f"neutral names {set(law.neutral) - set(quantities)}.")
+    require(list(law.neutral_at(place, mechanism)) == list(quantities), "Its neutral values are not all of them.")
+
+
+@contract("law")
+def check_refit(bench, law, place):
+    """What is simulated with other values is fitted from where a fit starts: poses, and all values that they tell."""
+    mechanism = bench.mechanism
+    start = start_of(law, bench, place)
+    quantities = law.quantities_at(place, mechanism)
+    scales = np.array([abs(value) or 1e-3 for value in start.values()])
+    begun = np.array(list(start.values()))
+    low, high = (np.array([end(q) for q in quantities]) for end in (lambda q: q.lower, lambda q: q.upper))
+    # not all the same way: what is in proportion to a quotient of two would stay as it is
+    ways = np.where(np.arange(len(begun)) % 2, -0.5, 1.0)
+    truth = np.clip(begun + _OFF * ways * scales, low, high - 1e-3 * (high - low))
+    length = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
+
+    def poses(x):
+        values = dict(zip(start, map(float, x), strict=True))
+        return bench.simulator.run([Effect(law, place, values)], bench.nominal)
+
+    seen = poses(truth)
+    apart = float(np.abs(change(poses(begun), seen) * length).max())
+
+    def left(x):
+        return (change(poses(begun + x * scales), seen) * length / max(apart, 1e-15)).ravel()
+
+    bounds = (np.maximum((low - begun) / scales, -0.9), np.minimum((high - begun) / scales, 2.0) + 1e-9)
+    found = least_squares(left, np.zeros(len(begun)), bounds=bounds, diff_step=1e-4, xtol=1e-12, ftol=1e-12)
+    largest = np.abs(found.fun).max()
+    require(largest < _FOUND, f"The poses differ by {largest:.2g} of what the change makes.")
+    told = np.linalg.svd(found.jac)[1]
+    if told.min() > _TOLD * told.max():
+        near(found.x, (truth - begun) / scales, atol=10 * _FOUND)
