@@ -35,9 +35,10 @@ springs that slip, Hertz's power). A simulator that shares no code with the pack
 (`tests/reference/concealed/strange.py`); masses and inertias are 5 % off. Sizes are 5 to 40 times the noise in the
 joint where they show most. The library of terms was written down before the devices. `{command}` makes this page again.
 
-- *True terms*: the formula, or one that the verdict lists as equal, has a term of the true shape, and nothing but the true variables. Where
-  the laws of the library explain a device down to the noise no formula is asked for: that counts as not found.
-- *Held out*: another motion of the device; what the formula's model leaves below 8 Hz at the joint, over the noise there.
+- *True terms*: the formula, or one that the verdict lists as equal, has a term of the true shape, and nothing but the
+  true variables. Where the laws of the library explain a device down to the noise no formula is asked for: that counts
+  as not found.
+- *Held out*: another motion of the device; what the formula's model leaves below 8 Hz at the joint, over the noise.
 - *Beyond*: the same motion, 20 % wider and faster; the error where a variable is outside its recorded range, over that
   of the curve of no law, which ends there.
 - *Confirmed*: the other motion of the same device, diagnosed with the proposed file. *Refuted*: a motion of another
@@ -48,7 +49,7 @@ joint where they show most. The library of terms was written down before the dev
 
 
 def devices(count: int, first: int) -> list[tuple[int, str, str]]:
-    """Return seed, robot and kind of so many strange devices, each kind in its turn, and of a quarter as many without."""
+    """Return seed, robot and kind of strange devices, each kind in its turn, and of a quarter as many without."""
     kinds = [*(list(KINDS)[index % len(KINDS)] for index in range(count)), *[CLEAN] * (count // 4)]
     return [(first + index, list(ROBOTS)[index % len(ROBOTS)], kind) for index, kind in enumerate(kinds)]
 
@@ -167,26 +168,34 @@ def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str
     beyond = [t for t in proposed if t.get("outside", 0) > 0]
     clean = [t for t in trials if t["kind"] == CLEAN]
     wrong = [t for t in proposed if not t["true"] and t["left"] > ALLOWED]
-    rows = [
-        ("something is told as unknown, or more than the noise is left", [bool(t["proposals"]) or t["verdict"] == "unexplained" for t in strange]),
-        ("true terms found, or among equals", [bool(t.get("true")) for t in strange]),
-        ("... of those where a formula was proposed", [t["true"] for t in proposed]),
-        (f"formula leaves at most {ALLOWED} x the noise, held out", [t["left"] <= ALLOWED for t in proposed]),
-        ("... and the curve of no law", [t["left_by_curve"] <= ALLOWED for t in proposed]),
-        ("beyond the data, at most half the curve's error", [t["beyond"] <= 0.5 * t["beyond_by_curve"] for t in beyond]),
-        ("a second motion of the same device confirms it", [t["same"][0] == "confirmed" for t in proposed if t["true"]]),
-        ("a device with something else refutes it", [t["other"][0] == "refuted" for t in proposed]),
-        ("a formula that was wrong is refuted by the same device", [t["same"][0] == "refuted" for t in wrong]),
-        ("a formula at another joint", [bool(t["elsewhere"]) for t in strange]),
-        ("nothing strange: formulas, of joints asked", [True] * sum(len(t["proposals"]) for t in clean) + [False] * sum(t["joints"] - len(t["proposals"]) for t in clean)),
-    ]  # fmt: skip
+    asked = [(bool(i < len(t["proposals"]))) for t in clean for i in range(t["joints"])]
+    told = [bool(t["proposals"]) or t["verdict"] == "unexplained" for t in strange]
+    rows = {
+        "something is told as unknown, or a formula is proposed": told,
+        "true terms found, or among equals": [bool(t.get("true")) for t in strange],
+        "... of those where a formula was proposed": [t["true"] for t in proposed],
+        f"held out, the formula leaves at most {ALLOWED} x the noise": [t["left"] <= ALLOWED for t in proposed],
+        "... and the curve of no law": [t["left_by_curve"] <= ALLOWED for t in proposed],
+        "beyond, at most half the curve's error": [t["beyond"] <= 0.5 * t["beyond_by_curve"] for t in beyond],
+        "same device: confirmed, of true ones": [t["same"][0] == "confirmed" for t in proposed if t["true"]],
+        "other device: refuted": [t["other"][0] == "refuted" for t in proposed],
+        "same device: refuted, of those not true that leave more": [t["same"][0] == "refuted" for t in wrong],
+        "a formula at another joint": [bool(t["elsewhere"]) for t in strange],
+        "nothing strange: formulas, of joints asked": asked,
+    }
     lines = ["| | share (hits; 95 %) |", "|---|---|"]
-    lines += [f"| {what} | {share(sum(hits), len(hits))} |" for what, hits in rows if hits]
+    lines += [f"| {what} | {share(sum(hits), len(hits))} |" for what, hits in rows.items() if hits]
     lines += ["", "| truth | robot, seed | proposed | held out | same, other |", "|---|---|---|---|---|"]
     for t in sorted(strange, key=lambda item: (item["kind"], item["seed"])):
         named = "; ".join(t["proposals"]) or f"none: {t['verdict']} by {', '.join(t['findings']) or 'nothing'}"
         mark = "" if t.get("true") else " (not found)"
         judged = f"{t['same'][0]}, {t['other'][0]}" if "same" in t else ""
-        cells = (f"{t['kind'].replace('_', ' ')}{mark}", f"{t['robot']} {t['seed']}", named.replace("|", "\\|"), f"{t['left']:.2f}" if "left" in t else "", judged)
+        cells = (
+            f"{t['kind'].replace('_', ' ')}{mark}",
+            f"{t['robot']} {t['seed']}",
+            named.replace("|", "\\|"),
+            f"{t['left']:.2f}" if "left" in t else "",
+            judged,
+        )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"

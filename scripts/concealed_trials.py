@@ -22,8 +22,8 @@ draws so many arms and 3-PRUPs, two to one, or so many of each `--robot`, that a
 changed in between (OUT/since.jsonl). `--loop` draws so many 3-PRUPs without scatter, or with `--robot` so many of each
 of these whose parameters scatter, and carries out the experiment that an ambiguous verdict proposes (OUT/loop.jsonl).
 `--formulas` draws so many arms in motion with physics that is in no law, and a quarter as many without
-(OUT/formulas.jsonl). `--misread` draws so many logs in all, of six robots in turn, that are written otherwise than they say
-(OUT/misread.jsonl). `--docs` writes the summaries into docs/concealed_trials.md, docs/scattered_trials.md,
+(OUT/formulas.jsonl). `--misread` draws so many logs in all, of six robots in turn, that are written otherwise than they
+say (OUT/misread.jsonl). `--docs` writes the summaries into docs/concealed_trials.md, docs/scattered_trials.md,
 docs/effort_trials.md, docs/elastic_trials.md, docs/marker_trials.md, docs/tracked_trials.md,
 docs/uncalibrated_trials.md, docs/friction_trials.md, docs/since_trials.md, docs/formula_trials.md,
 docs/loop_trials.md and docs/misread_trials.md.

@@ -83,8 +83,9 @@ def diagnose(
 
     Each has its own noise, and where it says so its own sensors (`Recording.own_sensors`). `tell(stage, share)` hears
     how far it is. against: the corrected model of an earlier diagnosis of poses of this robot; then the simulation is
-    that model, what its test knew is known, and the verdict says what has changed since (`Diagnosis.since`). propose: look for formulas where something is unknown
-    (`Diagnosis.proposals`), or at these joints.
+    that model, what its test knew is known, and the verdict says what has changed since (`Diagnosis.since`).
+
+    propose: look for formulas where something is unknown (`Diagnosis.proposals`), or at these joints.
 
     Raises InputError where a recording does not belong to this robot at all (units, frames, another machine) or is
     given twice, or the earlier model is of another robot, does not say what it knows or was changed by hand;

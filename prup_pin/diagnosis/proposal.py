@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..laws import Effect
 from ..laws.formulas import Formula, law_file, word_of
 from .diagnosis import FittedParameter
+
+if TYPE_CHECKING:
+    from .efforts.diagnosis import EffortCurve
 
 __all__ = ["EqualFormula", "Judged", "Proposal", "proposed_files"]
 
@@ -32,7 +36,8 @@ class Proposal:
 
     `law` has the fitted values as defaults; share, of_curve: of the held-out squares without either, what the formula
     takes away, and what the curve of no law took; `equals`: the others, simplest first; `doubts`: what no passive part
-    does, in words; `apart`: which motion would tell it from the others; `effects`: the corrected model with it.
+    does, in words; `apart`: which motion would tell it from the others; `effects`: the corrected model with it;
+    `curve`: what the efforts ask for against a variable of it, and it, where there is one.
     """
 
     joint: str
@@ -46,6 +51,7 @@ class Proposal:
     doubts: tuple[str, ...] = ()
     apart: str = ""
     effects: tuple[Effect, ...] = field(default=(), repr=False)
+    curve: EffortCurve | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,9 @@ class Judged:
     why: str
 
     def __str__(self) -> str:
-        return f"{self.physics} is {'neither confirmed nor refuted' if self.word == 'neither' else self.word}: {self.why}"
+        return (
+            f"{self.physics} is {'neither confirmed nor refuted' if self.word == 'neither' else self.word}: {self.why}"
+        )
 
 
 def proposed_files(proposals: Sequence[Proposal], recordings: Sequence[Path]) -> Iterator[tuple[str, str]]:

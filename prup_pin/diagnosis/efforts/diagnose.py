@@ -20,8 +20,8 @@ from ..criteria import (
     EFFORT_MATERIAL,
     EFFORT_UNIT,
     GAIN,
-    NOISE_LIKE,
     NO_MATTER,
+    NOISE_LIKE,
     SURE,
 )
 from .band import band_of, in_motion

@@ -1,4 +1,4 @@
-"""Does another recording confirm a formula that was proposed from one? By what it was, and not by what fits it best now."""
+"""Does another recording confirm a formula that was proposed from one? By its values then, not by what fits now."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from .findings import parameters_of
 from .nonlinear import optimised
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
+from .residuals import curves_of
 from .search import pruned
 from .verdict import effects_of
 
@@ -63,10 +65,8 @@ def proposals(final: FinalState, joints: Sequence[str]) -> Iterator[Proposal]:
     for joint in joints:
         curves = [term for term in model.terms if term.law.is_curve and term.place.name == joint]
         base = beside(model.without(*curves), joint)
-        known = base.problem.columns.size
         best, equals = _searched(efforts, base, joint, len(joints))
         if best is None:
-            base.problem.columns.cut(known)
             continue
         doubtful = [term for term in best.model.terms if term.place.name == joint and not term.law.is_curve]
         doubtful = [term for term in doubtful if term.law is not best.formula]
@@ -82,21 +82,31 @@ def beside(model: EffortModel, joint: str) -> EffortModel:
     more: dict[str, EffortCandidate] = {}
     for candidate in model.problem.candidates:
         law = candidate.law
-        if candidate.place.name == joint and law.everywhere and not law.body and law.physics not in there:
-            if law.family not in families:
-                more.setdefault(law.physics, candidate)
+        everyday = candidate.place.name == joint and law.everywhere and not law.body
+        if everyday and law.physics not in there and law.family not in families:
+            more.setdefault(law.physics, candidate)
     return model.with_term(*more.values())
 
 
-def _searched(efforts: PreparedEfforts, base: EffortModel, joint: str, places: int) -> tuple[_Tried | None, list[_Tried]]:
+def _searched(
+    efforts: PreparedEfforts, base: EffortModel, joint: str, places: int
+) -> tuple[_Tried | None, list[_Tried]]:
     """Return the formula that stands for what is left at a joint, and all that the data cannot tell from it.
 
     places: where formulas are looked for: chance has so many goes.
     """
+    at, columns = efforts.at, base.problem.columns
+    place = Formula(joint, ()).places(at.mechanism)[0]
+    singles: list[tuple[EffortLaw, Mapping[str, float]]] = []
+    for term in library(at, joint):
+        one = Formula.of(joint, (term,), at)
+        singles += [(one, dict(zip(one.settled, values, strict=True))) for values in tried(term, at, joint)]
+    wider = with_columns(efforts, base, place, singles)
+    terms = wider.problem.candidates[-len(singles) :]
     pool: list[_Tried] = []
-    best = _Tried(Formula.of(joint, (), efforts.at), base, held_out(base))
+    best = _Tried(Formula.of(joint, (), at), base, held_out(base))
     while len(best.formula.terms) < _MOST_TERMS:
-        rivals = list(_extended(efforts, best, base, joint, places))
+        rivals = list(_extended(efforts, best, base, terms, places))
         if not rivals:
             break
         leader = min(rivals, key=lambda one: one.total)
@@ -106,6 +116,7 @@ def _searched(efforts: PreparedEfforts, base: EffortModel, joint: str, places: i
             break
         pool, best = [*pool, *rivals], leader
     if not pool:
+        columns.cut(len(base.problem.prior))
         return None, []
     pool = [one for one in pool if _is_as_good(one, best, float((held_out(base) - best.left).sum()))]
     pool.sort(key=lambda one: (one.formula.size, len(one.formula.terms), one.total))
@@ -119,36 +130,25 @@ def _is_as_good(one: _Tried, best: _Tried, saved: float) -> bool:
 
 
 def _extended(
-    efforts: PreparedEfforts, best: _Tried, base: EffortModel, joint: str, places: int
+    efforts: PreparedEfforts, best: _Tried, base: EffortModel, terms: Sequence[EffortCandidate], places: int
 ) -> Iterator[_Tried]:
-    """Yield formulas of one term more that save what chance does not, each with its parameters where they are best."""
-    at, columns = efforts.at, best.model.problem.columns
-    size, candidates = columns.size, best.model.problem.candidates
-    entered: list[tuple[EffortLaw, Mapping[str, float]]] = []
-    place = best.formula.places(at.mechanism)[0]
-    for term in library(at, joint):
-        one = Formula.of(joint, (term,), at)
-        entered += [(one, dict(zip(one.settled, values, strict=True))) for values in tried(term, at, joint)]
-    model = with_columns(efforts, best.model, place, entered)
-    new = model.problem.candidates[len(candidates) :]
-    ranked, limit = scores(model.in_problem(model.problem.only(new)))
-    left = CrossValidation(model).with_each(new).sum(axis=1).tolist()
-    columns.cut(size)
+    """Yield formulas of one more term that save most, if chance would save less, each with its best parameters."""
+    model = with_columns(efforts, best.model, terms[0].place, ())
+    ranked, limit = scores(model.in_problem(model.problem.only(terms)))
     if not min((score.log_chance for score in ranked), default=0.0) < limit - np.log(places):
         return  # chance alone would do as well with one of so many terms
+    left = CrossValidation(model).with_each(terms).sum(axis=1).tolist()
     kinds: dict[Term, tuple[float, tuple[float, ...]]] = {}
-    for candidate, total in zip(new, left, strict=True):
-        term, values = candidate.law.terms[0], tuple(candidate.values.values())
+    for candidate, total in zip(terms, left, strict=True):
+        term, values = cast(Formula, candidate.law).terms[0], tuple(candidate.values.values())
         kinds[term] = min(kinds.get(term, (np.inf, ())), (total, values), key=lambda item: item[0])
     for term, (_, values) in sorted(kinds.items(), key=lambda item: item[1][0])[:TRIED]:
-        yield _fitted(efforts, best, base, joint, term, values)
+        yield _fitted(efforts, best, base, term, values)
 
 
-def _fitted(
-    efforts: PreparedEfforts, best: _Tried, base: EffortModel, joint: str, term: Term, values: Sequence[float]
-) -> _Tried:
+def _fitted(efforts: PreparedEfforts, best: _Tried, base: EffortModel, term: Term, values: Sequence[float]) -> _Tried:
     """Return a formula with one term more, all its parameters where the squares are least."""
-    formula = Formula.of(joint, (*best.formula.terms, term), efforts.at)
+    formula = Formula.of(best.formula.joint, (*best.formula.terms, term), efforts.at)
     before = best.model.terms[-1].values if best.formula.terms else {}
     own = dict(zip(formula.settled, (*before.values(), *values), strict=True))
     model = with_columns(efforts, base, formula.places(efforts.at.mechanism)[0], [(formula, own)])
@@ -191,6 +191,9 @@ def _proposal(final: FinalState, found: _Tried, equals: Sequence[_Tried], before
         doubts=tuple(_doubts(state, law, values)),
         apart=_apart(final, found, others),
         effects=tuple(replace(e, law=law) if e.law is found.formula else e for e in effects_of(state, ())),
+        curve=next(
+            (curve for curve in curves_of(state) if (curve.joint, curve.against) == (law.joint, law.against)), None
+        ),
     )
 
 

@@ -10,11 +10,8 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
-from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
-from ..efforts.effort_law import effort_unit
-from ..law import Place
 from .joint_formula import JointFormula
 from .known import KNOWN, composed
 from .shapes import SHAPES
@@ -96,7 +93,9 @@ class Term:
 
     def resists(self, joint: str) -> bool:
         """Return whether it is friction of its own joint: what it gives turns round with the motion."""
-        return any(f.joint == joint and f.name in ("speed", "direction", "hysteresis", "yielding") for f in self.factors)
+        return any(
+            f.joint == joint and f.name in ("speed", "direction", "hysteresis", "yielding") for f in self.factors
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +121,9 @@ class Formula(JointFormula):
         plain = cls(joint, tuple(terms))
         return replace(plain, quantities=tuple(plain._quantities(at.mechanism, ranges)), recorded=ranges)
 
-    def _quantities(self, mechanism: Mechanism, ranges: Mapping[tuple[str, str], tuple[float, float]]) -> Iterator[Quantity]:
+    def _quantities(
+        self, mechanism: Mechanism, ranges: Mapping[tuple[str, str], tuple[float, float]]
+    ) -> Iterator[Quantity]:
         effort = {"N": 1} if mechanism.joint(self.joint).slides else {"N": 1, "m": 1}
         for term, names in zip(self.terms, self.named, strict=True):
             known, shape = KNOWN[term.factor.name], SHAPES[term.shape]
@@ -161,7 +162,9 @@ class Formula(JointFormula):
     @property
     def settled(self) -> tuple[str, ...]:  # type: ignore[override]
         """The parameters in which it is not linear."""
-        return tuple(names[name] for term, names in zip(self.terms, self.named, strict=True) for name in term.parameters)
+        return tuple(
+            names[name] for term, names in zip(self.terms, self.named, strict=True) for name in term.parameters
+        )
 
     @property
     def neutral(self) -> Mapping[str, float]:  # type: ignore[override]
@@ -176,27 +179,18 @@ class Formula(JointFormula):
     @property
     def equation(self) -> str:  # type: ignore[override]
         """In symbols."""
-        return self.text({name: name for names in self.named for name in names.values()})
+        parts = []
+        for term, names in zip(self.terms, self.named, strict=True):
+            heights = ", ".join(names[height] for height in SHAPES[term.shape].heights)
+            heights = f"({heights})" if len(SHAPES[term.shape].heights) > 1 else heights
+            parts.append(f"{heights} {term.text(self.joint, names)}")
+        return " + ".join(parts)
 
     @property
     def summary(self) -> str:  # type: ignore[override]
         """One sentence."""
         names = dict.fromkeys(f"{factor.name} of {factor.joint}" for term in self.terms for factor in term.factors)
         return f"an effort at {self.joint} that follows the {' and the '.join(names)}"
-
-    def text(self, told: Mapping[str, str]) -> str:
-        """Return it in symbols; told: what stands for each parameter."""
-        parts = []
-        for term, names in zip(self.terms, self.named, strict=True):
-            own = {name: told[names[name]] for name in names}
-            heights = ", ".join(own[height] for height in SHAPES[term.shape].heights)
-            heights = f"({heights})" if len(SHAPES[term.shape].heights) > 1 else heights
-            parts.append(f"{heights} {term.text(self.joint, own)}")
-        return " + ".join(parts).replace("+ -", "- ").replace("- -", "+ ")
-
-    def told_at(self, values: Mapping[str, float]) -> str:
-        """Return it in symbols and numbers."""
-        return self.text({name: number(value, 3) for name, value in values.items()})
 
     def with_values(self, values: Mapping[str, float], found: Mapping[str, tuple[float, float]]) -> Formula:
         """Return the formula with fitted values as defaults, and their 95 % intervals."""
@@ -231,7 +225,9 @@ def library(at: InMotion, joint: str) -> Iterator[Term]:
     for times in ways:
         shapes = placed if times is None else ("linear", *placed, "wave")
         yield from (Term(shape, own["position"], times) for shape in shapes)
-        yield from (Term(shape, own["load"], times) for shape in (centred if times is None else ("magnitude", "square")))
+        yield from (
+            Term(shape, own["load"], times) for shape in (centred if times is None else ("magnitude", "square"))
+        )
         yield from (Term(shape, own[name], times) for name in ("time", "travelled") for shape in ("linear", "decay"))
     yield from (Term(shape, own["speed"]) for shape in centred if shape not in ("linear", "decay"))
     yield Term("decay", own["speed"], own["direction"])

@@ -1,7 +1,8 @@
-"""What a formula of one joint's effort is, as a law: the base of those that a diagnosis proposes and of written ones."""
+"""A formula of one joint's effort as a law: the base of those that a diagnosis proposes and of written ones."""
 
 from __future__ import annotations
 
+import re
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar
@@ -10,9 +11,10 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
-from ...numbers import number
+from ...numbers import number, quantity
 from ...spatial import Array
 from ..efforts.effort_law import EFFORT, EffortLaw
+from ..efforts.variables import VARIABLES
 from ..law import Place
 from .known import KNOWN
 
@@ -52,6 +54,11 @@ class JointFormula(EffortLaw):
         """Not so where it follows positions or loads alone, which a robot at rest has too."""
         return any(name not in ("position", "load") for name, _ in self.recorded)
 
+    @property
+    def against(self) -> str:  # type: ignore[override]
+        """The first variable of its own joint against which efforts are drawn."""
+        return next((name for name, joint in self.recorded if joint == self.joint and name in VARIABLES), "")
+
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(self.joint, EFFORT)] if self.joint in mechanism.actuated else []
 
@@ -70,7 +77,9 @@ class JointFormula(EffortLaw):
         out, quantities = dict(values), {q.name: q for q in self.quantities}
         for name, factor in zip(self.settled, factors, strict=True):
             q = quantities[name]
-            moved = values[name] * factor if q.positive else values[name] + np.log(factor) * (q.upper - q.lower) / _STEPS
+            moved = (
+                values[name] * factor if q.positive else values[name] + np.log(factor) * (q.upper - q.lower) / _STEPS
+            )
             out[name] = float(np.clip(moved, q.lowest, q.upper))
         return out
 
@@ -82,9 +91,16 @@ class JointFormula(EffortLaw):
         return np.stack([at.along(place.name, column) for column in table.T], axis=-1)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        known = {q.name: q.unit for q in self.quantities_at(place, mechanism)}
-        told = ", ".join(f"{name} {number(values[name], 3)} {unit}".rstrip() for name, unit in known.items())
-        return f"{place.name} follows {self.equation} ({told})"
+        return f"{place.name} follows {self.told_at(values)}"
+
+    def told_at(self, values: Mapping[str, float]) -> str:
+        """Return the equation in numbers; coefficients in SI units, others in units that need no leading zeros."""
+        out = self.equation
+        for q in self.quantities:
+            plain = q.name in self.linear
+            told = number(values[q.name], 3) if plain else quantity(values[q.name], q.unit, 3)
+            out = re.sub(rf"\b{q.name}\b", told, out)
+        return out.replace("+ -", "- ").replace("- -", "+ ")
 
     def left_range(self, at: InMotion) -> Iterator[str]:
         """Yield in words where a motion leaves the ranges in which the formula was seen."""

@@ -13,7 +13,19 @@ from ...mechanism import Mechanism
 from ...spatial import Array
 from ..efforts.effort_law import usual_way
 
-__all__ = ["KNOWN", "Known", "composed", "direction", "hysteresis", "load", "position", "speed", "time", "travelled", "yielding"]
+__all__ = [
+    "KNOWN",
+    "Known",
+    "composed",
+    "direction",
+    "hysteresis",
+    "load",
+    "position",
+    "speed",
+    "time",
+    "travelled",
+    "yielding",
+]
 
 
 def position(at: InMotion, joint: str) -> Array:
@@ -70,7 +82,7 @@ def yielding(at: InMotion, joint: str, reach: float) -> Array:
 
 @dataclass(frozen=True)
 class Known:
-    """A variable: its function of a motion and a joint, its symbol, and its unit as powers of 'way', 'effort' and 's'."""
+    """A variable: its function of a motion and a joint, its symbol, its unit as powers of 'way', 'effort', 's'."""
 
     of: Callable[..., Array]
     symbol: str
@@ -112,7 +124,11 @@ def composed(*powers: tuple[Mapping[str, int], int]) -> str:
         for unit, own in units.items():
             total[unit] = total.get(unit, 0) + own * power
     above, below = (
-        [f"{unit}^{abs(n)}" if abs(n) > 1 else unit for unit in ("N", "m", "rad", "s") if sign * (n := total.get(unit, 0)) > 0]
+        [
+            f"{unit}^{abs(n)}" if abs(n) > 1 else unit
+            for unit in ("N", "m", "rad", "s")
+            if sign * (n := total.get(unit, 0)) > 0
+        ]
         for sign in (1, -1)
     )
     if not below:

@@ -1,9 +1,9 @@
-"""How an effort may follow one variable: powers, gaps, saturations, bumps, decays, waves, each a function of values (N,).
+"""How an effort may follow one variable: powers, gaps, saturations, bumps, decays, waves, as functions of values (N,).
 
-Textbook shapes, chosen before any machine was looked at: springs that stiffen and stops (Shigley's Mechanical Engineering
-Design, ch. 10), drag (Batchelor, ch. 5.11), friction that fades (Armstrong-Hélouvry, Dupont and Canudas de Wit 1994),
-detents (Furlani, Permanent Magnet and Electromechanical Devices, ch. 5), waves of whatever turns. All parameters of a
-shape have the unit of its variable, so that units compose: a shape is of a `power` of that unit.
+Textbook shapes, chosen before any machine was looked at: springs that stiffen and stops (Shigley's Mechanical
+Engineering Design, ch. 10), drag (Batchelor, ch. 5.11), friction that fades (Armstrong-Hélouvry, Dupont and Canudas de
+Wit 1994), detents (Furlani, Permanent Magnet and Electromechanical Devices, ch. 5), waves of whatever turns. All
+parameters of a shape have the unit of its variable, so that units compose: a shape is of a `power` of that unit.
 """
 
 from __future__ import annotations
@@ -157,18 +157,21 @@ def below_squared(x: Array, start: float) -> Array:
 
 
 def above(x: Array, start: float) -> Array:
-    """Return 1 where x is above `start`, else 0."""
-    return (x > start).astype(float)
+    """Return 1 where x is above `start`, else 0: the mean over the way to the samples before and after."""
+    middle = 0.5 * (x[1:] + x[:-1])
+    ends = np.stack([np.append(x[:1], middle), np.append(middle, x[-1:])])
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    return np.clip(np.divide(high - start, high - low, out=np.where(x > start, 1.0, 0.0), where=high > low), 0.0, 1.0)
 
 
 def stop_above(x: Array, start: float) -> Array:
     """Return (N, 2): 1 above `start`, and how far x is above it: a stop with a preload."""
-    return np.stack([x > start, np.maximum(x - start, 0.0)], axis=-1)
+    return np.stack([above(x, start), beyond(x, start)], axis=-1)
 
 
 def stop_below(x: Array, start: float) -> Array:
     """Return (N, 2): -1 below `start`, and how far x is below it, negative: a stop with a preload."""
-    return -np.stack([x < start, np.maximum(start - x, 0.0)], axis=-1)
+    return np.stack([above(x, start) - 1.0, -below(x, start)], axis=-1)
 
 
 def outside(x: Array, reach: float) -> Array:

@@ -7,15 +7,15 @@ from collections.abc import Iterable, Sequence
 
 from ...parameters import Quantity
 from .formula import Formula
-from .known import KNOWN
-from .shapes import SHAPES
 
 __all__ = ["law_file", "word_of"]
 
 
 def word_of(law: Formula) -> str:
     """Return the word of a formula in the vocabulary: its joint and its variables, 'elbow_joint_by_speed'."""
-    variables = dict.fromkeys(factor.name for term in law.terms for factor in term.factors if factor.name != "direction")
+    variables = dict.fromkeys(
+        factor.name for term in law.terms for factor in term.factors if factor.name != "direction"
+    )
     word = re.sub(r"[^a-z0-9]+", "_", f"{law.joint}_by_{'_'.join(variables)}".lower()).strip("_")
     return word if word[0].isalpha() else f"joint_{word}"
 
@@ -58,7 +58,11 @@ def law_file(law: Formula, source: str, remarks: Sequence[str] = ()) -> str:
         f"    recorded = {_mapping(law.recorded.items())}",
         "",
         "    def columns(self, at, values):",
-        *([f"        return [{code[0]}]"] if len(code) == 1 else ["        return [", *(f"            {one}," for one in code), "        ]"]),
+        *(
+            [f"        return [{code[0]}]"]
+            if len(code) == 1
+            else ["        return [", *(f"            {one}," for one in code), "        ]"]
+        ),
         "",
         "",
         f"LAWS = [{name}]",

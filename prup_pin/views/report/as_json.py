@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from ...diagnosis.calibrate import CalibratedParameter
     from ...diagnosis.diagnosis import ByRecording, FittedParameter
     from ...diagnosis.efforts import EffortDiagnosis
-    from ...diagnosis.proposal import Proposal
     from ...diagnosis.locate import LocalCurve
+    from ...diagnosis.proposal import Proposal
     from ...diagnosis.since import Since
 
 _UNIT = {"length": "m", "angle": "rad", "number": ""}

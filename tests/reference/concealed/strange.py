@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from .chain import Chain
 from .draw import Candidate, effect_of_size, pick
 from .efforts import KINDS as ROBOTS
 from .efforts import TOLERANCE, Kind, Yardstick, draw_logger, draw_motion
-from .chain import Chain
 from .excitation import Excitation
 from .moving import Moving
 from .scatter import draw_scatter
@@ -114,7 +114,9 @@ def candidate(rng, what: str, chain: Chain, kind: Kind, excitation: Excitation, 
     return Candidate(lambda x: place | {"coefficient": x}, 1e-4 * kind.noise, 1e4 * kind.noise)
 
 
-def draw_strange(seed: int, robot: str, what: str | None, joint: str | None = None, multiple=(5.0, 40.0)) -> dict[str, Any]:
+def draw_strange(
+    seed: int, robot: str, what: str | None, joint: str | None = None, multiple=(5.0, 40.0)
+) -> dict[str, Any]:
     """A robot in motion with something strange, or without (None): three motions that it logs, and the truth.
 
     The second motion is another one like the first; the third is the first, BEYOND times as wide and as fast. `clean`:
@@ -138,7 +140,9 @@ def draw_strange(seed: int, robot: str, what: str | None, joint: str | None = No
         yardstick = Yardstick(chain, kind.tool, fit, duration, logger.noise, tolerances)
         own = np.random.default_rng([seed, 42, *what.encode()])
         effects = [
-            effect_of_size(own, what, multiple, [], lambda: candidate(own, what, chain, kind, fit, joint), yardstick.sizes)
+            effect_of_size(
+                own, what, multiple, [], lambda: candidate(own, what, chain, kind, fit, joint), yardstick.sizes
+            )
         ]
     device = Moving(chain, kind.tool, effects, scatter)
     own = np.random.default_rng([seed, 43])
