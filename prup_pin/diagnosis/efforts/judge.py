@@ -63,8 +63,6 @@ def _judged(final: FinalState, law: JointFormula, place: Place, findings: Sequen
     whole = _AsProposed(law, values)
     added = final.efforts.at_kept(whole.efforts_per(place, {}, final.at)[..., 0])
     size = np.sqrt(np.mean(added**2, axis=0))
-    if not np.isfinite(size).all():
-        return "neither", "its values give no finite effort in this motion"
     if not shows(size, final.noise_sizes):
         return "neither", "in this motion it would be less than the noise of a sample"
     own = [term for term in final.model.terms if term.law is law]

@@ -134,7 +134,7 @@ def _extended(
 ) -> Iterator[_Tried]:
     """Yield formulas of one more term that save most, if chance would save less, each with its best parameters."""
     model = with_columns(efforts, best.model, terms[0].place, ())
-    ranked, limit = scores(model.in_problem(model.problem.only(terms)))
+    ranked, limit = scores(model.in_problem(model.problem.only(terms)), evenly=True)
     if not min((score.log_chance for score in ranked), default=0.0) < limit - np.log(places):
         return  # chance alone would do as well with one of so many terms
     left = CrossValidation(model).with_each(terms).sum(axis=1).tolist()

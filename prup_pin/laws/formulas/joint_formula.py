@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...dynamics import InMotion
+from ...errors import InputError
 from ...mechanism import Mechanism
 from ...numbers import number, quantity
 from ...spatial import Array
@@ -87,8 +88,27 @@ class JointFormula(EffortLaw):
         return 0.06
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        table = np.column_stack(list(self.columns(at, values)))
+        table = self._table(at, values)
         return np.stack([at.along(place.name, column) for column in table.T], axis=-1)
+
+    def _table(self, at: InMotion, values: Mapping[str, float]) -> Array:
+        """Return the columns (N, p). Raises InputError where they are not one number a sample and coefficient."""
+        columns = [np.asarray(column, float) for column in self.columns(at, values)]
+        expected = f"expected {len(at)} samples of {len(self.linear)}, one for each of {', '.join(self.linear)}"
+        if any(column.ndim not in (1, 2) or len(column) != len(at) for column in columns):
+            shapes = ", ".join(str(column.shape) for column in columns)
+            raise InputError(f"{self.physics}: 'columns' returns arrays of the shapes {shapes}; {expected}")
+        table = np.column_stack(columns) if columns else np.zeros((len(at), 0))
+        if table.shape[1] != len(self.linear):
+            raise InputError(f"{self.physics}: 'columns' returns {table.shape[1]} columns; {expected}")
+        if not np.isfinite(table).all():
+            sample = int(np.flatnonzero(~np.isfinite(table).all(axis=1))[0])
+            told = "".join(f", {name} = {values[name]:g}" for name in self.settled if name in values)
+            raise InputError(
+                f"{self.physics}: 'columns' is no number at sample {sample} of the motion{told}; correct the formula or "
+                "its values"
+            )
+        return table
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place.name} follows {self.told_at(values)}"
