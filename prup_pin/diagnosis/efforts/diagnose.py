@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from ...errors import InputError
+from ...numbers import number
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
@@ -60,7 +61,7 @@ def diagnose_efforts(
     propose: whether formulas are looked for where something is unknown or more than the declared noise is left; or at
     which joints.
 
-    Raises InputError where the motion cannot be told, or no effort of a driven joint was recorded.
+    Raises InputError where the motion cannot be told, is too short, or no effort of a driven joint was recorded.
     """
     tell("the motion", 0.02)
     band, below = band_of(robot.mechanism, recording)
@@ -73,6 +74,11 @@ def diagnose_efforts(
         return PreparedEfforts(at, _tolerances(recording), below)
 
     whole = prepared(())
+    if not whole.whitening.good.any():
+        raise InputError(
+            f"{len(whole.kept)} samples of the efforts, as far apart as their band asks for, are too few to tell anything: "
+            f"they last {number(len(whole.kept) / (2.5 * whole.at.motion.band.highest), 2)} s; record for longer"
+        )
     noise, outliers = noise_of(recording, whole.at), whole.outliers
     final = _final_state(robot, recording, prepared(outliers) if outliers else whole, noise, outliers, tell)
     if outliers:

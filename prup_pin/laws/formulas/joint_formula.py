@@ -105,8 +105,8 @@ class JointFormula(EffortLaw):
             sample = int(np.flatnonzero(~np.isfinite(table).all(axis=1))[0])
             told = "".join(f", {name} = {values[name]:g}" for name in self.settled if name in values)
             raise InputError(
-                f"{self.physics}: 'columns' is no number at sample {sample} of the motion{told}; correct the formula or "
-                "its values"
+                f"{self.physics}: 'columns' is no number at sample {sample} of the motion{told}; correct the "
+                "formula or its values"
             )
         return table
 
