@@ -76,8 +76,7 @@ def diagnose_efforts(
     whole = prepared(())
     if not whole.whitening.good.any():
         raise InputError(
-            f"{len(whole.kept)} samples of the efforts, as far apart as their band asks for, are too few to tell anything: "
-            f"they last {number(len(whole.kept) / (2.5 * whole.at.motion.band.highest), 2)} s; record for longer"
+            f"{len(whole.kept)} samples of the efforts, as far apart as their band asks for, are too few: they last {number(len(whole.kept) / (2.5 * whole.at.motion.band.highest), 2)} s; record for longer"
         )
     noise, outliers = noise_of(recording, whole.at), whole.outliers
     final = _final_state(robot, recording, prepared(outliers) if outliers else whole, noise, outliers, tell)

@@ -242,11 +242,17 @@ def scores(model: EffortModel, evenly: bool = False) -> tuple[list[Score], float
     # chi squared's tail, of all candidates at once
     with np.errstate(divide="ignore"):
         logs = np.log(gammaincc(np.array(freedoms)[:, None] / 2, np.array(chances) / 2))
+    limit = float(np.quantile(np.minimum(0.0, logs[:, :-1].min(axis=0)), FALSE_ALARM))
+    # what was named before had one go, and not as many as the library has terms
+    named = min(limit - float(np.log(FALSE_ALARM)), 0.0)
     scored = [
-        Score(candidate, min(0.0, float(chance + np.log(candidate.law.looked_at))), gain, possible)
+        Score(
+            candidate, min(0.0, float(chance + (named if law.named_before else np.log(law.looked_at)))), gain, possible
+        )
         for (candidate, gain, possible), chance in zip(found, logs[:, -1], strict=True)
+        for law in (candidate.law,)
     ]
-    return scored, float(np.quantile(np.minimum(0.0, logs[:, :-1].min(axis=0)), FALSE_ALARM))
+    return scored, limit
 
 
 def standard_error(saving: Array) -> float:

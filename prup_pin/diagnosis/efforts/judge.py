@@ -82,7 +82,9 @@ def _judged(final: FinalState, law: JointFormula, place: Place, findings: Sequen
     told = f"of it {number(100 * share, 3)} ± {number(100 * interval, 2)} % is there (95 %)"
     if abs(share - 1) > max(LITTLE, reach):
         return "refuted", told
+    events = {interval.finding().statement for interval in final.outliers}  # of this recording alone
     left = [item for item in findings if item.physics == "unknown" and item.location == law.joint]
+    left = [item for item in left if item.statement not in events]
     if left:
         return "refuted", f"{told}, but beside it more is left: {left[0].statement}"
     return "confirmed", told

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -102,6 +103,7 @@ class Term:
 class Formula(JointFormula):
     """A sum of terms at a joint. Made by `of`; `quantities` hold units, bounds, and what was fitted as defaults."""
 
+    named_before: ClassVar[bool] = False
     joint: str  # type: ignore[misc]
     terms: tuple[Term, ...]
     quantities: tuple[Quantity, ...] = ()  # type: ignore[misc]

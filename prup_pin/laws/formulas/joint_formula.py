@@ -36,6 +36,7 @@ class JointFormula(EffortLaw):
     """
 
     variant = EFFORT
+    named_before = True
     remedy = "look at {place} for what this formula describes, and record once more to confirm or refute it"
     #: Where it acts.
     joint: ClassVar[str]
