@@ -77,8 +77,8 @@ def diagnose_efforts(
     if not whole.whitening.good.any():
         lasting = number(len(whole.kept) / (2.5 * whole.at.motion.band.highest), 2)
         raise InputError(
-            f"the efforts last {lasting} s, {len(whole.kept)} samples as far apart as their band asks for: too short to "
-            "tell anything; record for longer"
+            f"the efforts last {lasting} s, {len(whole.kept)} samples as far apart as their band asks for: that is too "
+            "short to tell anything; record for longer"
         )
     noise, outliers = noise_of(recording, whole.at), whole.outliers
     final = _final_state(robot, recording, prepared(outliers) if outliers else whole, noise, outliers, tell)
