@@ -11,7 +11,9 @@ import importlib
 import os
 import re
 import sys
+import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -33,6 +35,9 @@ __all__ = ["GROUPS", "WITH", "Library", "Plugin", "Source", "along", "blaming", 
 GROUPS: Mapping[str, str] = {group: group.upper() for group in ("laws", "modules", "readers", "robots")}
 #: The environment variable that holds the files, separated as in PATH, each with or without #<its SHA-256>.
 WITH = "PRUP_PIN_WITH"
+
+#: Processor time [s] of an import from which a person asks who takes it: this package itself takes one.
+SLOW = 2.0
 
 #: What is imported from files stands below this module: a name that holds the content's hash.
 __path__: list[str] = []
@@ -114,7 +119,7 @@ def _entry_points(group: str) -> list[tuple[Source, metadata.EntryPoint]]:
 def _declared(group: str, files: tuple[tuple[Path, str], ...]) -> tuple[Plugin[Any], ...]:
     found = []
     for source, point in _entry_points(group):
-        with _refusing(source, f"its entry point {point.name} = {point.value}"):
+        with _timed(source), _refusing(source, f"its entry point {point.name} = {point.value}"):
             thing, module = point.load(), sys.modules[point.module]
             found.append(Plugin(point.name, thing, source, Path(module.__file__ or "").parent))
     for path, digest in files:
@@ -236,11 +241,20 @@ def _module_name(path: Path, digest: str) -> str:
 
 
 def _module(path: Path, digest: str, source: Source) -> ModuleType:
-    with _refusing(source, "the file"):
+    with _timed(source), _refusing(source, "the file"):
         module = importlib.import_module(_module_name(path, digest))
     if not any(hasattr(module, name) for name in GROUPS.values()):
         raise PluginError(source, f"brings nothing: expected one of the lists {', '.join(GROUPS.values())}")
     return module
+
+
+@contextmanager
+def _timed(source: Source) -> Iterator[None]:
+    began = time.process_time()
+    yield
+    if (took := time.process_time() - began) > SLOW:
+        text = f"{source} took {took:.1f} s to be imported; what is heavy should be imported where it is used"
+        warnings.warn(text, stacklevel=2)
 
 
 @contextmanager

@@ -10,7 +10,6 @@ from typer.testing import CliRunner
 from prup_pin.cli import app
 from prup_pin.robots import examples_folder
 
-
 FILES = [path for path in examples_folder().iterdir() if path.is_file()]
 
 

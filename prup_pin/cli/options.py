@@ -311,7 +311,7 @@ _WITH = inspect.Parameter(
         typer.Option(
             "--with",
             metavar="FILE.py",
-            help="Laws, modules, log readers and robots of a file of yours; may be repeated. docs/your_own.md.",
+            help="Laws, modules, log readers and robots of a file of yours; may be repeated. docs/bring_your_own.md.",
             callback=_bring,
             is_eager=True,  # before other options ask for names
             expose_value=False,

@@ -47,13 +47,14 @@ def check_law(
     if law.of_efforts:
         _check_efforts(cast(EffortLaw, law), robot, closed_form)
     else:
-        _check_poses(law, poses.PoseBench.of(robot, actuators))
+        _check_poses(law, robot, actuators)
 
 
-def _check_poses(law: Law, bench: poses.PoseBench) -> None:
-    mechanism = bench.mechanism
+def _check_poses(law: Law, robot: Robot, actuators: ArrayLike | None) -> None:
+    mechanism = robot.mechanism
     places = poses.unlike(law.places(mechanism), mechanism)
     require(places, f"{title(law)} has no place on '{mechanism.name}': give check_law a robot that has one.")
+    bench = poses.PoseBench.of(robot, actuators)
     for place in places:
         poses.check_quantities(bench, law, place)
         start = law.starts(place, mechanism)[0]

@@ -49,10 +49,15 @@ class PoseBench:
 
     @classmethod
     def of(cls, robot: Robot, actuators: ArrayLike | None = None) -> PoseBench:
-        """Return the bench of a robot in poses of actuators (n, k) [m, rad]; by default home, and a bit beside."""
+        """Return the bench of a robot in poses of actuators (n, k) [m, rad]; by default home, and a bit beside.
+
+        Raises UnreachablePoseError.
+        """
         if actuators is None:
             home = np.array(list(robot.home.actuators.values()))
             actuators = [home, home + 0.02 * np.where(np.arange(len(home)) % 2, -1.0, 1.0)]
+        for pose in np.atleast_2d(actuators):
+            robot.pose_from_actuators(pose)  # raises where there is none
         simulator = Simulator(robot, load_cycle(actuators))
         return cls(simulator, simulator.run())
 

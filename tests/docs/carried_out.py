@@ -15,7 +15,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 #: What a copy of the tree needs.
-PARTS = ("prup_pin", "urdf", "tests", "docs", "pyproject.toml")
+PARTS = ("prup_pin", "urdf", "examples", "tests", "docs", "pyproject.toml")
 BLOCK = re.compile(r"^<!-- (?P<what>.*?) -->\n```\w*\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
 
 

@@ -46,21 +46,28 @@ def test_each_is_one_file_of_the_package_and_a_line_or_two(page, things):
 @pytest.mark.slow
 def test_a_law_of_either_channel_is_told_and_found(extended):
     folder, printed = extended
-    poses, efforts = printed["add_a_law.md"]
+    poses, efforts, own = printed["add_a_law.md"]
     assert poses.split()[:2] == ["explained", "settling"]
     assert (folder / "settling.png").stat().st_size > 10_000
     assert efforts.split()[:3] == ["explained", "quadratic_drag", "carriage"]
+    assert own.split()[:3] == ["explained", "pulling_hose", "carriage"]
+    assert "brought by  hose.py (sha256" in python(
+        folder, "-m", "prup_pin", "laws", "pulling_hose", "--with", "hose.py"
+    )
     assert "quadratic_drag, in efforts" in python(folder, "-m", "prup_pin", "laws", "windage")
 
 
 @pytest.mark.slow
 def test_a_module_is_one_file_and_one_line(extended):
-    assert extended[1]["add_a_module.md"][0].split()[0] == "50.000"
+    inside, own = extended[1]["add_a_module.md"]
+    assert inside.split()[0] == "50.000"
+    assert own.split()[0] == "-50.000"
 
 
 @pytest.mark.slow
 def test_a_log_format_is_read_and_refused(extended):
-    said = extended[1]["add_a_log_format.md"][0]
+    said, own = extended[1]["add_a_log_format.md"]
+    assert own.split() == ["time", "joint_position"]
     assert said.startswith("time joint_position[0] joint_effort[0]")
     assert "line 2" in said
 

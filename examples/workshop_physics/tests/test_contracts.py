@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 import prup_pin
+from prup_pin.laws import brought_laws
+from prup_pin.laws.efforts import EFFORT_LAWS
 from prup_pin.testing import check_law, check_module, check_reader
 from workshop_physics.json_lines import read
 from workshop_physics.quadratic_drag import QuadraticDrag
@@ -18,6 +20,12 @@ def drag(law, place, values, at):
 
 def test_the_law_keeps_its_contract():
     check_law(QuadraticDrag, closed_form=drag)
+
+
+def test_the_law_is_one_of_those_that_compete():
+    (found,) = (found for found in brought_laws() if found.name == "quadratic_drag")
+    assert found.source.name == "workshop-physics"
+    assert found.thing in EFFORT_LAWS
 
 
 def test_the_module_keeps_its_contract():

@@ -16,6 +16,7 @@ from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.efforts import effort_curve_of
 from ...diagnosis.proposal import Proposal
 from ...numbers import number
+from ...plugins import files
 from ...recordings import Recording, Together
 from ...robot import Robot
 from ...spatial import WRENCH_NAMES
@@ -59,6 +60,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
     return template.render(
         name=robot.name,
         version=__version__,
+        brought=[path.name for path, _ in files()],
         script_hashes=[],
         path=robot.mechanism.description.path.name,
         recording=", ".join(Path(item.path).name or "the recording" for item in recordings),
