@@ -2,31 +2,8 @@
 
 from .formula import Factor, Formula, Term, library, tried
 from .joint_formula import JointFormula
-from .known import KNOWN, direction, hysteresis, load, position, speed, time, travelled, yielding
-from .shapes import (
-    SHAPES,
-    above,
-    below,
-    below_squared,
-    beyond,
-    beyond_squared,
-    bump,
-    cube,
-    cube_about,
-    decay,
-    detent,
-    linear,
-    magnitude,
-    outside,
-    saturation,
-    signed_square,
-    signed_square_about,
-    square,
-    square_about,
-    stop_above,
-    stop_below,
-    wave,
-)
+from .known import KNOWN
+from .shapes import SHAPES
 from .written import law_file, word_of
 
 __all__ = [
@@ -36,37 +13,8 @@ __all__ = [
     "Formula",
     "JointFormula",
     "Term",
-    "above",
-    "below",
-    "below_squared",
-    "beyond",
-    "beyond_squared",
-    "bump",
-    "cube",
-    "cube_about",
-    "decay",
-    "detent",
-    "direction",
-    "hysteresis",
     "law_file",
     "library",
-    "linear",
-    "load",
-    "magnitude",
-    "outside",
-    "position",
-    "saturation",
-    "signed_square",
-    "signed_square_about",
-    "speed",
-    "square",
-    "square_about",
-    "stop_above",
-    "stop_below",
-    "time",
-    "travelled",
     "tried",
-    "wave",
     "word_of",
-    "yielding",
 ]

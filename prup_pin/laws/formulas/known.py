@@ -13,19 +13,7 @@ from ...mechanism import Mechanism
 from ...spatial import Array
 from ..efforts.effort_law import usual_way
 
-__all__ = [
-    "KNOWN",
-    "Known",
-    "composed",
-    "direction",
-    "hysteresis",
-    "load",
-    "position",
-    "speed",
-    "time",
-    "travelled",
-    "yielding",
-]
+__all__ = ["KNOWN", "Known", "composed"]
 
 
 def position(at: InMotion, joint: str) -> Array:

@@ -15,31 +15,7 @@ import numpy as np
 
 from ...spatial import Array
 
-__all__ = [
-    "SHAPES",
-    "Shape",
-    "above",
-    "below",
-    "below_squared",
-    "beyond",
-    "beyond_squared",
-    "bump",
-    "cube",
-    "cube_about",
-    "decay",
-    "detent",
-    "linear",
-    "magnitude",
-    "outside",
-    "saturation",
-    "signed_square",
-    "signed_square_about",
-    "square",
-    "square_about",
-    "stop_above",
-    "stop_below",
-    "wave",
-]
+__all__ = ["SHAPES", "Shape"]
 
 
 @dataclass(frozen=True)

@@ -27,13 +27,15 @@ def law_file(law: Formula, source: str, remarks: Sequence[str] = ()) -> str:
     """
     word = word_of(law)
     name = "".join(part.capitalize() for part in word.split("_"))
-    names = {"JointFormula", *(factor.name for term in law.terms for factor in term.factors)}
-    names |= {term.shape for term in law.terms if term.shape != "linear"}
+    known = sorted({factor.name for term in law.terms for factor in term.factors})
+    shapes = sorted({term.shape for term in law.terms if term.shape != "linear"})
     code = [term.code(law.joint, own) for term, own in zip(law.terms, law.named, strict=True)]
     lines = [
         f'"""{law.summary[0].upper()}{law.summary[1:]}: proposed from {source}."""',
         "",
-        f"from prup_pin.laws.formulas import {', '.join(sorted(names))}",
+        "from prup_pin.laws.formulas import JointFormula",
+        f"from prup_pin.laws.formulas.known import {', '.join(known)}",
+        *([f"from prup_pin.laws.formulas.shapes import {', '.join(shapes)}"] if shapes else []),
         "from prup_pin.parameters import Quantity",
         "",
         *(f"# {remark}" for remark in remarks),
