@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from scipy.signal import butter, sosfiltfilt
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.proposal import Proposal, proposed_files
+from prup_pin.errors import InputError
 from prup_pin.laws.formulas import KNOWN
 from prup_pin.plugins import along
 from prup_pin.recordings import Recording, read_recording
@@ -75,7 +77,8 @@ def trial(seed: int, robot: str, what: str) -> dict[str, Any]:
             return result
         result |= {"equals": [other.text for other in mine.equals], "true": _is_true(mine, KINDS[what])}
         result["left"] = _left(drawn, 1, joint, simulate(loaded, logs[1], mine.effects).efforts[joint])
-        result |= _beyond(drawn, joint, mine, loaded, logs[2], found.effects)
+        with suppress(InputError):  # a five-bar may not go so far
+            result |= _beyond(drawn, joint, mine, loaded, logs[2], found.effects)
         (word, text), *_ = proposed_files([mine], [Path("motion0.csv")])
         (folder / f"{word}.py").write_text(text)
         kinds = list(KINDS)

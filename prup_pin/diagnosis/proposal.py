@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..laws import Effect
-from ..laws.formulas import Formula, law_file, word_of
+from ..laws.formulas import Formula, ModuleFormula, law_file, word_of
 from .diagnosis import FittedParameter
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class EqualFormula:
     text: str
     size: int
     worse: float
-    law: Formula = field(repr=False)
+    law: Formula | ModuleFormula = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Proposal:
 
     joint: str
     text: str
-    law: Formula
+    law: Formula | ModuleFormula
     effect: Effect
     parameters: Mapping[str, FittedParameter]
     share: float

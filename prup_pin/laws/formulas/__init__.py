@@ -4,6 +4,7 @@ from .formula import Factor, Formula, Term, library, tried
 from .joint_formula import JointFormula
 from .known import KNOWN
 from .shapes import SHAPES
+from .strain_formula import ModuleFormula, StrainFormula
 from .written import law_file, word_of
 
 __all__ = [
@@ -12,6 +13,8 @@ __all__ = [
     "Factor",
     "Formula",
     "JointFormula",
+    "ModuleFormula",
+    "StrainFormula",
     "Term",
     "law_file",
     "library",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from ..efforts.variables import VARIABLES
 from ..law import Place
 from .known import KNOWN
 
-__all__ = ["JointFormula"]
+__all__ = ["JointFormula", "told_in_numbers"]
 
 #: A place moves by this part of the way between its bounds where a size becomes e times as large: about a third of the
 #: range in which it may lie.
@@ -115,13 +115,8 @@ class JointFormula(EffortLaw):
         return f"{place.name} follows {self.told_at(values)}"
 
     def told_at(self, values: Mapping[str, float]) -> str:
-        """Return the equation in numbers; coefficients in SI units, others in units that need no leading zeros."""
-        out = self.equation
-        for q in self.quantities:
-            plain = q.name in self.linear
-            told = number(values[q.name], 3) if plain else quantity(values[q.name], q.unit, 3)
-            out = re.sub(rf"\b{q.name}\b", told, out)
-        return out.replace("+ -", "- ").replace("- -", "+ ")
+        """Return the equation in numbers."""
+        return told_in_numbers(self, values, self.linear)
 
     def left_range(self, at: InMotion) -> Iterator[str]:
         """Yield in words where a motion leaves the ranges in which the formula was seen."""
@@ -133,3 +128,12 @@ class JointFormula(EffortLaw):
                     f"the {name} of {joint} is outside {number(low, 3)} to {number(high, 3)}, where {self.physics} was "
                     f"seen, in {number(100 * share, 2)} % of the samples: an extrapolation"
                 )
+
+
+def told_in_numbers(law: Any, values: Mapping[str, float], linear: Sequence[str]) -> str:
+    """Return a law's equation in numbers: `linear` parameters in SI units, others in units without leading zeros."""
+    out = law.equation
+    for q in law.quantities:
+        told = number(values[q.name], 3) if q.name in linear else quantity(values[q.name], q.unit, 3)
+        out = re.sub(rf"\b{q.name}\b", told, out)
+    return out.replace("+ -", "- ").replace("- -", "+ ")
