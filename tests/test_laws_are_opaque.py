@@ -9,7 +9,7 @@ from prup_pin.laws import LAWS, Law
 from prup_pin.laws.as_found import AsFound, ChangedEffect
 from prup_pin.laws.deviations import Calibration
 from prup_pin.laws.efforts import EFFORT_LAWS, EffortLaw
-from prup_pin.laws.formulas import Formula, JointFormula
+from prup_pin.laws.formulas import Formula, JointFormula, ModuleFormula, StrainFormula
 
 from .imports import ROOT, files, imported
 
@@ -17,10 +17,11 @@ from .imports import ROOT, files, imported
 #: the contract.
 _LAWS = ("law", "as_found", "deeds", "drawn", "inputs", "setup", "deviations", "yielding", "efforts", "formulas")
 CONTRACT = {("laws",), *(("laws", name) for name in _LAWS)}
+CONTRACT |= {("laws", "formulas", "strain_formula")}
 CONTRACT |= {("laws", "efforts", name) for name in ("effort_law", "variables", "deviations")}
 #: Classes of laws that the diagnosis may name: any law, one of efforts, what is within tolerance or was found before,
 #: and the formulas that it proposes itself.
-ANY = {Law, EffortLaw, Calibration, AsFound, ChangedEffect, Formula, JointFormula}
+ANY = {Law, EffortLaw, Calibration, AsFound, ChangedEffect, Formula, JointFormula, ModuleFormula, StrainFormula}
 FILES = [path for path in files() if any(path.is_relative_to(ROOT / room) for room in ("diagnosis", "export"))]
 
 

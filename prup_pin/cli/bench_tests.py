@@ -256,7 +256,7 @@ def diagnose(
         typer.Option(
             "--propose",
             metavar="DIR",
-            help="Look for formulas where no law explains a joint's effort, and write each as a law that --with takes.",
+            help="Look for formulas where no law explains what is left, and write each as a law that --with takes.",
         ),
     ] = None,
     tolerances: TolerancesOption = None,

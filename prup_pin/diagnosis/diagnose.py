@@ -43,7 +43,7 @@ from .findings import no_noise, too_few, unrecorded_load
 from .noise import noise_of_the_rest
 from .prepare import Prepared, Tell, prepare
 from .problem import Fit, Problem
-from .propose_strain import strain_proposals
+from .propose_strain import strain_judged, strain_proposals
 from .search import Selection, dropped_by_folds, select, with_one_law
 from .since import Earlier
 from .unexplained import final_state
@@ -163,7 +163,8 @@ def _told(prepared: Prepared, found: _Searched, tell: Tell, propose: bool | Sequ
     residuals = None if seen is None else (seen.before, seen.after, seen.exists)
     told = by_recording(prepared.together, problem.noise, diagnosis.samples, residuals)
     proposed = tuple(strain_proposals(problem, final, labels)) if propose else ()
-    return replace(diagnosis, recordings=told, own_by_run=prepared.together.by_run, proposals=proposed)
+    judged = tuple(strain_judged(problem, final))
+    return replace(diagnosis, recordings=told, own_by_run=prepared.together.by_run, proposals=proposed, judged=judged)
 
 
 class _Searched(NamedTuple):

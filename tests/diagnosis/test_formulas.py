@@ -12,10 +12,11 @@ from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.proposal import proposed_files
 from prup_pin.errors import InputError
 from prup_pin.plugins import along
-from prup_pin.recordings import Recording, write_recording
+from prup_pin.recordings import Recording, read_recording, write_recording
 from prup_pin.testing import check_law
 from prup_pin.views.drawing.diagnosis_figures import formula_figure
 from prup_pin.views.text.diagnosis_words import proposal_lines
+from tests.reference.concealed import draw
 
 from .test_efforts import AXIS
 
@@ -145,3 +146,25 @@ def test_the_command_writes_a_file_that_with_takes(tmp_path, monkeypatch):
     assert "carriage_by_position is confirmed" in run("diagnose", "second.csv", "--out", "again", "--with", str(path))
     document = json.loads((tmp_path / "again/diagnosis.json").read_text())
     assert document["judged"][0]["word"] == "confirmed"
+
+
+@pytest.mark.slow
+def test_a_belt_that_gives_more_the_more_it_is_pulled_is_a_formula_of_its_load(tmp_path, monkeypatch):
+    robot = load("3prup")
+    monkeypatch.setattr(draw, "ALIENS", {"quadratic": draw.ALIENS["quadratic"]})
+    draw.write(draw.draw(1, ["alien"], (8.0, 30.0)), tmp_path, tmp_path, "it", True)
+    found = diagnose(robot, read_recording(tmp_path / "it.csv"), propose=True)
+    (proposal,) = found.proposals
+    assert proposal.law.equation == "coefficient |load| load"
+    (truth,) = json.loads((tmp_path / "it.truth.json").read_text())["effects"]
+    fitted = proposal.parameters["coefficient"]
+    assert fitted.value == pytest.approx(truth["parameters"]["coefficient"], rel=0.01)
+    assert fitted.interval[0] < truth["parameters"]["coefficient"] < fitted.interval[1]
+    assert fitted.unit == "m/N^2"
+    ((word, text),) = proposed_files(found.proposals, [tmp_path / "it.csv"])
+    path = tmp_path / f"{word}.py"
+    path.write_text(text)
+    with along(path):
+        again = diagnose(robot, read_recording(tmp_path / "it.heldout.csv"))
+    assert [item.word for item in again.judged] == ["confirmed"]
+    assert word in {item.physics for item in again.findings}

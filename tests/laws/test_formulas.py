@@ -5,11 +5,13 @@ import pytest
 
 from prup_pin import load
 from prup_pin.errors import InputError
+from prup_pin.laws import LAWS
 from prup_pin.laws.efforts import EFFORT_LAWS
 from prup_pin.laws.formulas import KNOWN, SHAPES, Factor, Formula, JointFormula, Term, law_file, library, tried, word_of
+from prup_pin.laws.formulas.strain_formula import StrainFormula, strain_library
 from prup_pin.plugins import along
 from prup_pin.robots import examples_folder
-from prup_pin.testing import efforts, words
+from prup_pin.testing import check_law, efforts, words
 
 
 @pytest.fixture(scope="module")
@@ -130,3 +132,25 @@ def test_where_a_motion_leaves_what_was_seen_is_told(at):
     (told,) = law.left_range(at)
     assert f"the speed of {JOINT} is outside" in told
     assert "an extrapolation" in told
+
+
+def test_formulas_of_a_module_keep_the_contract_and_are_what_they_were_written_from(tmp_path):
+    robot, module = load("3prup"), "leg3/R_lambda"
+    loads = np.linspace(-1.0, 1.0, 101)[:, None] * [0.0, 0.0, 45.0, 0.0, 0.0, 0.0]
+    laws = list(strain_library(module, 2, loads, ("fx", "fy", "fz", "mx", "my", "mz"), robot.mechanism, 1e-5))
+    assert len(laws) == 8
+    for law in laws:
+        for number, start in enumerate(law.starts(law.places(robot.mechanism)[0], robot.mechanism)[:1]):
+            own = law.with_values(dict(start), {"coefficient": (0.0, 1.0)})
+            path = tmp_path / f"{law.shape}_{number}.py"
+            path.write_text(law_file(own, "bench.csv"))
+            with along(path):
+                (written,) = (item for item in LAWS if isinstance(item, StrainFormula))
+                assert (written.physics, written.equation) == ("leg3_r_lambda_by_fz", law.equation)
+                x = np.linspace(-60.0, 60.0, 77)
+                assert written.deformation(x, start) == pytest.approx(law.deformation(x, start))
+                words.check_declared(written)
+                words.check_statement(written, written.places(robot.mechanism)[0], start, robot.mechanism)
+    (square,) = (law for law in laws if law.shape == "signed_square")
+    assert square.quantities[0].unit == "m/N^2"
+    check_law(square.with_values({"coefficient": 2e-7}, {}), robot)

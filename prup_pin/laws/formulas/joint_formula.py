@@ -26,6 +26,8 @@ __all__ = ["JointFormula", "told_in_numbers"]
 _STEPS = 9
 #: Beyond its range by less than this share of it, a variable is hardly anywhere else.
 _MARGIN = 0.01
+#: A place so near to zero, as a share of the range between its bounds, is zero.
+_NOTHING = 1e-6
 
 
 class JointFormula(EffortLaw):
@@ -37,6 +39,8 @@ class JointFormula(EffortLaw):
 
     variant = EFFORT
     named_before = True
+    #: What it gives, in equations.
+    symbol: ClassVar[str] = "tau"
     remedy = "look at {place} for what this formula describes, and record once more to confirm or refute it"
     #: Where it acts.
     joint: ClassVar[str]
@@ -134,6 +138,12 @@ def told_in_numbers(law: Any, values: Mapping[str, float], linear: Sequence[str]
     """Return a law's equation in numbers: `linear` parameters in SI units, others in units without leading zeros."""
     out = law.equation
     for q in law.quantities:
-        told = number(values[q.name], 3) if q.name in linear else quantity(values[q.name], q.unit, 3)
+        value = values[q.name]
+        if q.name in linear:
+            told = number(value, 3)
+        elif not q.positive and abs(value) < _NOTHING * (q.upper - q.lower):
+            told = "0"
+        else:
+            told = quantity(value, q.unit, 3)
         out = re.sub(rf"\b{q.name}\b", told, out)
     return out.replace("+ -", "- ").replace("- -", "+ ")

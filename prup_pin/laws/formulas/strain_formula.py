@@ -10,9 +10,11 @@ from typing import ClassVar
 import numpy as np
 
 from ...mechanism import Mechanism
+from ...numbers import quantity
 from ...parameters import Quantity
 from ...spatial import Array
 from ..deeds import Deed, ExtraStrain, Strain
+from ..drawn import load_units
 from ..law import Law, Place
 from ..setup import Setup
 from .joint_formula import told_in_numbers
@@ -32,6 +34,7 @@ class StrainFormula(Law):
     Without load there is none. `recorded`: the ends between which that load was when the formula was found.
     """
 
+    symbol: ClassVar[str] = "e"
     remedy = "look at {place} for what this formula describes, and record once more to confirm or refute it"
     module: ClassVar[str]
     component: ClassVar[int]
@@ -52,12 +55,11 @@ class StrainFormula(Law):
         yield ExtraStrain(place.name, Strain(_Following(self, dict(values))))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"{place.name} deforms beside its own law by {told_in_numbers(self, values, ('coefficient',))}"
-
-    def left_range(self, loads: Array) -> bool:
-        """Return whether loads (N,) leave the range in which the formula was seen."""
         ((low, high),) = self.recorded.values()
-        return bool((loads < low).any() or (loads > high).any())
+        extent = self.deformation(np.array([low, high, 0.0]), values)
+        unit = load_units(mechanism, self.module, self.component)[1]
+        most = quantity(float(np.abs(extent[:2] - extent[2]).max()), unit)
+        return f"{place.name} deforms beside its own law, by up to {most} between the loads at which that was seen"
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ class ModuleFormula(StrainFormula):
     @property
     def physics(self) -> str:  # type: ignore[override]
         """Its word while it competes: one for each shape and load."""
-        return f"formula {self.shape} {self.of}"
+        return f"formula_{self.shape}_{self.of}"
 
     @property
     def equation(self) -> str:  # type: ignore[override]
@@ -127,13 +129,15 @@ class ModuleFormula(StrainFormula):
 
 
 def strain_library(
-    module: str, component: int, loads: Array, units: Sequence[tuple[str, str]], size: float
+    module: str, component: int, loads: Array, names: Sequence[str], mechanism: Mechanism, size: float
 ) -> Iterator[ModuleFormula]:
     """Yield formulas of a motion of a module by each component of the loads (n, k) on it that varies.
 
-    units (k): of load and deformation of each component; size: of the deformations [m or rad].
+    names (k): of the components; size: of the deformations [m or rad].
     """
-    for of, (unit, _) in enumerate(units):
+    of_strain = load_units(mechanism, module, component)[1]
+    for of, called in enumerate(names):
+        unit, _ = load_units(mechanism, module, of)
         x = loads[:, of]
         low, high = float(x.min()), float(x.max())
         if not high - low > 1e-3 * float(np.ptp(loads, axis=0).max()):
@@ -142,13 +146,13 @@ def strain_library(
             shape = SHAPES[name]
             begins = tuple(shape.tried(low, high))
             reach = max(float(np.ptp(shape.of(x, *begins[0]))), np.finfo(float).tiny)
-            per = f"({unit})^{shape.power}" if shape.power > 1 else f"({unit})" if " " in unit else unit
-            own = f"{units[component][1]}/{per}" if shape.power else units[component][1]
+            per = (f"({unit})" if " " in unit else unit) + (f"^{shape.power}" if shape.power > 1 else "")
+            own = f"{of_strain}/{per}" if shape.power else of_strain
             quantities = (
                 Quantity("coefficient", own, "deformation", size / reach, positive=False, lower=-1e6, upper=1e6),
                 *(_of_load(shape, parameter, unit, low, high) for parameter in shape.parameters),
             )
-            recorded = {(f"load {of}", module): (low, high)}
+            recorded = {(called, module): (low, high)}
             yield ModuleFormula(module, component, of, name, quantities, recorded, begins, {})
 
 

@@ -416,7 +416,7 @@ def effort_curve_figure(finding: Finding, curve: EffortCurve, *, narrow: bool = 
 
 def formula_figure(proposal: Proposal, curve: EffortCurve, *, narrow: bool = False) -> Figure:
     """Return the same of a formula that is proposed, drawn over what it is to explain."""
-    return _effort_curve(f"A formula for {proposal.joint}", f"tau = {proposal.text}", curve, narrow)
+    return _effort_curve(f"A formula for {proposal.joint}", f"{proposal.law.symbol} = {proposal.text}", curve, narrow)
 
 
 def _effort_curve(title: str, law: str, curve: EffortCurve, narrow: bool) -> Figure:

@@ -366,7 +366,7 @@ def proposal_lines(proposal: Proposal) -> list[str]:
     ]
     curve = f" (the curve of no law: {_percent(proposal.of_curve)})" if proposal.of_curve > 0 else ""
     return [
-        f"tau = {proposal.text}",
+        f"{proposal.law.symbol} = {proposal.text}",
         *(f"{name}: {value} (95 %: {interval})" for name, value, interval in parameter_texts(proposal.parameters)),
         f"it takes away {_percent(proposal.share)} of the held-out squares that are left without it{curve}; "
         f"it was seen in: {'; '.join(ranges)}",
