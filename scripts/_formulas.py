@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 from _efforts import STANDING
@@ -21,14 +22,23 @@ from prup_pin.laws.formulas import KNOWN
 from prup_pin.plugins import along
 from prup_pin.recordings import Recording, read_recording
 from prup_pin.simulation import simulate
+from tests.reference.concealed import draw
 from tests.reference.concealed.efforts import CUT
 from tests.reference.concealed.efforts import KINDS as ROBOTS
 from tests.reference.concealed.strange import KINDS, draw_strange
 
 #: What a prediction may leave of another motion, in multiples of the noise.
 ALLOWED = 1.1
+#: What a module of a 3-PRUP may do that no law says, and the shapes that say it.
+STRAINS = {
+    "cubic": ("cube",),
+    "quadratic": ("signed_square",),
+    "one_sided": ("beyond", "below"),
+    "tilt_quadratic": ("signed_square",),
+}
 #: The kind of devices on which nothing is strange, where formulas are asked for at every joint.
 CLEAN = "nothing"
+PRUP = "3prup"
 HEAD = """# Concealed trials on formulas
 
 Arms of example-robot-data and a five-bar in motion, of which one joint has something that is in no law: an effort by a
@@ -46,18 +56,22 @@ joint where they show most. The library of terms was written down before the dev
 - *Confirmed*: the other motion of the same device, diagnosed with the proposed file. *Refuted*: a motion of another
   device, which has something else at that joint.
 - *Nothing*: devices without anything strange, where a formula is asked for at every joint.
+- *3-PRUPs*: one module deforms with the square or cube of its load, or under one sign of it.
 
 """
 
 
 def devices(count: int, first: int) -> list[tuple[int, str, str]]:
-    """Return seed, robot and kind of strange devices, each kind in its turn, and of a quarter as many without."""
+    """Return seed, robot and kind of strange arms, of a quarter as many without anything, and of 3-PRUPs."""
     kinds = [*(list(KINDS)[index % len(KINDS)] for index in range(count)), *[CLEAN] * (count // 4)]
-    return [(first + index, list(ROBOTS)[index % len(ROBOTS)], kind) for index, kind in enumerate(kinds)]
+    arms = [(first + index, list(ROBOTS)[index % len(ROBOTS)], kind) for index, kind in enumerate(kinds)]
+    return [*arms, *((first + index, PRUP, list(STRAINS)[index % len(STRAINS)]) for index in range(count // 5))]
 
 
 def trial(seed: int, robot: str, what: str) -> dict[str, Any]:
     """Draw a device, diagnose its first motion alone, and open the answer to score what was proposed."""
+    if robot == PRUP:
+        return _strained(seed, what)
     drawn = draw_strange(seed, robot, None if what == CLEAN else what)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -88,6 +102,32 @@ def trial(seed: int, robot: str, what: str) -> dict[str, Any]:
                 told = next(item for item in diagnose(loaded, log).judged if item.physics == word)
                 result[key] = [told.word, told.why]
     return result
+
+
+def _strained(seed: int, what: str) -> dict[str, Any]:
+    """Draw a 3-PRUP whose module deforms strangely, diagnose its bench test, and open the answer to score a formula."""
+    with tempfile.TemporaryDirectory() as name, mock.patch.object(draw, "ALIENS", {what: draw.ALIENS[what]}):
+        folder = Path(name)
+        draw.write(draw.draw(seed, ["alien"], (5.0, 40.0)), folder, folder, "it", True)
+        loaded = prup_pin.load(PRUP)
+        found = diagnose(loaded, read_recording(folder / "it.csv"), propose=True)
+        (true,) = json.loads((folder / "it.truth.json").read_text())["effects"]
+        result: dict[str, Any] = {"seed": seed, "kind": what, "robot": PRUP, "verdict": found.verdict}
+        result["findings"] = [f"{item.physics} at {item.location}" for item in found.findings]
+        result["proposals"] = [f"{item.joint}: {item.text}" for item in found.proposals]
+        if not found.proposals:
+            return result
+        (mine,) = found.proposals
+        laws = [mine.law, *(other.law for other in mine.equals)]
+        low, high = mine.parameters["coefficient"].interval
+        result["true"] = any(law.shape in STRAINS[what] and law.of == law.component for law in laws)
+        result["inside"] = low <= abs(true["parameters"]["coefficient"]) <= high
+        ((word, text),) = proposed_files([mine], [Path("it.csv")])
+        (folder / f"{word}.py").write_text(text)
+        with along(folder / f"{word}.py"):
+            again = diagnose(loaded, read_recording(folder / "it.heldout.csv"))
+        told = next(item for item in again.judged if item.physics == word)
+        return result | {"same": [told.word, told.why], "left": again.after["fit"]}
 
 
 def _called(robot: str) -> str:
@@ -160,13 +200,13 @@ def told(trial: Mapping[str, Any]) -> str:
     named = "; ".join(trial["proposals"]) or f"no formula ({'; '.join(trial['findings']) or 'nothing'})"
     mark = "ok" if trial.get("true") or (trial["kind"] == CLEAN and not trial["proposals"]) else "--"
     left = f"  {trial['left']:.2f} x noise" if "left" in trial else ""
-    judged = f"  {trial['same'][0]}, {trial['other'][0]}" if "same" in trial else ""
+    judged = f"  {trial['same'][0]}, {trial.get('other', ['-'])[0]}" if "same" in trial else ""
     return f"{mark} {trial['kind']} {trial['robot']} {trial['seed']}: {named}{left}{judged}"
 
 
 def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str]) -> str:
     """Return the tables as Markdown; `share(hits, total)` writes a share."""
-    strange = [t for t in trials if t["kind"] != CLEAN]
+    strange = [t for t in trials if t["kind"] != CLEAN and t["robot"] != PRUP]
     proposed = [t for t in strange if "left" in t]
     beyond = [t for t in proposed if t.get("outside", 0) > 0]
     clean = [t for t in trials if t["kind"] == CLEAN]
@@ -186,13 +226,21 @@ def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str
         "a formula at another joint": [bool(t["elsewhere"]) for t in strange],
         "nothing strange: formulas, of joints asked": asked,
     }
+    prups = [t for t in trials if t["robot"] == PRUP]
+    rows |= {
+        "3-PRUPs: true terms found, or among equals": [bool(t.get("true")) for t in prups],
+        "3-PRUPs: true coefficient in its 95 % interval, of true ones": [t["inside"] for t in prups if t.get("true")],
+        "3-PRUPs: another bench test confirms it, of true ones": [
+            t["same"][0] == "confirmed" for t in prups if t.get("true")
+        ],
+    }
     lines = ["| | share (hits; 95 %) |", "|---|---|"]
     lines += [f"| {what} | {share(sum(hits), len(hits))} |" for what, hits in rows.items() if hits]
     lines += ["", "| truth | robot, seed | proposed | held out | same, other |", "|---|---|---|---|---|"]
-    for t in sorted(strange, key=lambda item: (item["kind"], item["seed"])):
+    for t in sorted([*strange, *prups], key=lambda item: (item["kind"], item["seed"])):
         named = "; ".join(t["proposals"]) or f"none: {t['verdict']} by {', '.join(t['findings']) or 'nothing'}"
         mark = "" if t.get("true") else " (not found)"
-        judged = f"{t['same'][0]}, {t['other'][0]}" if "same" in t else ""
+        judged = ", ".join(t[key][0] for key in ("same", "other") if key in t)
         cells = (
             f"{t['kind'].replace('_', ' ')}{mark}",
             f"{t['robot']} {t['seed']}",
