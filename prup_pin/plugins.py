@@ -17,7 +17,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from hashlib import sha256
 from importlib import metadata
 from importlib.machinery import ModuleSpec, SourceFileLoader
@@ -61,6 +61,12 @@ class Source:
     def remedy(self) -> str:
         """How to get it."""
         return f"add --with {self.name}" if self.is_file else f"pip install '{self.name}=={self.version}'"
+
+    def fails(self, what: str, error: BaseException, at: str) -> PluginError:
+        """Return the error that says what its code raised, where, and what to do."""
+        said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        without = f"leave --with {self.name} out" if self.is_file else f"pip uninstall {self.name}"
+        return PluginError(self, f"{what}: {said}{f' ({at})' if at else ''}. Repair it, or {without}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +186,7 @@ def blaming() -> Iterator[None]:
             name = str(frame.f_globals.get("__name__"))
             if (source := owners.get(name) or owners.get(name.partition(".")[0])) is not None:
                 at = f"{Path(frame.f_code.co_filename).name}, line {line}"
-                raise PluginError(source, f"{_said(error)} ({at})") from error
+                raise source.fails("its code raises", error, at) from error
         raise
 
 
@@ -223,17 +229,18 @@ def _digest_of(path: Path) -> str:
 
 
 #: A file whose hash is not given is the one that a process meets first, as with any import.
-_digest_met = lru_cache(maxsize=None)(_digest_of)
+_digest_met = cache(_digest_of)
 
 
 def files() -> tuple[tuple[Path, str], ...]:
     """Return the files that take part, each with the SHA-256 of its bytes. Raises PluginError."""
-    found = []
+    found: dict[tuple[str, str], tuple[Path, str]] = {}
     for item in filter(None, os.environ.get(WITH, "").split(os.pathsep)):
         pinned = _PINNED.fullmatch(item)
         path = _absolute(pinned["path"] if pinned else item)
-        found.append((path, pinned["digest"] if pinned else _digest_met(path)))
-    return tuple(dict.fromkeys(found))
+        digest = pinned["digest"] if pinned else _digest_met(path)
+        found.setdefault((path.name, digest), (path, digest))  # copies of one file are that file
+    return tuple(found.values())
 
 
 def _module_name(path: Path, digest: str) -> str:
@@ -268,12 +275,8 @@ def _refusing(source: Source, what: str) -> Iterator[None]:
         raise PluginError(source, f"{what}: {error}") from error
     except (Exception, SystemExit) as error:
         last = traceback.extract_tb(error.__traceback__)[-1]
-        at = "" if isinstance(error, SyntaxError) else f" ({Path(last.filename).name}, line {last.lineno})"
-        raise PluginError(source, f"{what} cannot be used: {_said(error)}{at}") from error
-
-
-def _said(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        at = "" if isinstance(error, SyntaxError) else f"{Path(last.filename).name}, line {last.lineno}"
+        raise source.fails(f"{what} cannot be used", error, at) from error
 
 
 class _Loader(SourceFileLoader):

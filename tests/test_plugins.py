@@ -235,6 +235,12 @@ def test_so_is_anything_else_that_is_brought(file, text, said):
         everything()
 
 
+def test_a_copy_of_a_file_is_that_file(file, tmp_path):
+    (tmp_path / "copy").mkdir()
+    with along(file(HOSE), file(HOSE), file(HOSE, "copy/mine.py")):
+        assert words().count("pulling_hose") == 1
+
+
 def test_two_files_may_not_bring_one_name(file):
     two = file(HOSE), file(HOSE + "# another\n", "other.py")
     with along(*two), pytest.raises(PluginError, match=r"^other\.py .*'pulling_hose' is a name of mine\.py .* already"):
@@ -252,7 +258,10 @@ def test_what_fails_while_it_is_used_is_told_with_file_and_line(file, run):
     done = run("laws", "pulling_hose", "--robot", "ball_screw_axis", "--with", file(text))
     assert done.exit_code == 2
     assert "mine.py (sha256" in done.output
-    assert "'Hose' object has no attribute 'nothing' (mine.py, line 19)" in " ".join(done.output.split())
+    assert (
+        "'Hose' object has no attribute 'nothing' (mine.py, line 19). Repair it, or leave --with mine.py out"
+        in " ".join(done.output.split())
+    )
 
 
 def test_what_is_slow_to_import_is_named(file, monkeypatch):
