@@ -109,6 +109,7 @@ GOOD = "return [signed_square(speed(at, self.joint))]"
         ("return [signed_square(speed(at, self.joint))] * 2", "returns 2 columns"),
         ("return [speed(at, self.joint)[:5]]", r"shapes \(5,\)"),
         ("return [speed(at, self.joint) / 0.0]", "no number at sample 0"),
+        ('return [values["drag"] * speed(at, self.joint)]', "fails: KeyError: 'drag'"),
     ],
 )
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,10 +17,10 @@ from ...numbers import number, quantity
 from ...spatial import Array
 from ..efforts.effort_law import EFFORT, EffortLaw
 from ..efforts.variables import VARIABLES
-from ..law import Place
+from ..law import Law, Place
 from .known import KNOWN
 
-__all__ = ["JointFormula", "told_in_numbers"]
+__all__ = ["JointFormula", "said_of", "told_in_numbers"]
 
 #: A place moves by this part of the way between its bounds where a size becomes e times as large: about a third of the
 #: range in which it may lie.
@@ -98,7 +99,8 @@ class JointFormula(EffortLaw):
 
     def _table(self, at: InMotion, values: Mapping[str, float]) -> Array:
         """Return the columns (N, p). Raises InputError where they are not one number a sample and coefficient."""
-        columns = [np.asarray(column, float) for column in self.columns(at, values)]
+        with said_of(self, "columns"):
+            columns = [np.asarray(column, float) for column in self.columns(at, values)]
         expected = f"expected {len(at)} samples of {len(self.linear)}, one for each of {', '.join(self.linear)}"
         if any(column.ndim not in (1, 2) or len(column) != len(at) for column in columns):
             shapes = ", ".join(str(column.shape) for column in columns)
@@ -132,6 +134,17 @@ class JointFormula(EffortLaw):
                     f"the {name} of {joint} is outside {number(low, 3)} to {number(high, 3)}, where {self.physics} was "
                     f"seen, in {number(100 * share, 2)} % of the samples: an extrapolation"
                 )
+
+
+@contextmanager
+def said_of(law: Law, name: str) -> Iterator[None]:
+    """Turn what goes wrong in a function of a formula, which people edit, into an InputError that names both."""
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, NameError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{law.physics}: '{name}' fails: {type(error).__name__}: {error}; correct the formula"
+        ) from error
 
 
 def told_in_numbers(law: Any, values: Mapping[str, float], linear: Sequence[str]) -> str:

@@ -17,7 +17,7 @@ from ..deeds import Deed, ExtraStrain, Strain
 from ..drawn import load_units
 from ..law import Law, Place
 from ..setup import Setup
-from .joint_formula import told_in_numbers
+from .joint_formula import said_of, told_in_numbers
 from .shapes import SHAPES, Shape
 
 __all__ = ["ModuleFormula", "StrainFormula", "strain_library"]
@@ -71,10 +71,16 @@ class _Following:
 
     def __call__(self, load: Array) -> tuple[Array, Array]:
         x, law = load[:, self.law.of], self.law
+        with said_of(law, "deformation"):
+            return self._strained(load, x, law)
+
+    def _strained(self, load: Array, x: Array, law: StrainFormula) -> tuple[Array, Array]:
         step = _STEP * max(float(np.abs(x).max(initial=0.0)), 1.0)
         nothing = law.deformation(np.zeros(1), self.values)
         strain, slope = np.zeros_like(load), np.zeros((*load.shape, load.shape[1]))
         strain[:, law.component] = law.deformation(x, self.values) - nothing
+        if not np.isfinite(strain).all():
+            raise ValueError("it is no number at some load")
         ends = (law.deformation(x + way, self.values) for way in (step, -step))
         slope[:, law.component, law.of] = np.subtract(*ends) / (2 * step)
         return strain, slope
