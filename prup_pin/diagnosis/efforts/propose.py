@@ -64,8 +64,10 @@ def proposals(final: FinalState, joints: Sequence[str]) -> Iterator[Proposal]:
     model = final.model
     for joint in joints:
         curves = [term for term in model.terms if term.law.is_curve and term.place.name == joint]
-        base = beside(model.without(*curves), joint)
-        best, equals = _searched(efforts, base, joint, len(joints))
+        imitating = [term for term in final.impossible if final.joint_of(term.place.name) == joint]
+        base = beside(model.without(*curves, *imitating), joint)
+        # a curve, or a body that cannot be, was no chance: something is there
+        best, equals = _searched(efforts, base, joint, 0 if curves or imitating else len(joints))
         if best is None:
             continue
         doubtful = [term for term in best.model.terms if term.place.name == joint and not term.law.is_curve]
@@ -93,7 +95,7 @@ def _searched(
 ) -> tuple[_Tried | None, list[_Tried]]:
     """Return the formula that stands for what is left at a joint, and all that the data cannot tell from it.
 
-    places: where formulas are looked for: chance has so many goes.
+    places: where formulas are looked for: chance has so many goes; none where it is known that something is there.
     """
     at, columns = efforts.at, base.problem.columns
     place = Formula(joint, ()).places(at.mechanism)[0]
@@ -135,7 +137,8 @@ def _extended(
     """Yield formulas of one more term that save most, if chance would save less, each with its best parameters."""
     model = with_columns(efforts, best.model, terms[0].place, ())
     ranked, limit = scores(model.in_problem(model.problem.only(terms)), evenly=True)
-    if not min((score.log_chance for score in ranked), default=0.0) < limit - np.log(places):
+    certain = not places and not best.formula.terms
+    if not certain and not min((one.log_chance for one in ranked), default=0.0) < limit - np.log(max(places, 1)):
         return  # chance alone would do as well with one of so many terms
     left = CrossValidation(model).with_each(terms).sum(axis=1).tolist()
     kinds: dict[Term, tuple[float, tuple[float, ...]]] = {}
