@@ -56,7 +56,8 @@ joint where they show most. The library of terms was written down before the dev
 - *Confirmed*: the other motion of the same device, diagnosed with the proposed file. *Refuted*: a motion of another
   device, which has something else at that joint.
 - *Nothing*: devices without anything strange, where a formula is asked for at every joint.
-- *3-PRUPs*: one module deforms with the square or cube of its load, or under one sign of it.
+- *3-PRUPs*: one module deforms with the square or cube of its load, or under one sign of it. Modules of a leg that
+  yield along one direction cannot be told apart, and the coefficient of another one than the true one is another.
 
 """
 
