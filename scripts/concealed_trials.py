@@ -3,7 +3,7 @@
     python scripts/concealed_trials.py [--count 200] [--first-seed 1000] [--workers 2] [--out out/trials] [--docs]
         [--scattered 0] [--robot 3prup --robot six_ups --robot elastic_arm] [--today] [--efforts 0] [--markers 0]
         [--elastic 0] [--json DIR] [--loop 0] [--misread 0] [--uncalibrated 0] [--tracked 0]
-        [--friction 0] [--since 0] [--lives 0] [--fleets 0]
+        [--friction 0] [--since 0] [--lives 0] [--fleets 0] [--formulas 0]
     python scripts/concealed_trials.py --export DIR --scattered 100 [--robot …] [--first-seed 1000]
     python scripts/concealed_trials.py --export DIR --efforts 40 | --markers 40 | --elastic 40
     python scripts/concealed_trials.py --score DIR
@@ -20,13 +20,15 @@ own weight that a camera sees (OUT/markers.jsonl), `--tracked` so many arms whos
 `--friction` so many whose parameters scatter and of which a joint has dry friction (OUT/friction.jsonl). `--since`
 draws so many arms and 3-PRUPs, two to one, or so many of each `--robot`, that are tested twice, and asks what has
 changed in between (OUT/since.jsonl); `--lives` so many arms and 3-PRUPs, nine to one, that are tested ten times, and
-asks what changed when (OUT/life.jsonl); `--fleets` so many fleets of twenty arms (OUT/fleet.jsonl). `--loop` draws so
-many 3-PRUPs without scatter, or with `--robot` so many of each of these whose parameters scatter, and carries out the
-experiment that an ambiguous verdict proposes (OUT/loop.jsonl). `--misread` draws so many logs in all, of six robots in
-turn, that are written otherwise than they say (OUT/misread.jsonl). `--docs` writes the summaries into
+asks what changed when (OUT/life.jsonl); `--fleets` so many fleets of twenty arms (OUT/fleet.jsonl). `--formulas` draws
+so many arms in motion with physics that is in no law, and a quarter as many without (OUT/formulas.jsonl). `--loop`
+draws so many 3-PRUPs without scatter, or with `--robot` so many of each of these whose parameters scatter, and carries
+out the experiment that an ambiguous verdict proposes (OUT/loop.jsonl). `--misread` draws so many logs in all, of six
+robots in turn, that are written otherwise than they say (OUT/misread.jsonl). `--docs` writes the summaries into
 docs/concealed_trials.md, docs/scattered_trials.md, docs/effort_trials.md, docs/elastic_trials.md,
 docs/marker_trials.md, docs/tracked_trials.md, docs/uncalibrated_trials.md, docs/friction_trials.md,
-docs/since_trials.md, docs/life_trials.md, docs/fleet_trials.md, docs/loop_trials.md and docs/misread_trials.md.
+docs/since_trials.md, docs/life_trials.md, docs/fleet_trials.md, docs/formula_trials.md, docs/loop_trials.md and
+docs/misread_trials.md.
 
 `--export` writes the scattered devices, their sealed answers and a description of the format, for any other tool;
 `--score` reads that tool's answers.
@@ -53,6 +55,7 @@ from pathlib import Path
 import _efforts
 import _elastic
 import _fleet
+import _formulas
 import _friction
 import _life
 import _loop
@@ -394,6 +397,7 @@ def main() -> None:
     parser.add_argument("--uncalibrated", type=int, default=0, help="parallel robots of which everything is off")
     parser.add_argument("--tracked", type=int, default=0, help="arms whose poses are logged in motion")
     parser.add_argument("--friction", type=int, default=0, help="scattered devices with dry friction in a joint")
+    parser.add_argument("--formulas", type=int, default=0, help="arms in motion with physics that is in no law")
     parser.add_argument("--since", type=int, default=0, help="devices that are tested twice")
     parser.add_argument("--lives", type=int, default=0, help="devices that are tested ten times")
     parser.add_argument("--fleets", type=int, default=0, help="fleets of twenty devices")
@@ -492,6 +496,11 @@ def main() -> None:
         jobs = {(_fleet.ROBOT, first + k): (_fleet.trial, first + k, _fleet.ROBOT) for k in range(options.fleets)}
         asked = f"--count 0 --fleets {options.fleets}"
         page("fleet", _fleet.HEAD, jobs, _fleet.told, partial(_fleet.summary, share=wilson), asked)
+    if options.formulas:
+        jobs = {(robot, seed): (_formulas.trial, seed, robot, kind)
+                for seed, robot, kind in _formulas.devices(options.formulas, first)}  # fmt: skip
+        summarise, asked = partial(_formulas.summary, share=wilson), f"--count 0 --formulas {options.formulas}"
+        page("formula", _formulas.HEAD, jobs, _formulas.told, summarise, asked, "formulas")
     if options.loop:
         loops = [(kind, first + index) for kind in options.robot or [_loop.PLAIN] for index in range(options.loop)]
         jobs = {(kind, seed): (_loop.trial, seed, kind) for kind, seed in loops}

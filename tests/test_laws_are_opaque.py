@@ -9,16 +9,19 @@ from prup_pin.laws import LAWS, Law
 from prup_pin.laws.as_found import AsFound, ChangedEffect
 from prup_pin.laws.deviations import Calibration
 from prup_pin.laws.efforts import EFFORT_LAWS, EffortLaw
+from prup_pin.laws.formulas import Formula, JointFormula, ModuleFormula, StrainFormula
 
 from .imports import ROOT, files, imported
 
 #: The modules of `laws` of which a law is made, and those that say what tolerances let be off and what was found:
 #: the contract.
-_LAWS = ("law", "as_found", "deeds", "drawn", "inputs", "setup", "deviations", "yielding", "efforts")
+_LAWS = ("law", "as_found", "deeds", "drawn", "inputs", "setup", "deviations", "yielding", "efforts", "formulas")
 CONTRACT = {("laws",), *(("laws", name) for name in _LAWS)}
+CONTRACT |= {("laws", "formulas", "strain_formula")}
 CONTRACT |= {("laws", "efforts", name) for name in ("effort_law", "variables", "deviations")}
-#: Classes of laws that the diagnosis may name: any law, one of efforts, what is within tolerance or was found before.
-ANY = {Law, EffortLaw, Calibration, AsFound, ChangedEffect}
+#: Classes of laws that the diagnosis may name: any law, one of efforts, what is within tolerance or was found before,
+#: and the formulas that it proposes itself.
+ANY = {Law, EffortLaw, Calibration, AsFound, ChangedEffect, Formula, JointFormula, ModuleFormula, StrainFormula}
 FILES = [path for path in files() if any(path.is_relative_to(ROOT / room) for room in ("diagnosis", "export"))]
 
 

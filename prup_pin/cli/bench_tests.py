@@ -257,6 +257,14 @@ def diagnose(
             help="The corrected model of an earlier diagnosis of this robot: tell what has changed since.",
         ),
     ] = None,
+    propose: Annotated[
+        Path | None,
+        typer.Option(
+            "--propose",
+            metavar="DIR",
+            help="Look for formulas where no law explains what is left, and write each as a law that --with takes.",
+        ),
+    ] = None,
     tolerances: TolerancesOption = None,
     convention: ConventionOption = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
@@ -266,11 +274,15 @@ def diagnose(
 ) -> None:
     """What recordings say that the simulation left out: where, which physics, how much of it."""
     from ..diagnosis import diagnose as diagnosed
+    from ..diagnosis.proposal import proposed_files
+    from ..recordings.writer import write_folder
     from ..views.report.diagnosis_files import MODEL, REPORT, check_before, missing_for_report, write_diagnosis
     from ..views.text.bench_tests import print_diagnosis
 
     out = Path(f"{file_name(recordings[0].stem)}_diagnosis") if out is None else out
     folder_for(out, "--out")
+    if propose is not None:
+        folder_for(propose, "--propose")
     check_before(out, recordings)
     if against is not None and (out / MODEL).resolve() == against.resolve():
         raise InputError(
@@ -285,10 +297,16 @@ def diagnose(
     else:
         loaded, understood = reading.changed(name, set_parameters)
     with progress.stages() as tell:
-        found = diagnosed(loaded, read, against=earlier, tell=tell)
+        found = diagnosed(loaded, read, against=earlier, propose=propose is not None, tell=tell)
     drawn = report and not missing
     written = write_diagnosis(found, loaded, read, out, robot_name=name, reading=understood, report=drawn)
     print_diagnosis(terminal.console(), loaded, read, found)
+    if propose is not None:
+        laws = {f"{name}.py": (text,) for name, text in proposed_files(found.proposals, recordings)}
+        write_folder(propose, laws, laws)
+        written += [propose / name for name in laws]
+        if not laws:
+            typer.echo("No formula is proposed: nothing unknown follows what a joint knows better than chance would.\n")
     list_written(written)
     if missing:
         typer.echo(f"Left out: {REPORT}: {missing}")

@@ -43,6 +43,7 @@ from .findings import no_noise, too_few, unrecorded_load
 from .noise import noise_of_the_rest
 from .prepare import Prepared, Tell, prepare
 from .problem import Fit, Problem
+from .propose_strain import strain_judged, strain_proposals
 from .search import Selection, dropped_by_folds, select, with_one_law
 from .since import Earlier
 from .unexplained import final_state
@@ -73,6 +74,7 @@ def diagnose(
     recording: Recording | Sequence[Recording],
     *,
     against: CorrectedModel | None = None,
+    propose: bool | Sequence[str] = False,
     tell: Tell = _silent,
 ) -> Diagnosis:
     """Return what a recording, or several of one device, say that the simulation of `robot` left out.
@@ -83,6 +85,8 @@ def diagnose(
     Each has its own noise, and where it says so its own sensors (`Recording.own_sensors`). `tell(stage, share)` hears
     how far it is. against: the corrected model of an earlier diagnosis of poses of this robot; then the simulation is
     that model, what its test knew is known, and the verdict says what has changed since (`Diagnosis.since`).
+
+    propose: look for formulas where something is unknown (`Diagnosis.proposals`), or at these joints.
 
     Raises InputError where a recording does not belong to this robot at all (units, frames, another machine) or is
     given twice, or the earlier model is of another robot, does not say what it knows or was changed by hand;
@@ -99,28 +103,28 @@ def diagnose(
             recording = [earlier.as_compared(item) for item in given]
         logs = read_logs(robot, recording)
         if earlier is None:
-            found = logs.before(_of_channels(robot, logs.recordings, tell))
+            found = logs.before(_of_channels(robot, logs.recordings, tell, propose))
         else:
             found = logs.before(_changed(robot, logs.recordings, earlier, tell))
     remarks = (*taking_part(robot.mechanism), *found.remarks, *told)
     return replace(found, remarks=tuple(dict.fromkeys(remarks)))
 
 
-def _of_channels(robot: Robot, given: Sequence[Recording], tell: Tell) -> Diagnosis:
+def _of_channels(robot: Robot, given: Sequence[Recording], tell: Tell, propose: bool | Sequence[str]) -> Diagnosis:
     """Return the diagnosis of what was recorded: poses and markers, efforts, or both."""
     mechanism = robot.mechanism
     if not given or not has_efforts(given, mechanism):
-        return _diagnosed(robot, given, tell)
+        return _diagnosed(robot, given, tell, propose)
     poses = has_poses(given, mechanism)
     positions = [name for name in mechanism.actuated if name in given[0].positions]
     if poses and is_standing(given[0], positions):
-        return with_efforts_at_rest(_diagnosed(robot, given, tell), robot, given)
+        return with_efforts_at_rest(_diagnosed(robot, given, tell, propose), robot, given)
     adapted = as_recorded(robot, given)
-    efforts = diagnose_efforts(adapted.robot, together_in_time(given, adapted.robot.mechanism), tell)
+    efforts = diagnose_efforts(adapted.robot, together_in_time(given, adapted.robot.mechanism), tell, propose=propose)
     if not poses:
         found = diagnosis_of_efforts(efforts, given, mechanism)
         return replace(found, remarks=(*adapted.remarks, *found.remarks))
-    return joined(_diagnosed(robot, given, tell), efforts)
+    return joined(_diagnosed(robot, given, tell, propose), efforts)
 
 
 def _changed(robot: Robot, recordings: Sequence[Recording], earlier: Earlier, tell: Tell) -> Diagnosis:
@@ -135,7 +139,9 @@ def _changed(robot: Robot, recordings: Sequence[Recording], earlier: Earlier, te
     return _told(prepared, _searched(prepared, tell), tell)
 
 
-def _diagnosed(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> Diagnosis:
+def _diagnosed(
+    robot: Robot, recordings: Sequence[Recording], tell: Tell, propose: bool | Sequence[str] = False
+) -> Diagnosis:
     prepared = prepare(robot, recordings, tell)
     prepared, found = _under_loads(prepared, robot, recordings, tell)
     if prepared.spread is not None and prepared.spread.repeated(prepared.inputs.blocks):
@@ -144,10 +150,10 @@ def _diagnosed(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> Dia
     if prepared.spread is not None and prepared.spread.of_few and not prepared.kinds and not found.is_clean:
         # the few places were not to be found
         prepared, found = _cleaner(prepared, found, prepare(robot, recordings, tell, all_over=True), tell)
-    return _told(prepared, found, tell)
+    return _told(prepared, found, tell, propose)
 
 
-def _told(prepared: Prepared, found: _Searched, tell: Tell) -> Diagnosis:
+def _told(prepared: Prepared, found: _Searched, tell: Tell, propose: bool | Sequence[str] = False) -> Diagnosis:
     """Return the diagnosis of what was searched."""
     problem, selection, labels, doubt = found
     tell("the verdict", 0.9)
@@ -156,7 +162,9 @@ def _told(prepared: Prepared, found: _Searched, tell: Tell) -> Diagnosis:
     seen = diagnosis.residuals
     residuals = None if seen is None else (seen.before, seen.after, seen.exists)
     told = by_recording(prepared.together, problem.noise, diagnosis.samples, residuals)
-    return replace(diagnosis, recordings=told, own_by_run=prepared.together.by_run)
+    proposed = tuple(strain_proposals(problem, final, labels)) if propose else ()
+    judged = tuple(strain_judged(problem, final))
+    return replace(diagnosis, recordings=told, own_by_run=prepared.together.by_run, proposals=proposed, judged=judged)
 
 
 class _Searched(NamedTuple):

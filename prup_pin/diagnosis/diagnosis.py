@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from .efforts import EffortDiagnosis
     from .posterior import JointPosterior
+    from .proposal import Judged, Proposal
     from .since import Since
 
 __all__ = ["ByRecording", "Detectable", "Diagnosis", "Finding", "FittedParameter", "by_recording", "heldout_gain"]
@@ -187,6 +188,8 @@ class Diagnosis:
     since: Since | None = None  # what has changed since an earlier test, where that was asked
     own_by_run: tuple[str, ...] = ()  # sensors that were set up anew for each run, declared or found
     premises: tuple[str, ...] = ()  # what was taken for granted where nothing was recorded, and everything rests on it
+    proposals: tuple[Proposal, ...] = ()  # formulas for what is unknown, where they were asked for
+    judged: tuple[Judged, ...] = ()  # what this recording says of formulas that were proposed from another one
 
     @property
     def explained(self) -> bool:

@@ -11,6 +11,7 @@ from ..dynamics import InMotion, is_standing, motion_of
 from ..errors import InputError
 from ..laws import Effect
 from ..laws.efforts import EffortLaw
+from ..laws.formulas import JointFormula
 from ..mechanism import Mechanism
 from ..recordings import Recording
 from ..robot import Robot
@@ -62,7 +63,9 @@ def efforts_in_motion(
             continue
         for column in range(len(driven)):
             out[rows, column] = np.interp(recording.time[rows], motion.time[own], total[own, column])
-    return dict(zip(driven, out.T, strict=True)), motion.remarks
+    laws = (effect.law for effect in effects if isinstance(effect.law, JointFormula))
+    beyond = [text for law in laws for text in law.left_range(at)]
+    return dict(zip(driven, out.T, strict=True)), (*motion.remarks, *beyond)
 
 
 def share_left(

@@ -155,7 +155,7 @@ def _scale(unit):
 
 def _product(factors):
     out = 1.0
-    for factor in factors.strip("()").split():
+    for factor in factors.strip("1()").split():
         name, power = factor.rstrip("0123456789"), int(factor.lstrip("abcdefghijklmnopqrstuvwxyzN") or 1)
         out *= {"N": FASTER**2, "s": 1 / FASTER, "m": 1.0, "rad": 1.0, "kg": 1.0}[name] ** power
     return out

@@ -63,7 +63,7 @@ WITH_BLOCKS = [page for page in PAGES if any(True for _ in blocks(page))]
 #: the commands of the README.
 TWICE = ("README.md", "tutorial.md", "index.md")
 #: With whole diagnoses or wide sweeps; that their commands exist with these options is asked of every page.
-LONG = ("diagnosis.md", "command_line.md", "sweep.md", "efforts.md", "import.md")
+LONG = ("diagnosis.md", "command_line.md", "sweep.md", "efforts.md", "formulas.md", "import.md")
 
 
 @pytest.mark.parametrize(

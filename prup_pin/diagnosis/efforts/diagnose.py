@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from ...errors import InputError
+from ...numbers import number
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
@@ -20,6 +21,7 @@ from ..criteria import (
     EFFORT_MATERIAL,
     GAIN,
     NO_MATTER,
+    NOISE_LIKE,
     SURE,
 )
 from .band import band_of, in_motion
@@ -29,11 +31,13 @@ from .diagnosis import EffortDiagnosis
 from .evidence import CrossValidation, held_out, relative_gain, scores
 from .final_state import FinalState, shows
 from .gains import Gains, gains_of, in_any_unit, in_newtons, law_of_gains, scale_of
+from .judge import judged
 from .noise import EffortNoise, noise_of, true_roundings, true_sizes
 from .nonlinear import refined
 from .outliers import OutlierInterval, is_outlying
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
+from .propose import proposals
 from .search import cost_of, kinds_of_most_drives, pruned, relieving_curve, searched, sure_of_all, with_relieving_laws
 from .verdict import effort_diagnosis_of
 
@@ -48,12 +52,15 @@ def diagnose_efforts(
     recording: Recording,
     tell: Callable[[str, float], None] = lambda stage, share: None,
     held: Mapping[str, Array] | None = None,
+    propose: bool | Sequence[str] = False,
 ) -> EffortDiagnosis:
     """Return what the columns tau of a recording say that a rigid robot's inverse dynamics leave out.
 
     held: by joint (N,), what drives hold at rest where more is known than of a rigid robot; NaN where it is not.
+    propose: whether formulas are looked for where something is unknown or more than the declared noise is left; or at
+    which joints.
 
-    Raises InputError where the motion cannot be told, or no effort of a driven joint was recorded.
+    Raises InputError where the motion cannot be told, is too short, or no effort of a driven joint was recorded.
     """
     tell("the motion", 0.02)
     band, below = band_of(robot.mechanism, recording)
@@ -66,6 +73,12 @@ def diagnose_efforts(
         return PreparedEfforts(at, _tolerances(recording), below)
 
     whole = prepared(())
+    if not whole.whitening.good.any():
+        lasting = number(len(whole.kept) / (2.5 * whole.at.motion.band.highest), 2)
+        raise InputError(
+            f"the efforts last {lasting} s, {len(whole.kept)} samples as far apart as their band asks for: that is too "
+            "short to tell anything; record for longer"
+        )
     noise, outliers = noise_of(recording, whole.at), whole.outliers
     final = _final_state(robot, recording, prepared(outliers) if outliers else whole, noise, outliers, tell)
     if outliers:
@@ -77,7 +90,20 @@ def diagnose_efforts(
         still = [interval for interval in outliers if is_outlying(interval, rows, residual, whole.good)]
         if len(still) < len(outliers):
             final = _final_state(robot, recording, prepared(still) if still else whole, noise, still, tell)
-    return effort_diagnosis_of(final)
+    found = effort_diagnosis_of(final)
+    found = replace(found, judged=tuple(judged(final, found.findings)))
+    if not propose:
+        return found
+    tell("formulas for what no law explains", 0.95)
+    joints = [] if isinstance(propose, bool) else list(propose)
+    if propose is True:
+        unknown = [item for item in found.findings if item.physics == "unknown"]
+        joints = [item.location for item in sorted(unknown, key=lambda item: -item.heldout_gain)]
+        if found.declared:  # what laws leave beyond the noise is no less a matter of something else
+            joints += [name for name, sizes in found.by_joint.items() if sizes["after"] > NOISE_LIKE]
+    proposed = tuple(proposals(final, list(dict.fromkeys(joints))))
+    advice = "; ".join(text for text in (*(item.apart for item in proposed), found.advice) if text)
+    return replace(found, proposals=proposed, advice=advice)
 
 
 def _tolerances(recording: Recording) -> dict[str, float]:

@@ -11,6 +11,7 @@ from ...laws import Effect
 from ...laws.efforts import EFFORT_LAWS, EffortLaw
 from ...spatial import Array
 from ..diagnosis import Detectable, Finding, named_in
+from ..proposal import Judged, Proposal
 
 __all__ = ["EffortCurve", "EffortDiagnosis", "effort_curve_of"]
 
@@ -71,6 +72,8 @@ class EffortDiagnosis:
     standing: bool = False
     sliding: tuple[str, ...] = ()
     premises: tuple[str, ...] = ()
+    proposals: tuple[Proposal, ...] = ()  # formulas for what is unknown, where they were asked for
+    judged: tuple[Judged, ...] = ()  # what this recording says of formulas that were proposed from another one
 
     @property
     def declared(self) -> bool:

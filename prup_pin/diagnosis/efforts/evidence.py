@@ -19,7 +19,7 @@ from ...spatial import Array
 from ..criteria import EFFORT_INDISTINCT, EFFORT_TOLD, FALSE_ALARM, ROUNDING, SURE
 from ..evidence import sign_flipped
 from ..normal_equations import NormalEquations, column_scales, identifiable
-from .problem import EffortCandidate, EffortModel, fit
+from .problem import EffortCandidate, EffortModel, block_squares, fit
 
 __all__ = [
     "CrossValidation",
@@ -193,8 +193,10 @@ def gradients(model: EffortModel) -> tuple[Array, Array, Array]:
     return gradient, rest, gradient.sum(axis=0) + (problem.precision(where) @ x) @ cross
 
 
-def scores(model: EffortModel) -> tuple[list[Score], float]:
+def scores(model: EffortModel, evenly: bool = False) -> tuple[list[Score], float]:
     """Return a score of each candidate beside a model, and the logarithm of chance below which one of them counts.
+
+    evenly: blocks count alike, whatever they have left; else what shows in most of them may hide behind a few.
 
     A candidate's score is the squares that it would save, as a multiple of what it saves of sign-flipped residuals;
     those follow a chi squared with as many degrees of freedom as their mean and scatter tell. The threshold is a
@@ -202,6 +204,10 @@ def scores(model: EffortModel) -> tuple[list[Score], float]:
     """
     problem = model.problem
     gradient, rest, true = gradients(model)
+    if evenly:
+        left = block_squares(model, fit(model)[0])
+        gradient = gradient / np.sqrt(np.where(left > 0, left, np.inf))[:, None]
+        true = gradient.sum(axis=0)
     flipped, total = sign_flipped(gradient), problem.columns.total
     longest = float(np.diag(total).max(initial=0.0))
     taken = {term.where.start for term in model.terms}
@@ -236,11 +242,17 @@ def scores(model: EffortModel) -> tuple[list[Score], float]:
     # chi squared's tail, of all candidates at once
     with np.errstate(divide="ignore"):
         logs = np.log(gammaincc(np.array(freedoms)[:, None] / 2, np.array(chances) / 2))
+    limit = float(np.quantile(np.minimum(0.0, logs[:, :-1].min(axis=0)), FALSE_ALARM))
+    # what was named before had one go, and not as many as the library has terms
+    named = min(limit - float(np.log(FALSE_ALARM)), 0.0)
     scored = [
-        Score(candidate, min(0.0, float(chance + np.log(candidate.law.looked_at))), gain, possible)
+        Score(
+            candidate, min(0.0, float(chance + (named if law.named_before else np.log(law.looked_at)))), gain, possible
+        )
         for (candidate, gain, possible), chance in zip(found, logs[:, -1], strict=True)
+        for law in (candidate.law,)
     ]
-    return scored, float(np.quantile(np.minimum(0.0, logs[:, :-1].min(axis=0)), FALSE_ALARM))
+    return scored, limit
 
 
 def standard_error(saving: Array) -> float:

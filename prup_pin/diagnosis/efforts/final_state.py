@@ -72,6 +72,7 @@ class FinalState:
         outliers: Sequence[OutlierInterval] = (),
         doubts: Sequence[str] = (),
     ):
+        self.robot, self.imitating = robot, imitating
         self.gains, self.outliers, self.doubts = gains, outliers, doubts
         # all figures are in the recording's own unit
         self.scale = scale_of(gains, len(efforts.at.driven))
@@ -89,6 +90,12 @@ class FinalState:
         self.impossible = self._impossible_bodies(fit(self.model)[0])
         self.laws = [term for term in self.laws if not self._imitates_impossible(term)]
         self.squared_strain = squared_strain(self.model)
+
+    def with_model(self, model: EffortModel) -> FinalState:
+        """Return the final state of another model of the same efforts, whose curves are findings no more."""
+        same = self.robot, self.recording, self.efforts, self.noise
+        curves = [curve for curve in self.curves if curve in model.terms]
+        return FinalState(*same, model, curves, self.imitating, self.gains, self.outliers, self.doubts)
 
     def _coefficients(self) -> tuple[Array, Array, Array]:
         """Return the coefficients (p,) of the prediction, of bodies that can exist; how much they depend on the weights

@@ -23,7 +23,7 @@ from .nonlinear import profile_intervals
 from .problem import EffortCandidate, fit
 from .search import cost_of, kinds_of_most_drives, squared_strain
 
-__all__ = ["beyond_found", "gains_found", "laws_found"]
+__all__ = ["beyond_found", "gains_found", "laws_found", "parameters_of"]
 
 #: Units of a body's inertial parameters.
 _UNITS = dict(zip(INERTIAL, ("kg", *3 * ("kg m",), *6 * ("kg m^2",)), strict=True))
@@ -44,7 +44,7 @@ def _of_kind(final: FinalState, terms: Sequence[EffortCandidate]) -> Finding:
     table: list[tuple[float, str, str, Mapping[str, FittedParameter]]] = []
     for term in terms:
         values = term.law.fitted(term.place, final.x[final.model.slice_of(term)], term.values)
-        parameters = _parameters(final, term, values)
+        parameters = parameters_of(final, term, values)
         first = parameters[term.law.linear[0]]
         sure = abs(first.value) / max(first.interval[1] - first.interval[0], np.finfo(float).tiny)
         table.append((sure, term.place.name, f"{number(first.value, 3)} {first.unit}", parameters))
@@ -74,7 +74,7 @@ def _of_law(final: FinalState, term: EffortCandidate) -> Finding:
     without = held_out(rest)
     before = float(without.sum()) + squared_strain(rest)
     places, laws = alternatives_to(final, term, without)
-    parameters = _parameters(final, term, values)
+    parameters = parameters_of(final, term, values)
     intervals = {name: item.interval for name, item in parameters.items()}
     return Finding(
         physics=term.law.physics,
@@ -194,7 +194,7 @@ def _alone_of_all(final: FinalState, term: EffortCandidate, without: Array) -> t
     return share, told, best.law.advice(best.place, values)
 
 
-def _parameters(final: FinalState, term: EffortCandidate, values: Mapping[str, float]) -> dict[str, FittedParameter]:
+def parameters_of(final: FinalState, term: EffortCandidate, values: Mapping[str, float]) -> dict[str, FittedParameter]:
     """Return the parameters of a term with their intervals, by name."""
     white, covariance, degrees = final.covariances
     own = final.model.slice_of(term)

@@ -179,7 +179,9 @@ class _Profile:
         others = model.without(term)
         x, matrix = fit(others)
         at, residual = _motion_of(efforts, model, place), columns.residual(others.where, x)
-        return cls(efforts, term, at, columns.dense(others.where), residual, NormalEquations.of(matrix))
+        free = np.flatnonzero(~others.one_sided | (x > 0))  # what is held at nothing stays there
+        normal = NormalEquations.of(matrix[free[:, None], free])
+        return cls(efforts, term, at, columns.dense([others.where[index] for index in free]), residual, normal)
 
     def at_values(self, values: Mapping[str, float]) -> float:
         """Return the squares at values of the nonlinear parameters."""

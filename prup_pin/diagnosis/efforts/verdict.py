@@ -70,7 +70,7 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
         by_joint=residuals.by_joint,
         shares=residuals.shares,
         findings=(*findings, *unknown),
-        effects=tuple(_effects_of(final, doubtful)),
+        effects=tuple(effects_of(final, doubtful)),
         curves=tuple(curves_of(final)),
         verdict="unexplained" if unknown else "explained" if findings else "nothing_missing",
         not_detectable=tuple(efforts_not_detectable(final)),
@@ -160,7 +160,7 @@ def _by_link(names: Sequence[str]) -> str:
     return "; ".join(f"{link}: {', '.join(what)}" for link, what in links.items())
 
 
-def _effects_of(final: FinalState, doubtful: Sequence[EffortCandidate]) -> Iterator[Effect]:
+def effects_of(final: FinalState, doubtful: Sequence[EffortCandidate]) -> Iterator[Effect]:
     """Yield all effects of the corrected model: laws, and toleranced parameters. doubtful: laws told as curves."""
     yield from effects_of_deviations(final.efforts.deviations, final.x[: len(final.model.toleranced)])
     for term in final.model.terms:

@@ -111,6 +111,8 @@ def diagnosis_of_efforts(efforts: EffortDiagnosis, recordings: Sequence[Recordin
         residual_after=np.zeros((len(efforts.rows), 0)),
         efforts=efforts,
         premises=efforts.premises,
+        proposals=efforts.proposals,
+        judged=efforts.judged,
     )
 
 
@@ -151,6 +153,8 @@ def joined(poses: Diagnosis, efforts: EffortDiagnosis) -> Diagnosis:
         effects=(*poses.effects, *efforts.effects),
         efforts=efforts,
         premises=(*poses.premises, *efforts.premises),
+        proposals=(*poses.proposals, *efforts.proposals),
+        judged=(*poses.judged, *efforts.judged),
     )
 
 

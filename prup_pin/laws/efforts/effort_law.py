@@ -61,6 +61,8 @@ class EffortLaw(Law):
     of_motion: ClassVar[bool] = False
     #: How many scanned values were looked at for each that stands in the library: chance had so many goes.
     looked_at: ClassVar[float] = 1.0
+    #: True where another recording named it: chance has one go.
+    named_before: ClassVar[bool] = False
     #: True where the shape of a curve alone tells it: it is not named where that shape is not all.
     by_shape: ClassVar[bool] = False
     #: True where every drive has it: it is there at all joints before single laws compete, and goes where needless.

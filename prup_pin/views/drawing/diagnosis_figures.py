@@ -12,6 +12,7 @@ import numpy as np
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.efforts import EffortCurve, EffortDiagnosis
 from ...diagnosis.locate import Agreement, Recovered, Residuals
+from ...diagnosis.proposal import Proposal
 from ...kinematics import ClosedPose
 from ...modules import DriveModule
 from ...numbers import number, readable_unit
@@ -410,7 +411,16 @@ def effort_curve_figure(finding: Finding, curve: EffortCurve, *, narrow: bool = 
 
     `narrow`: for a phone.
     """
-    figure = page_figure(4.6, narrow, finding_text(finding))
+    return _effort_curve(finding_text(finding), f"the law: {finding.physics.replace('_', ' ')}", curve, narrow)
+
+
+def formula_figure(proposal: Proposal, curve: EffortCurve, *, narrow: bool = False) -> Figure:
+    """Return the same of a formula that is proposed, drawn over what it is to explain."""
+    return _effort_curve(f"A formula for {proposal.joint}", f"{proposal.law.symbol} = {proposal.text}", curve, narrow)
+
+
+def _effort_curve(title: str, law: str, curve: EffortCurve, narrow: bool) -> Figure:
+    figure = page_figure(4.6, narrow, title)
     axes: Any = figure.subplots()
     unit, factor = readable_unit(float(np.abs(curve.x).max(initial=0.0)), curve.x_unit)
     x = factor * curve.x
@@ -418,7 +428,7 @@ def effort_curve_figure(finding: Finding, curve: EffortCurve, *, narrow: bool = 
     words = "what the efforts ask for, means of neighbours, 95 %"
     axes.errorbar(x, curve.y, 1.96 * curve.deviation, fmt="o", ms=5, color=AFTER, lw=1.2, zorder=3, label=words)
     if curve.law is not None:
-        axes.plot(x, curve.law, color=FOUND, lw=2.2, zorder=4, label=f"the law: {finding.physics.replace('_', ' ')}")
+        axes.plot(x, curve.law, color=FOUND, lw=2.2, zorder=4, label=law)
     labels = (f"{curve.against} of {curve.joint} [{unit}]", f"effort beyond the rest of the model [{curve.y_unit}]")
     plain_axes(axes, 8.5, labels=labels)
     figure.legend(frameon=False, fontsize=9, loc="outside lower center", ncols=1 if narrow else 2)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ...diagnosis.diagnosis import ByRecording, FittedParameter
     from ...diagnosis.efforts import EffortDiagnosis
     from ...diagnosis.locate import LocalCurve
+    from ...diagnosis.proposal import Proposal
     from ...diagnosis.since import Since
 
 _UNIT = {"length": "m", "angle": "rad", "number": ""}
@@ -203,6 +204,8 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
         "calibration": [_calibrated(item) for item in diagnosis.calibration],
         "not_detectable": [_picked(item, hidden) for item in diagnosis.not_detectable],
         "next_experiment": diagnosis.next_experiment,
+        **({"proposals": proposed} if (proposed := [_proposal(item) for item in diagnosis.proposals]) else {}),
+        **({"judged": judged} if (judged := [_picked(item, "physics word why") for item in diagnosis.judged]) else {}),
         **({"recordings": several} if several else {}),
         **_picked(diagnosis, "premises remarks unused_columns"),
     }
@@ -234,6 +237,19 @@ def _since(since: Since) -> dict[str, Any]:
         **_picked(since, "notes explained set_up"),
         "values": values,
         "seen": [each._asdict() for each in since.seen],
+    }
+
+
+def _proposal(item: Proposal) -> dict[str, Any]:
+    """Return a formula for what is unknown at a joint, and what the data cannot tell from it."""
+    return {
+        **_picked(item, "joint text share of_curve doubts apart"),
+        "equation": item.law.equation,
+        "parameters": {name: {"unit": fitted.unit} | _fitted(fitted) for name, fitted in item.parameters.items()},
+        "recorded": [
+            {"variable": name, "joint": joint, "range": ends} for (name, joint), ends in item.law.recorded.items()
+        ],
+        "equals": [_picked(other, "text size worse") for other in item.equals],
     }
 
 

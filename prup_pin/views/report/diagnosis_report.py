@@ -14,6 +14,7 @@ import numpy as np
 from ... import __version__
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.efforts import effort_curve_of
+from ...diagnosis.proposal import Proposal
 from ...numbers import number
 from ...plugins import files
 from ...recordings import Recording, Together
@@ -32,6 +33,7 @@ from ..text.diagnosis_words import (
     length_of,
     noise_text,
     parameter_texts,
+    proposal_lines,
     recording_rows,
     seen_rows,
     summary_text,
@@ -71,6 +73,8 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         measured=_measured(diagnosis, robot, recordings),
         place=picture(figures.place_figure, robot, diagnosis),
         findings=[_finding(diagnosis, finding) for finding in diagnosis.told],
+        proposals=[_proposal(item) for item in diagnosis.proposals],
+        judged=[_sentence(str(item)) for item in diagnosis.judged],
         channels=channels if diagnosis.told else [(what, after, unit) for what, _, after, unit in channels],
         joints=effort_rows(diagnosis),
         samples=picture(figures.sample_figure, diagnosis, pixels=many) if drawn else None,
@@ -172,6 +176,16 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         "parameters": [] if places else parameter_texts(finding.parameters),
         "response": _response(diagnosis, finding),
         "doubts": [_sentence(text) for text in alternative_text(diagnosis, finding)],
+    }
+
+
+def _proposal(item: Proposal) -> dict[str, Any]:
+    formula, *lines = proposal_lines(item)
+    return {
+        "joint": item.joint,
+        "formula": formula,
+        "lines": [_sentence(line) for line in lines],
+        "picture": None if item.curve is None else picture(figures.formula_figure, item, item.curve),
     }
 
 

@@ -27,6 +27,7 @@ from .diagnosis_words import (
     length_of,
     multiple_text,
     noise_text,
+    proposal_lines,
     recording_rows,
     seen_rows,
     then_and_now_rows,
@@ -234,6 +235,12 @@ def print_diagnosis(
             paragraph(out, finding_text(finding), f"{index}  ")
             for text in finding_lines(diagnosis, finding):
                 paragraph(out, text, "   ")
+    for proposal in diagnosis.proposals:
+        heading(out, f"A formula for what is left at {proposal.joint}")
+        for text in proposal_lines(proposal):
+            paragraph(out, text)
+    if diagnosis.judged:
+        bullets(out, "Proposed formulas", [str(item) for item in diagnosis.judged])
     heading(out, "Measured less simulated", "(root mean square)")
     show_table(out, ("", ">before", ">after", ""), channel_rows(diagnosis))
     if rows := effort_rows(diagnosis):

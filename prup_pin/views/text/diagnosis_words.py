@@ -18,6 +18,7 @@ from ...recordings.columns import AS_LOGGED
 if TYPE_CHECKING:
     from ...diagnosis import Diagnosis, Finding
     from ...diagnosis.diagnosis import Detectable, FittedParameter
+    from ...diagnosis.proposal import Proposal
     from ...diagnosis.since import Changed, Seen, Since
 
 #: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
@@ -360,6 +361,23 @@ def by_place(finding: Finding) -> dict[str, list[tuple[str, str, str]]]:
 def _end(value: float) -> str:
     """Return an end of an interval; beyond a million it means that the data set no bound."""
     return number(value, 4) if 1e-9 < abs(value) < 1e9 or value == 0 else f"{value:.1e}"
+
+
+def proposal_lines(proposal: Proposal) -> list[str]:
+    """Return what is told of a proposed formula: it, its parameters, what equals it, doubts and what would tell."""
+    ranges = [
+        f"{name} of {joint} {number(low, 3)} to {number(high, 3)}"
+        for (name, joint), (low, high) in proposal.law.recorded.items()
+    ]
+    curve = f" (the curve of no law: {_percent(proposal.of_curve)})" if proposal.of_curve > 0 else ""
+    return [
+        f"{proposal.law.symbol} = {proposal.text}",
+        *(f"{name}: {value} (95 %: {interval})" for name, value, interval in parameter_texts(proposal.parameters)),
+        f"it takes away {_percent(proposal.share)} of the held-out squares that are left without it{curve}; "
+        f"it was seen in: {'; '.join(ranges)}",
+        *(f"the data do not tell it from {other.text}" for other in proposal.equals),
+        *proposal.doubts,
+    ]
 
 
 def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:

@@ -176,6 +176,16 @@ class Moving:
             return {i: c * way * (1 + 0.95 * np.sin(e["waves"] * q + e["phase"]))}
         return {i: c * way * (np.floor(m.t / e["every"]) % 2)}
 
+    def _effect_strange(self, e):
+        """Physics outside every library, of another kind; see `strange`."""
+        self.at_joints.append((self._strange, e))
+
+    def _strange(self, e, m):
+        from .strange import effort  # which draws such robots
+
+        i, j = self.names.index(e["location"]), self.names.index(e["other"])
+        return {i: effort(e, i, j, m)}
+
     # ---- what happens --------------------------------------------------------------------------------------------
     def rigid(self, followed: Followed) -> np.ndarray:
         """Return the efforts (N, actuated) that the rigid bodies alone need in a motion of all joints."""

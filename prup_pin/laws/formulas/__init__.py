@@ -1,0 +1,23 @@
+"""Formulas that a diagnosis proposes where no law explains what is left, and what their files are made of."""
+
+from .formula import Factor, Formula, Term, library, tried
+from .joint_formula import JointFormula
+from .known import KNOWN
+from .shapes import SHAPES
+from .strain_formula import ModuleFormula, StrainFormula
+from .written import law_file, word_of
+
+__all__ = [
+    "KNOWN",
+    "SHAPES",
+    "Factor",
+    "Formula",
+    "JointFormula",
+    "ModuleFormula",
+    "StrainFormula",
+    "Term",
+    "law_file",
+    "library",
+    "tried",
+    "word_of",
+]

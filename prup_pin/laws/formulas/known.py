@@ -1,0 +1,142 @@
+"""What a place can know, as variables (N,) of a joint in motion that formulas are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...dynamics import InMotion
+from ...dynamics.smoothing import pieces
+from ...mechanism import Mechanism
+from ...spatial import Array
+from ..efforts.effort_law import usual_way
+
+__all__ = ["KNOWN", "Known", "composed"]
+
+
+def position(at: InMotion, joint: str) -> Array:
+    """Return a joint's position (N,) [m or rad]."""
+    return at.position(joint)
+
+
+def speed(at: InMotion, joint: str) -> Array:
+    """Return a joint's speed (N,) [m/s or rad/s]."""
+    return at.speed(joint)
+
+
+def load(at: InMotion, joint: str) -> Array:
+    """Return the effort that the rigid robot's bodies ask of a driven joint (N,) [N or N m]."""
+    return at.effort_of(joint, at.rigid)
+
+
+def time(at: InMotion, joint: str) -> Array:
+    """Return the time since the recording began (N,) [s]."""
+    return at.motion.time - at.motion.time[0]
+
+
+def travelled(at: InMotion, joint: str) -> Array:
+    """Return the whole way that a joint has gone since the recording began (N,) [m or rad]."""
+    way = np.abs(np.diff(at.position(joint), prepend=at.position(joint)[:1]))
+    way[np.diff(at.motion.piece, prepend=at.motion.piece[:1]) != 0] = 0.0
+    return np.cumsum(way)
+
+
+def direction(at: InMotion, joint: str) -> Array:
+    """Return the direction of a joint's dry friction (N,), between -1 and 1."""
+    return at.dragged(joint, usual_way(at, joint))
+
+
+def hysteresis(at: InMotion, joint: str, way: float) -> Array:
+    """Return the direction of a friction that turns round on a `way` [m or rad] (N,) (Dahl 1968)."""
+    return at.dragged(joint, way)
+
+
+def yielding(at: InMotion, joint: str, reach: float) -> Array:
+    """Return how far a spring is strained that a joint drags along and that slips at `reach` [m or rad] (N,).
+
+    Prandtl's stop operator (Visintin, Differential Models of Hysteresis, ch. 3); a piece begins unstrained.
+    """
+    out = np.zeros(len(at))
+    for where in pieces(at.motion.piece):
+        strain, held = [], 0.0
+        for step in np.diff(at.position(joint)[where], prepend=at.position(joint)[where][:1]).tolist():
+            held = min(max(held + step, -reach), reach)
+            strain.append(held)
+        out[where] = strain
+    return out
+
+
+@dataclass(frozen=True)
+class Known:
+    """A variable: its function of a motion and a joint, its symbol, its unit as powers of 'way', 'effort', 's'."""
+
+    of: Callable[..., Array]
+    symbol: str
+    unit: Mapping[str, int]
+    parameters: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """What it is called in code."""
+        return self.of.__name__
+
+    @property
+    def seen_as(self) -> str:
+        """The variable that it is made of: what turns round follows a position."""
+        return "position" if self.parameters or not self.unit else self.name
+
+    def units(self, joint: str, mechanism: Mechanism) -> dict[str, int]:
+        """Return its unit at a joint, as powers of base units."""
+        out: dict[str, int] = {}
+        for word, power in self.unit.items():
+            for unit, own in _at_joint(word, joint, mechanism).items():
+                out[unit] = out.get(unit, 0) + own * power
+        return out
+
+
+def _at_joint(word: str, joint: str, mechanism: Mechanism) -> Mapping[str, int]:
+    slides = mechanism.joint(joint).slides
+    if word == "way":
+        return {"m": 1} if slides else {"rad": 1}
+    if word == "effort":
+        return {"N": 1} if slides else {"N": 1, "m": 1}
+    return {word: 1}
+
+
+def composed(*powers: tuple[Mapping[str, int], int]) -> str:
+    """Return a product of units to powers as text: 'N m s^2/rad^2'."""
+    total: dict[str, int] = {}
+    for units, power in powers:
+        for unit, own in units.items():
+            total[unit] = total.get(unit, 0) + own * power
+    above, below = (
+        [
+            f"{unit}^{abs(n)}" if abs(n) > 1 else unit
+            for unit in ("N", "m", "rad", "s")
+            if sign * (n := total.get(unit, 0)) > 0
+        ]
+        for sign in (1, -1)
+    )
+    if not below:
+        return " ".join(above)
+    under = below[0] if len(below) == 1 else f"({' '.join(below)})"
+    return f"{' '.join(above) or '1'}/{under}"
+
+
+_WAY: Mapping[str, int] = {"way": 1}
+#: All variables; what turns round by itself has no further shape.
+KNOWN = {
+    known.name: known
+    for known in (
+        Known(position, "q", _WAY),
+        Known(speed, "v", {"way": 1, "s": -1}),
+        Known(load, "load", {"effort": 1}),
+        Known(time, "t", {"s": 1}),
+        Known(travelled, "way", _WAY),
+        Known(direction, "sign(v)", {}),
+        Known(hysteresis, "turning", {}, ("turn",)),
+        Known(yielding, "strain", _WAY, ("reach",)),
+    )
+}

@@ -1,0 +1,127 @@
+"""A formula as the file of a law, which reads like those of the library."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+from ...parameters import Quantity
+from .formula import Formula
+from .shapes import SHAPES
+from .strain_formula import ModuleFormula
+
+__all__ = ["law_file", "word_of"]
+
+
+def word_of(law: Formula | ModuleFormula) -> str:
+    """Return the word of a formula in the vocabulary: its place and its variables, 'elbow_joint_by_speed'."""
+    if isinstance(law, ModuleFormula):
+        place, variables = law.module, [name for name, _ in law.recorded]
+    else:
+        place, names = law.joint, (factor.name for term in law.terms for factor in term.factors)
+        variables = [name for name in dict.fromkeys(names) if name != "direction"]
+    word = re.sub(r"[^a-z0-9]+", "_", f"{place}_by_{'_'.join(variables)}".lower()).strip("_")
+    return word if word[0].isalpha() else f"at_{word}"
+
+
+def law_file(law: Formula | ModuleFormula, source: str, remarks: Sequence[str] = ()) -> str:
+    """Return the text of a Python file with a formula as a law, which `--with` takes.
+
+    source: what it was proposed from; remarks: sentences that a reader should know, as comments.
+    """
+    word = word_of(law)
+    name = "".join(part.capitalize() for part in word.split("_"))
+    of_module = isinstance(law, ModuleFormula)
+    where, what = _of_module(law) if isinstance(law, ModuleFormula) else _of_joint(law)
+    base = "StrainFormula" if of_module else "JointFormula"
+    lines = [
+        f'"""{law.summary[0].upper()}{law.summary[1:]}: proposed from {source}."""',
+        "",
+        f"from prup_pin.laws.formulas import {base}",
+        *(f"from prup_pin.laws.formulas.{room} import {', '.join(sorted(names))}" for room, names in what if names),
+        "from prup_pin.parameters import Quantity",
+        "",
+        *(f"# {remark}" for remark in remarks),
+        *([""] if remarks else []),
+        "",
+        f"class {name}({base}):",
+        f'    """{law.symbol} = {law.equation}."""',
+        "",
+        f'    physics = "{word}"',
+        f'    summary = "{law.summary}"',
+        f'    source = "proposed from {source}"',
+        *where,
+        f'    equation = "{law.equation}"',
+        "    quantities = (",
+        *(f"        {line}" for q in law.quantities for line in _quantity(q)),
+        "    )",
+        f"    neutral = {_mapping(law.neutral.items())}",
+        "    # 95 % intervals, and the ends between which each variable was: beyond them it was never seen",
+        f"    found = {_mapping(law.found.items())}",
+        f"    recorded = {_mapping(law.recorded.items())}",
+        "",
+        *_method(law),
+        "",
+        "",
+        f"LAWS = [{name}]",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+_Parts = tuple[Sequence[str], Sequence[tuple[str, set[str]]]]
+
+
+def _of_joint(law: Formula) -> _Parts:
+    """Return the lines that say where a formula acts and what it is fitted by, and what it is made of, by module."""
+    known = {factor.name for term in law.terms for factor in term.factors}
+    shapes = {term.shape for term in law.terms if term.shape != "linear"}
+    lines = f'    joint = "{law.joint}"', f"    linear = {_tuple(law.linear)}", f"    settled = {_tuple(law.settled)}"
+    return lines, (("known", known), ("shapes", shapes))
+
+
+def _of_module(law: ModuleFormula) -> _Parts:
+    """Return the same of a module's deformation."""
+    lines = f'    module = "{law.module}"', f"    component = {law.component}", f"    of = {law.of}"
+    return lines, (("shapes", {law.shape}),)
+
+
+def _method(law: Formula | ModuleFormula) -> Sequence[str]:
+    """Return the function that computes a formula."""
+    if isinstance(law, ModuleFormula):
+        arguments = ", ".join(("load", *(f'values["{name}"]' for name in SHAPES[law.shape].parameters)))
+        return (
+            "    def deformation(self, load, values):",
+            f'        return values["coefficient"] * {law.shape}({arguments})',
+        )
+    code = [term.code(law.joint, own) for term, own in zip(law.terms, law.named, strict=True)]
+    inside = [f"        return [{code[0]}]"]
+    if len(code) > 1:
+        inside = ["        return [", *(f"            {one}," for one in code), "        ]"]
+    return ("    def columns(self, at, values):", *inside)
+
+
+def _tuple(names: Sequence[str]) -> str:
+    return "(" + "".join(f'"{name}", ' for name in names).rstrip(" " if len(names) == 1 else ", ") + ")"
+
+
+def _mapping(items: Iterable) -> str:
+    return "{" + ", ".join(f"{_value(key)}: {_value(value)}" for key, value in items) + "}"
+
+
+def _value(value) -> str:
+    """Return a value as code: numbers with the digits that matter."""
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, tuple):
+        return f"({', '.join(map(_value, value))})"
+    return f"{float(value):.6g}" if abs(float(value)) < float("inf") else f'float("{value}")'
+
+
+def _quantity(q: Quantity) -> Sequence[str]:
+    bounds = f"lower={_value(q.lower)}, upper={_value(q.upper)}"
+    free = "" if q.positive else "positive=False, "
+    return (
+        "Quantity(",
+        f'    "{q.name}", "{q.unit}", "{q.description}", {_value(q.default)}, {free}{bounds}',
+        "),",
+    )

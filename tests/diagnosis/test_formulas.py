@@ -1,0 +1,170 @@
+"""From a curve to a formula: what is proposed for an axis whose efforts are known, and what another recording says."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from prup_pin import load
+from prup_pin.cli import app
+from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.proposal import proposed_files
+from prup_pin.errors import InputError
+from prup_pin.plugins import along
+from prup_pin.recordings import Recording, read_recording, write_recording
+from prup_pin.testing import check_law
+from prup_pin.views.drawing.diagnosis_figures import formula_figure
+from prup_pin.views.text.diagnosis_words import proposal_lines
+from tests.reference.concealed import draw
+
+from .test_efforts import AXIS
+
+NOISE = 0.5
+
+
+def recorded(effort, n=3000, seed=1, faster=1.0):
+    """Return a recording of the ball-screw axis whose carriage needs an effort [N] by its position, speed and time."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(n) * 0.004
+    slow, fast = 1.1 * faster, 2.9 * faster
+    q = 0.1 * np.sin(slow * time + seed) + 0.05 * np.sin(fast * time + 1)
+    v = 0.1 * slow * np.cos(slow * time + seed) + 0.05 * fast * np.cos(fast * time + 1)
+    a = -0.1 * slow**2 * np.sin(slow * time + seed) - 0.05 * fast**2 * np.sin(fast * time + 1)
+    tau = 95 * a + 40 * v + effort(q, v, time) + NOISE * rng.normal(size=n)
+    return Recording(time=time, positions={"carriage": q}, efforts={"carriage": tau})
+
+
+def bumped(q, v, time):
+    return 30.0 * np.exp(-(((q - 0.03) / 0.02) ** 2))
+
+
+@pytest.fixture(scope="module")
+def carriage():
+    return load(AXIS)
+
+
+@pytest.fixture(scope="module")
+def found(carriage):
+    return diagnose(carriage, recorded(bumped), propose=True)
+
+
+def test_a_bump_is_found_with_its_place_its_width_and_their_intervals(found):
+    (proposal,) = found.proposals
+    assert proposal.law.equation == "coefficient exp(-((q - centre) / width)^2)"
+    for name, truth, unit in (("coefficient", 30.0, "N"), ("centre", 0.03, "m"), ("width", 0.02, "m")):
+        fitted = proposal.parameters[name]
+        assert fitted.unit == unit
+        assert fitted.value == pytest.approx(truth, rel=0.01)
+        assert fitted.interval[0] < truth < fitted.interval[1]
+        assert np.ptp(fitted.interval) < 0.15 * truth
+    assert proposal.share > proposal.of_curve > 0.5
+
+
+def test_it_is_told_with_what_it_was_seen_in_and_drawn_over_what_the_efforts_ask_for(found):
+    (proposal,) = found.proposals
+    lines = proposal_lines(proposal)
+    assert lines[0].startswith("tau = 30")
+    assert any("position of carriage -0.1" in line for line in lines)
+    axes = formula_figure(proposal, proposal.curve).axes[0]
+    (drawn,) = (line for line in axes.lines if str(line.get_label()).startswith("tau = "))
+    assert np.ptp(drawn.get_ydata()) == pytest.approx(30.0, abs=6.0)  # means of neighbours round its peak off
+
+
+def test_its_file_keeps_the_contract_and_explains_the_recording(found, carriage, tmp_path):
+    ((word, text),) = proposed_files(found.proposals, [tmp_path / "bench.csv"])
+    assert 'source = "proposed from bench.csv"' in text
+    path = tmp_path / f"{word}.py"
+    path.write_text(text)
+    with along(path):
+        again = diagnose(carriage, recorded(bumped))
+        (law,) = {item.effect.law for item in again.findings if item.physics == word}
+        check_law(law, carriage)
+        assert again.verdict == "explained"
+        assert [item.word for item in again.judged] == ["confirmed"]
+
+
+@pytest.mark.parametrize(
+    ("effort", "word"),
+    [
+        (bumped, "confirmed"),
+        (lambda q, v, t: 0.0 * q, "refuted"),
+        (lambda q, v, t: 0.7 * bumped(q, v, t), "refuted"),
+        (lambda q, v, t: 0.5 * bumped(q, v, t) + 0.5 * bumped(q + 0.08, v, t), "refuted"),
+    ],
+)
+def test_a_second_recording_confirms_or_refutes_it(found, carriage, tmp_path, effort, word):
+    ((name, text),) = proposed_files(found.proposals, [tmp_path / "bench.csv"])
+    path = tmp_path / f"{name}.py"
+    path.write_text(text)
+    with along(path):
+        (told,) = diagnose(carriage, recorded(effort, seed=2)).judged
+    assert told.word == word
+    assert str(told).startswith(f"{name} is {word}: ")
+
+
+def test_of_noise_nothing_is_proposed(carriage):
+    for seed in range(3):
+        assert not diagnose(
+            carriage, recorded(lambda q, v, t: 0.0 * q, n=1500, seed=seed), propose=["carriage"]
+        ).proposals
+
+
+@pytest.mark.parametrize("n", [10, 40])
+def test_a_few_samples_are_refused_in_a_sentence(carriage, n):
+    with pytest.raises(InputError, match="long"):
+        diagnose(carriage, recorded(bumped, n=n), propose=True)
+
+
+def test_of_a_joint_that_never_moved_nothing_is_proposed(carriage):
+    still = recorded(bumped, n=1500)
+    still = Recording(time=still.time, positions={"carriage": 0 * still.time + 0.01}, efforts=still.efforts)
+    assert not diagnose(carriage, still, propose=["carriage"]).proposals
+
+
+def test_friction_that_gives_energy_to_the_motion_is_told(carriage):
+    pushes = recorded(lambda q, v, t: -100.0 * v - 300.0 * v * np.abs(v))
+    (proposal,) = diagnose(carriage, pushes, propose=["carriage"]).proposals
+    assert any("gives energy to the motion" in text for text in proposal.doubts)
+
+
+def test_the_command_writes_a_file_that_with_takes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        done = CliRunner().invoke(app, [*words, "--robot", str(AXIS), "--no-report"])
+        assert done.exit_code == 0, done.output
+        return " ".join(done.output.split())
+
+    write_recording(recorded(bumped), tmp_path / "bench.csv")
+    write_recording(recorded(bumped, seed=2), tmp_path / "second.csv")
+    said = run("diagnose", "bench.csv", "--out", "found", "--propose", "proposed")
+    assert "A formula for what is left at carriage tau = 30" in said
+    document = json.loads((tmp_path / "found/diagnosis.json").read_text())
+    assert document["proposals"][0]["equation"] == "coefficient exp(-((q - centre) / width)^2)"
+    (path,) = (tmp_path / "proposed").iterdir()
+    assert "carriage_by_position is confirmed" in run("diagnose", "second.csv", "--out", "again", "--with", str(path))
+    document = json.loads((tmp_path / "again/diagnosis.json").read_text())
+    assert document["judged"][0]["word"] == "confirmed"
+
+
+@pytest.mark.slow
+def test_a_belt_that_gives_more_the_more_it_is_pulled_is_a_formula_of_its_load(tmp_path, monkeypatch):
+    robot = load("3prup")
+    monkeypatch.setattr(draw, "ALIENS", {"quadratic": draw.ALIENS["quadratic"]})
+    draw.write(draw.draw(1, ["alien"], (8.0, 30.0)), tmp_path, tmp_path, "it", True)
+    found = diagnose(robot, read_recording(tmp_path / "it.csv"), propose=True)
+    (proposal,) = found.proposals
+    assert proposal.law.equation == "coefficient |load| load"
+    (truth,) = json.loads((tmp_path / "it.truth.json").read_text())["effects"]
+    fitted = proposal.parameters["coefficient"]
+    assert fitted.value == pytest.approx(truth["parameters"]["coefficient"], rel=0.01)
+    assert fitted.interval[0] < truth["parameters"]["coefficient"] < fitted.interval[1]
+    assert fitted.unit == "m/N^2"
+    ((word, text),) = proposed_files(found.proposals, [tmp_path / "it.csv"])
+    path = tmp_path / f"{word}.py"
+    path.write_text(text)
+    with along(path):
+        again = diagnose(robot, read_recording(tmp_path / "it.heldout.csv"))
+    assert [item.word for item in again.judged] == ["confirmed"]
+    assert word in {item.physics for item in again.findings}
