@@ -95,6 +95,9 @@ def along(*files: str | Path) -> Iterator[None]:
     """
     before = os.environ.get(WITH)
     pinned = [f"{path}#{_digest_of(path)}" for path in map(_absolute, files)]
+    if not pinned:
+        yield
+        return
     os.environ[WITH] = os.pathsep.join([*filter(None, [before]), *pinned])
     try:
         yield

@@ -2,6 +2,7 @@
 
 import ast
 import shutil
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import nbformat
@@ -24,7 +25,7 @@ IN_PROCESS = [
 
 @pytest.mark.parametrize("path", IN_A_KERNEL, ids=lambda path: path.stem)
 def test_a_notebook_runs(path, tmp_path):
-    for file in EXAMPLES.iterdir():
+    for file in filter(Path.is_file, EXAMPLES.iterdir()):
         shutil.copy(file, tmp_path)
     notebook = nbformat.read(path, as_version=4)
     NotebookClient(notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": tmp_path}}).execute()
@@ -35,7 +36,7 @@ def test_a_notebook_runs(path, tmp_path):
 
 @pytest.mark.parametrize("path", IN_PROCESS, ids=lambda path: path.stem)
 def test_its_cells_run(path, tmp_path, monkeypatch, remembered):
-    for file in EXAMPLES.iterdir():
+    for file in filter(Path.is_file, EXAMPLES.iterdir()):
         shutil.copy(file, tmp_path)
     monkeypatch.chdir(tmp_path)
     names, shown = {"__name__": "__main__"}, []

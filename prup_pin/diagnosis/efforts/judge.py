@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
-from ...dynamics import InMotion
 from ...laws import Place
-from ...laws.efforts import EFFORT_LAWS, EffortLaw
+from ...laws.efforts import EFFORT_LAWS
 from ...laws.formulas import JointFormula
-from ...mechanism import Mechanism
 from ...numbers import number
-from ...spatial import Array
 from ..chances import WITHIN_95, student_95
 from ..criteria import LITTLE, SURE
 from ..diagnosis import Finding
@@ -24,23 +19,6 @@ from .final_state import FinalState, shows
 from .propose import beside, with_columns
 
 __all__ = ["judged"]
-
-
-@dataclass(frozen=True, eq=False)
-class _AsProposed(EffortLaw):
-    """A formula at the values of its file, of which only how much of it there is, is free."""
-
-    law: JointFormula
-    values: Mapping[str, float]
-    physics: ClassVar[str] = "as proposed"
-    linear: ClassVar[tuple[str, ...]] = ("share",)
-    quantities = ()
-
-    def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return self.law.places(mechanism)
-
-    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return self.law.efforts(place, self.values, at)[..., None]
 
 
 def judged(final: FinalState, findings: Sequence[Finding]) -> Iterator[Judged]:
@@ -60,7 +38,7 @@ def _judged(final: FinalState, law: JointFormula, place: Place, findings: Sequen
     if final.motion.standing or not law.acts(place, final.at):
         return "neither", "what it follows does not move in this recording"
     values = {q.name: float(q.default) for q in law.quantities}  # type: ignore[arg-type]
-    whole = _AsProposed(law, values)
+    whole = law.at_values(values)
     added = final.efforts.at_kept(whole.efforts_per(place, {}, final.at)[..., 0])
     size = np.sqrt(np.mean(added**2, axis=0))
     if not shows(size, final.noise_sizes):

@@ -6,6 +6,7 @@ import re
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -124,6 +125,10 @@ class JointFormula(EffortLaw):
         """Return the equation in numbers."""
         return told_in_numbers(self, values, self.linear)
 
+    def at_values(self, values: Mapping[str, float]) -> EffortLaw:
+        """Return the law of the formula at given values, of which only how much of it there is, is free."""
+        return _AtValues(self, values)
+
     def left_range(self, at: InMotion) -> Iterator[str]:
         """Yield in words where a motion leaves the ranges in which the formula was seen."""
         for (name, joint), (low, high) in self.recorded.items():
@@ -134,6 +139,23 @@ class JointFormula(EffortLaw):
                     f"the {name} of {joint} is outside {number(low, 3)} to {number(high, 3)}, where {self.physics} was "
                     f"seen, in {number(100 * share, 2)} % of the samples: an extrapolation"
                 )
+
+
+@dataclass(frozen=True, eq=False)
+class _AtValues(EffortLaw):
+    """A formula at the values of its file."""
+
+    law: JointFormula
+    values: Mapping[str, float]
+    physics: ClassVar[str] = "as proposed"
+    linear: ClassVar[tuple[str, ...]] = ("share",)
+    quantities = ()
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return self.law.places(mechanism)
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        return self.law.efforts(place, self.values, at)[..., None]
 
 
 @contextmanager
