@@ -254,6 +254,12 @@ def test_a_joint_that_counts_the_other_way_round_is_found_under_a_load(ur5, load
     assert set(told(ur5, log)) == turned
 
 
+@pytest.mark.parametrize("joint", ["elbow_joint", "wrist_1_joint"])
+def test_an_effort_that_is_turned_round_is_found_under_a_load(ur5, loaded_log, joint):
+    efforts = {name: (-1 if name == joint else 1) * tau for name, tau in loaded_log.efforts.items()}
+    assert told(ur5, replace(loaded_log, efforts=efforts)) == [f"tau.{joint}=reversed"]
+
+
 def test_a_load_in_the_tool_is_no_other_unit_of_all_efforts(ur5, loaded_log):
     search = _Search(InMotion.of(ur5, motion_of(loaded_log, ur5)), loaded_log)
     gains = gains_of_efforts(search.motion, search.efforts, search.rigid)

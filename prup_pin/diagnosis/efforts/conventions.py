@@ -426,8 +426,8 @@ class _Search:
         if which and len(which) < len(driven):
             # each joint's for itself: signs of efforts say nothing of one another
             yield tuple(Convention(f"tau.{name}", "reversed") for name in which)
-        if len(driven) == 1:
-            yield (Convention(f"tau.{driven[0]}", "reversed"),)
+        # beside a load each alone as well, which leaves little of what it bears whichever way that counts
+        yield from ((Convention(f"tau.{name}", "reversed"),) for name in driven)
         if len(driven) > 1 and self.all_driven:
             yield from ((Convention("tau", "order", order),) for order in _orders(driven))
         if self.mechanism.loops:
