@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Set
 
 from .columns import OF_THE_TOOL
 from .draft import Guessing, Line
@@ -45,18 +45,22 @@ def _in(log: Log, taken: set[str], dimension: str) -> dict[str, str]:
     """
     found = {}
     for stream in log.streams:
+        called = {without_unit(name).lower() for name in stream.columns}
         for name in stream.columns:
             unit = stream.unit_of(name)
-            if name in taken or {*words_of(name)} & {*WISHED, *OF_THE_TOOL} or _has_siblings(name, stream.columns):
+            if name in taken or {*words_of(name)} & {*WISHED, *OF_THE_TOOL} or _has_siblings(name, called):
                 continue
             if unit is not None and dimension_of(unit) == dimension:
                 found[name] = unit
     return found
 
 
-def _has_siblings(name: str, names: Collection[str]) -> bool:
-    """Return whether another column is called like this one, but for x, y, z or a, b, c at its end."""
+def _has_siblings(name: str, called: Set[str]) -> bool:
+    """Return whether another column is called like this one, but for x, y, z or a, b, c at its end.
+
+    called: names of all of them, in small letters and without units.
+    """
     plain = without_unit(name).lower()
     axes = next((axes for axes in ("xyz", "abc") if plain and plain[-1] in axes), "")
     alike = {plain[:-1] + axis for axis in axes} - {plain}
-    return any(without_unit(other).lower() in alike for other in names)
+    return not alike.isdisjoint(called)

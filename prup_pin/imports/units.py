@@ -66,6 +66,11 @@ _SPELLED = {
 }  # fmt: skip
 
 
+_KNOWN = tuple(unit for units in UNITS.values() for unit in units) + UNSCALED
+#: Units by their letters alone, the first of those that share them.
+_FLAT = {re.sub(r"\s", "", unit).lower(): unit for unit in reversed(_KNOWN)}
+
+
 @dataclass(frozen=True)
 class Unit:
     """SI = factor x value + offset; `needs_scale` where the factor is only known with a scale."""
@@ -84,13 +89,12 @@ def narrow(text: str) -> str:
 def spelled(text: str) -> str | None:
     """Return the unit that a text means, or None."""
     plain = re.sub(r"\s+", " ", narrow(text).strip().strip("[]()").strip())
-    known = [unit for units in UNITS.values() for unit in units] + list(UNSCALED)
-    if plain in known:
+    if plain in _KNOWN:
         return plain
     flat = re.sub(r"[\s._]", "", plain).lower()
     if flat in _SPELLED:
         return _SPELLED[flat]
-    return next((unit for unit in known if re.sub(r"\s", "", unit).lower() == flat and len(flat) > 1), None)
+    return _FLAT.get(flat) if len(flat) > 1 else None
 
 
 def dimension_of(unit: str) -> str | None:
