@@ -11,7 +11,6 @@ from ..dynamics import InMotion, is_standing, motion_of
 from ..errors import InputError
 from ..laws import Effect
 from ..laws.efforts import EffortLaw
-from ..laws.formulas import JointFormula
 from ..mechanism import Mechanism
 from ..recordings import Recording
 from ..robot import Robot
@@ -63,7 +62,7 @@ def efforts_in_motion(
             continue
         for column in range(len(driven)):
             out[rows, column] = np.interp(recording.time[rows], motion.time[own], total[own, column])
-    laws = (effect.law for effect in effects if isinstance(effect.law, JointFormula))
+    laws = (effect.law for effect in effects if isinstance(effect.law, EffortLaw))
     beyond = [text for law in laws for text in law.left_range(at)]
     return dict(zip(driven, out.T, strict=True)), (*motion.remarks, *beyond)
 

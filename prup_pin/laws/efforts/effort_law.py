@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from enum import Enum
 from typing import ClassVar
@@ -187,6 +187,10 @@ class EffortLaw(Law):
     def acts(self, place: Place, at: InMotion) -> bool:
         """Return whether this motion can show it at all: the joint is driven, or moves."""
         return True
+
+    def left_range(self, at: InMotion) -> Iterable[str]:
+        """Return in words where a motion leaves the ranges in which the law was seen, if it was seen in some alone."""
+        return ()
 
 
 #: Shares of a joint's travel on which its friction may turn round; the first is where a search begins.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,13 +15,14 @@ from ...dynamics import InMotion
 from ...errors import InputError
 from ...mechanism import Mechanism
 from ...numbers import number, quantity
+from ...parameters import Quantity
 from ...spatial import Array
 from ..efforts.effort_law import EFFORT, EffortLaw
 from ..efforts.variables import VARIABLES
 from ..law import Law, Place
 from .known import KNOWN
 
-__all__ = ["JointFormula", "said_of", "told_in_numbers"]
+__all__ = ["JointFormula", "said_of", "told_in_numbers", "with_defaults"]
 
 #: A place moves by this part of the way between its bounds where a size becomes e times as large: about a third of the
 #: range in which it may lie.
@@ -130,7 +131,6 @@ class JointFormula(EffortLaw):
         return _AtValues(self, values)
 
     def left_range(self, at: InMotion) -> Iterator[str]:
-        """Yield in words where a motion leaves the ranges in which the formula was seen."""
         for (name, joint), (low, high) in self.recorded.items():
             values, margin = KNOWN[name].of(at, joint), _MARGIN * (high - low)
             share = float(((values < low - margin) | (values > high + margin)).mean())
@@ -167,6 +167,11 @@ def said_of(law: Law, name: str) -> Iterator[None]:
         raise InputError(
             f"{law.physics}: '{name}' fails: {type(error).__name__}: {error}; correct the formula"
         ) from error
+
+
+def with_defaults(quantities: Iterable[Quantity], values: Mapping[str, float]) -> tuple[Quantity, ...]:
+    """Return parameters with values as their defaults."""
+    return tuple(replace(q, default=values[q.name]) for q in quantities)
 
 
 def told_in_numbers(law: Any, values: Mapping[str, float], linear: Sequence[str]) -> str:
