@@ -7,7 +7,7 @@ where the tool calibrates, a list `calibration`. Nothing here knows the package.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +97,12 @@ def marks(answer: Answer, truth: Mapping[str, Any]) -> dict[str, Any]:
         "false": [item["physics"] for item in found if not named_places(item) & set(truth["beyond"])],
         "inside": [] if truth["effects"] or truth["misjudged"] else held(answer, truth["scatter"]),
     }
+
+
+def by_robot(trials: Sequence[Mapping[str, Any]], robots: Iterable[str]) -> dict[str, list[Mapping[str, Any]]]:
+    """Return trials by the columns of a table: all of them, and those of each robot that has some."""
+    groups = {"all": list(trials)} | {name: [t for t in trials if t["robot"] == name] for name in robots}
+    return {name: mine for name, mine in groups.items() if mine}
 
 
 def named_places(finding: Mapping[str, Any]) -> set[str]:

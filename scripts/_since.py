@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from _benchmark import by_robot
 from _scattered import robot_file
 
 import prup_pin
@@ -132,8 +133,7 @@ def told(result: Mapping[str, Any]) -> str:
 
 def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str]) -> str:
     """Return the tables as Markdown; `share(hits, total)` writes a share."""
-    groups = {"all": list(trials)} | {name: [t for t in trials if t["robot"] == name] for name in ROBOTS}
-    groups = {name: mine for name, mine in groups.items() if mine}
+    groups = by_robot(trials, ROBOTS)
     lines = [f"| question | {' | '.join(groups)} |", "|---|" + "---|" * len(groups)]
 
     def row(question: str, answer: Callable[[list], str]) -> None:

@@ -307,16 +307,18 @@ def diagnose(
         written += [propose / name for name in laws]
         if not laws:
             typer.echo("No formula is proposed: nothing unknown follows what a joint knows better than chance would.\n")
-    list_written(written)
-    if missing:
-        typer.echo(f"Left out: {REPORT}: {missing}")
+    list_written(written, [f"{REPORT}: {missing}"] if missing else ())
+
+
+#: A folder of which a command takes what it has answered before.
+KeptFolder = Annotated[
+    Path, typer.Option("--out", metavar="DIR", help="Folder for what was found; goes on with what is there.")
+]
 
 
 def follow(
     recordings: RecordingFiles,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for what was found; goes on with what is there.")
-    ],
+    out: KeptFolder,
     robot: RobotOption = None,
     tolerances: TolerancesOption = None,
     convention: ConventionOption = None,
@@ -337,16 +339,12 @@ def follow(
         life = followed(loaded, read, out, robot_name=name, reading=understood, tell=tell)
     written, missing = write_life(life, loaded, out)
     print_life(terminal.console(), life)
-    list_written(written)
-    for text in missing:
-        typer.echo(f"Left out: {text}")
+    list_written(written, missing)
 
 
 def fleet(
     recordings: RecordingFiles,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for what was found; goes on with what is there.")
-    ],
+    out: KeptFolder,
     robot: RobotOption = None,
     tolerances: TolerancesOption = None,
     convention: ConventionOption = None,
@@ -370,9 +368,7 @@ def fleet(
         found = together(devices, out, robot_name=name, reading=understood, executor=executor, tell=show)
     written, missing = write_fleet(found, out, name)
     print_fleet(terminal.console(), found)
-    list_written(written)
-    for text in missing:
-        typer.echo(f"Left out: {text}")
+    list_written(written, missing)
 
 
 def calibrate(

@@ -115,9 +115,11 @@ def write(path: Path, content: str, option: str) -> None:
         raise InputError(f"{option}: cannot write '{path}': {error.strerror or error}") from error
 
 
-def list_written(paths: Iterable[Path]) -> None:
-    """Say which files there are now."""
+def list_written(paths: Iterable[Path], missing: Iterable[str] = ()) -> None:
+    """Say which files there are now, and which are missing and why."""
     typer.echo("\nWritten: " + "\n         ".join(map(str, paths)))
+    for text in missing:
+        typer.echo(f"Left out: {text}")
 
 
 def say_written(page: Path, open_browser: bool) -> None:

@@ -41,7 +41,7 @@ from .evidence import (
 )
 from .findings import no_noise, too_few, unrecorded_load
 from .noise import noise_of_the_rest
-from .prepare import Prepared, Tell, prepare
+from .prepare import Prepared, Tell, prepare, silent
 from .problem import Fit, Problem
 from .propose_strain import strain_judged, strain_proposals
 from .search import Selection, dropped_by_folds, select, with_one_law
@@ -51,10 +51,6 @@ from .unrecorded_load import reaches, unrecorded_force
 from .verdict import verdict_of
 
 __all__ = ["diagnose"]
-
-
-def _silent(stage: str, share: float) -> None:
-    pass
 
 
 def _only_forward(tell: Tell) -> Tell:
@@ -75,7 +71,7 @@ def diagnose(
     *,
     against: CorrectedModel | None = None,
     propose: bool | Sequence[str] = False,
-    tell: Tell = _silent,
+    tell: Tell = silent,
 ) -> Diagnosis:
     """Return what a recording, or several of one device, say that the simulation of `robot` left out.
 

@@ -42,10 +42,23 @@ from .registration import OWN_STATIONS, Registered, own_frames, registered, worl
 from .since import Earlier
 from .spread import Spread, spread_of
 
-__all__ = ["Prepared", "Tell", "allowed_of_markers", "check_belongs", "prepare", "unused_columns", "what_is_missing"]
+__all__ = [
+    "Prepared",
+    "Tell",
+    "allowed_of_markers",
+    "check_belongs",
+    "prepare",
+    "silent",
+    "unused_columns",
+    "what_is_missing",
+]
 
 
 Tell = Callable[[str, float], None]
+
+
+def silent(stage: str, share: float) -> None:
+    """Tell nothing."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -81,10 +81,11 @@ def strain_judged(problem: Problem, final: Final) -> Iterator[Judged]:
 
 
 def _judged(problem: Problem, final: Final, law: StrainFormula) -> tuple[str, str]:
-    place = next(iter(law.places(problem.simulator.robot.mechanism)), None)
+    mechanism = problem.simulator.robot.mechanism
+    place = next(iter(law.places(mechanism)), None)
     if place is None:
         return "neither", f"this robot has no module {law.module}"
-    values = {q.name: float(q.default) for q in law.quantities}  # type: ignore[arg-type]
+    values = law.starts(place, mechanism)[0]
     own = next((item for item in final.laws if item.effect is not None and item.effect.law is law), None)
     if own is None:
         fit = final.fit

@@ -20,7 +20,7 @@ from .efforts.evidence import gradients
 from .efforts.prepare import PreparedEfforts
 from .efforts.with_poses import has_efforts, has_poses, unused_by_efforts
 from .identify import not_detectable
-from .prepare import prepare, unused_columns
+from .prepare import prepare, silent, unused_columns
 from .search import Selection
 
 __all__ = ["Excitation", "Prospects", "prospects"]
@@ -67,7 +67,7 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
         hidden: list[Detectable] = []
         alike: list[tuple[str, str]] = []
         if poses:
-            given = prepare(drawn, recording, lambda stage, share: None)
+            given = prepare(drawn, recording, silent)
             remarks += given.remarks
             problem = given.within_tolerances(given.problem)
             hidden += not_detectable(problem, problem.first, Selection.nothing(problem.first, given.library))

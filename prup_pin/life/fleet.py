@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import Executor, Future
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ from ..diagnosis.chances import WITHIN_95
 from ..diagnosis.corrected import corrected_model
 from ..diagnosis.criteria import LITTLE, MOST_LISTED, ROUNDING
 from ..diagnosis.diagnose import diagnose
-from ..errors import InputError, PrupPinError
+from ..errors import InputError
 from ..laws.deviations import Calibration, calibration_of
 from ..loading import Reading
 from ..numbers import some
@@ -33,8 +33,8 @@ from ..robot import Robot
 from ..simulation import CorrectedModel
 from ..simulation.model_file import model_document
 from ..spatial import Array
-from ..sweep.running import is_ours
-from .follow import KEPT, digest_of, digest_of_parts, digest_of_robot, named_in_errors
+from ..sweep.running import returned
+from .follow import KEPT, check_given_once, digest_of, digest_of_parts, digest_of_robot, keep_arrays, named_in_errors
 from .life import Answer, answer_of, linearised
 from .random_effects import COMMON, Likelihoods, mixed_model
 
@@ -117,13 +117,9 @@ def devices_of(recordings: Sequence[Recording]) -> list[Device]:
     """
     stems = [Path(item.path).stem for item in recordings]
     names = stems if len(set(stems)) == len(stems) else [Path(item.path).resolve().parent.name for item in recordings]
-    seen: dict[str, str] = {}
+    check_given_once(recordings, [item.path for item in recordings])
     found: dict[str, list[Recording]] = {}
     for item, name in zip(recordings, names, strict=True):
-        key = digest_of(item)
-        if key in seen:
-            raise InputError(f"{item.path} is the same recording as {seen[key]}; give each once")
-        seen[key] = item.path
         found.setdefault(item.device or name, []).append(item)
     if len(found) < 3:
         raise InputError(
@@ -263,15 +259,7 @@ def _tasks(
         except RuntimeError:  # a pool that has lost a worker takes nothing more
             futures.append(None)
     for place, job, future in zip(places, jobs, futures, strict=True):
-        found = None
-        if future is not None:
-            try:
-                found = future.result()
-            except PrupPinError:
-                raise
-            except (CancelledError, Exception) as error:  # executors have their own words for a lost worker
-                if is_ours(error):
-                    raise
+        found = None if future is None else returned(future)
         yield place, found or _asked(*job), executor is not None and found is None
 
 
@@ -284,9 +272,7 @@ def _keep(kept: Path, key: str, name: str, said: _Said, folder: Path) -> None:
     models.mkdir(exist_ok=True)
     write_whole({models / f"{_file_name(name)}.json": json_lines(said.model)})
     about = json.dumps({"answer": asdict(said.answer), "names": said.names})
-    part = kept / f"{key}.part.npz"
-    np.savez(part, about=np.array(about), precision=said.precision, score=said.score)
-    part.replace(kept / f"{key}.npz")
+    keep_arrays(kept / f"{key}.npz", about=np.array(about), precision=said.precision, score=said.score)
 
 
 def _file_name(name: str) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, fields
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from .. import __version__
 from ..diagnosis.corrected import corrected_model
 from ..diagnosis.criteria import LITTLE, MOST_LISTED
 from ..diagnosis.diagnose import diagnose
-from ..diagnosis.prepare import Tell
+from ..diagnosis.prepare import Tell, silent
 from ..errors import InputError
 from ..loading import Reading
 from ..numbers import some
@@ -33,20 +34,18 @@ from .life import Answer, Evidence, Life, answer_of, evidence_of, followed, life
 __all__ = [
     "KEPT",
     "MODEL",
+    "check_given_once",
     "digest_of",
     "digest_of_parts",
     "digest_of_robot",
     "follow",
     "in_order_of_time",
+    "keep_arrays",
     "named_in_errors",
 ]
 
 #: In the folder of a life: the corrected model of its first recording, and what each recording answered.
 MODEL, KEPT = "first_model.json", "kept"
-
-
-def _silent(stage: str, share: float) -> None:
-    pass
 
 
 def follow(
@@ -56,7 +55,7 @@ def follow(
     *,
     robot_name: str,
     reading: Reading | None = None,
-    tell: Tell = _silent,
+    tell: Tell = silent,
 ) -> Life:
     """Return what changed during a machine's life, by its recordings.
 
@@ -140,12 +139,7 @@ def _check(recordings: Sequence[Recording], names: Sequence[str]) -> None:
             f"{'one recording' if recordings else 'no recording'} is no life: expected two or more of one device. What "
             "a single one says, prup-pin diagnose tells"
         )
-    seen: dict[str, str] = {}
-    for item, name in zip(recordings, names, strict=True):
-        key = digest_of(item)
-        if key in seen:
-            raise InputError(f"{name} is the same recording as {seen[key]}; give each once")
-        seen[key] = name
+    check_given_once(recordings, names)
     for what, of in (
         ("robot", lambda item: Path(item.robot).stem if item.robot else ""),
         ("device", lambda x: x.device),
@@ -157,6 +151,16 @@ def _check(recordings: Sequence[Recording], names: Sequence[str]) -> None:
                     f"{name} is of {what} '{of(item)}', and {first[1]} of '{first[0]}' ({what} in their JSON files). "
                     "Expected recordings of one device: follow each by itself"
                 )
+
+
+def check_given_once(recordings: Sequence[Recording], names: Sequence[str]) -> None:
+    """Raise InputError where two recordings are the same."""
+    seen: dict[str, str] = {}
+    for item, name in zip(recordings, names, strict=True):
+        key = digest_of(item)
+        if key in seen:
+            raise InputError(f"{name} is the same recording as {seen[key]}; give each once")
+        seen[key] = name
 
 
 @contextmanager
@@ -246,13 +250,18 @@ def _kept_document(folder: Path, key: str, make: Callable[[], dict[str, Any]]) -
     return json.loads(path.read_text(encoding="utf-8"))
 
 
+def keep_arrays(path: Path, **arrays: Any) -> None:
+    """Write arrays by name, all of them or none."""
+    held = BytesIO()
+    np.savez(held, **arrays)
+    write_whole({path: [held.getvalue()]})
+
+
 def _kept_evidence(folder: Path, key: str, make: Callable[[], Evidence]) -> Evidence:
     """Return the evidence of this key, made and written where there is none yet."""
     path = folder / KEPT / f"{key}.npz"
     if not path.exists():
         made = make()
-        part = path.with_suffix(".part.npz")
-        np.savez(part, precision=made.precision, score=made.score, library=made.library)
-        part.replace(path)
+        keep_arrays(path, precision=made.precision, score=made.score, library=made.library)
     with np.load(path) as found:
         return Evidence(found["precision"], found["score"], int(found["library"]))

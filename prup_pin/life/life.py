@@ -22,7 +22,7 @@ from ..diagnosis.conventions import read_logs
 from ..diagnosis.criteria import INDISTINCT, LITTLE, ROUNDING
 from ..diagnosis.diagnosis import Diagnosis, FittedParameter
 from ..diagnosis.influence import Influence
-from ..diagnosis.prepare import Prepared, prepare
+from ..diagnosis.prepare import Prepared, prepare, silent
 from ..diagnosis.since import Earlier
 from ..errors import InputError
 from ..laws import Effect
@@ -277,7 +277,7 @@ def linearised(robot: Robot, recordings: Sequence[Recording], model: CorrectedMo
     """Return recordings linearised about what a model of their device says."""
     earlier = Earlier.of(model, robot, recordings)
     logs = read_logs(robot, [earlier.as_compared(item) for item in recordings])
-    prepared = prepare(robot, logs.recordings, _silent, earlier=earlier)
+    prepared = prepare(robot, logs.recordings, silent, earlier=earlier)
     problem, toleranced = prepared.problem, prepared.toleranced
     simulator, zero = problem.simulator, np.zeros(len(toleranced))
     start = Influence(simulator, simulator.run([toleranced.effect(zero)], problem.nominal.run), problem.stack)
@@ -320,10 +320,6 @@ def evidence_of(
     if first:
         precision[:p, :p], score[:p] = np.eye(p), 0.0
     return Evidence(precision, score, len(prepared.library))
-
-
-def _silent(stage: str, share: float) -> None:
-    pass
 
 
 def _residual(prepared: Prepared, at: Influence) -> Array:

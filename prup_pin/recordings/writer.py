@@ -225,6 +225,15 @@ def write_whole(files: Mapping[Path, Iterable[str | bytes]]) -> None:
                 part.unlink(missing_ok=True)
 
 
+def check_folder_for(folder: Path, names: Iterable[str], option: str = "--out") -> None:
+    """Raise InputError, before anything is computed, where a file of a folder would replace what it must not."""
+    try:
+        for name in names:
+            check_replaceable(folder / name)
+    except (InputError, OSError) as error:
+        raise InputError(f"{option}: {error}") from error
+
+
 def write_folder(folder: Path, files: Mapping[str, Iterable[str]], known: Iterable[str]) -> None:
     """Write text files of a folder, by their names: all of them are there, or all that were before.
 

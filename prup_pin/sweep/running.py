@@ -6,13 +6,16 @@ import pickle
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
 from functools import lru_cache
+from typing import TypeVar
 
 from ..errors import PrupPinError
 from ..spatial import Array
 from .engine import Answer, Engine
 from .places import Places
 
-__all__ = ["PART", "is_ours", "solved_parts"]
+__all__ = ["PART", "returned", "solved_parts"]
+
+T = TypeVar("T")
 
 #: Poses of one part.
 PART = 8192
@@ -88,15 +91,7 @@ def _answers(
     lost = 0
     while waiting:
         start, future = waiting.pop(0)
-        answer = None
-        if future is not None:
-            try:
-                answer = future.result()
-            except PrupPinError:
-                raise
-            except (CancelledError, Exception) as error:  # executors have their own words for a lost worker
-                if is_ours(error):
-                    raise
+        answer = None if future is None else returned(future)
         if answer is None:
             lost += 1
             answer = solved(start)
@@ -111,7 +106,19 @@ def _answers(
         )
 
 
-def is_ours(error: BaseException) -> bool:
+def returned(future: Future[T]) -> T | None:
+    """Return what a task returned; None where its worker was lost. Raises what the computation itself raises."""
+    try:
+        return future.result()
+    except PrupPinError:
+        raise
+    except (CancelledError, Exception) as error:  # executors have their own words for a lost worker
+        if _is_ours(error):
+            raise
+    return None
+
+
+def _is_ours(error: BaseException) -> bool:
     """Return True for an error of the computation itself, which another try would meet again."""
     return isinstance(error, ArithmeticError | AssertionError | AttributeError | LookupError | TypeError | ValueError)
 

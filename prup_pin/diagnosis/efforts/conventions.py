@@ -340,13 +340,7 @@ class _Search:
             return None
         dynamics = self.at.dynamics
         held = dynamics.regressor(dynamics.trajectory(motion), motion.gravity)[:, :, tool.joint - 1, :4]
-        table, values = [], []
-        for column, name in enumerate(motion.driven):
-            size = float(np.linalg.norm(efforts[:, column]))
-            if size > 0:
-                table.append(_freed(motion, name, held[:, column]) / size)
-                values.append(_freed(motion, name, efforts[:, column] - rigid[:, column]) / size)
-        mass, *moments = x = np.linalg.lstsq(np.concatenate(table), np.concatenate(values), rcond=1e-8)[0]
+        mass, *moments = x = _common(motion, efforts, rigid, held)
         links = [float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements]
         reach = max(links) + float(np.linalg.norm(tool.placement[:3, 3]))
         possible = 0 < mass < sum(float(body.mass) for body in model.inertias)
@@ -529,18 +523,12 @@ class _Search:
 
     def _hung(self, recording: Recording) -> Array:
         """Return what is left of each joint (k,) where gravity may pull any way, which turned columns imitate."""
-        table, values = [], []
         motion, efforts, noise = self.read(recording)
         never = np.full(efforts.shape[1], np.inf)
         if not self.mechanism.gravity.any():
             return never
         pulled = np.stack([self.at.rigid_under(axis)[self.rows] for axis in np.eye(3)], axis=-1)
-        for column, name in enumerate(motion.driven):
-            size = float(np.linalg.norm(efforts[:, column]))
-            if size > 0:
-                table.append(_freed(motion, name, pulled[:, column]) / size)
-                values.append(_freed(motion, name, efforts[:, column] - self.rigid[:, column]) / size)
-        more = np.linalg.lstsq(np.concatenate(table), np.concatenate(values), rcond=1e-8)[0]
+        more = _common(motion, efforts, self.rigid, pulled)
         if not could_be_gravity(self.mechanism.gravity + more, self.mechanism):
             return never
         return shares_of_efforts(motion, efforts, self.rigid + pulled @ more, noise)
@@ -623,6 +611,20 @@ def _freed(motion: Motion, joint: str, values: Array) -> Array:
         return values
     table = _friction(motion, joint)
     return values - table @ np.linalg.lstsq(table, values, rcond=1e-10)[0]
+
+
+def _common(motion: Motion, efforts: Array, rigid: Array, columns: Array) -> Array:
+    """Return the coefficients (c,) of columns (n, k, c) that fit best what rigid efforts leave of those (n, k).
+
+    They are those of all joints, each of which counts by the size of its efforts; friction is free.
+    """
+    table, values = [], []
+    for column, name in enumerate(motion.driven):
+        size = float(np.linalg.norm(efforts[:, column]))
+        if size > 0:
+            table.append(_freed(motion, name, columns[:, column]) / size)
+            values.append(_freed(motion, name, efforts[:, column] - rigid[:, column]) / size)
+    return np.linalg.lstsq(np.concatenate(table), np.concatenate(values), rcond=1e-8)[0]
 
 
 def _friction(motion: Motion, joint: str) -> Array:

@@ -37,7 +37,7 @@ def judged(final: FinalState, findings: Sequence[Finding]) -> Iterator[Judged]:
 def _judged(final: FinalState, law: JointFormula, place: Place, findings: Sequence[Finding]) -> tuple[str, str]:
     if final.motion.standing or not law.acts(place, final.at):
         return "neither", "what it follows does not move in this recording"
-    values = {q.name: float(q.default) for q in law.quantities}  # type: ignore[arg-type]
+    values = law.starts(place, final.mechanism)[0]
     whole = law.at_values(values)
     added = final.efforts.at_kept(whole.efforts_per(place, {}, final.at)[..., 0])
     size = np.sqrt(np.mean(added**2, axis=0))

@@ -13,7 +13,7 @@ from ...dynamics import InMotion
 from ...mechanism import Mechanism
 from ...parameters import Quantity
 from ...spatial import Array
-from .joint_formula import JointFormula
+from .joint_formula import JointFormula, with_defaults
 from .known import KNOWN, composed
 from .shapes import SHAPES
 
@@ -196,7 +196,7 @@ class Formula(JointFormula):
 
     def with_values(self, values: Mapping[str, float], found: Mapping[str, tuple[float, float]]) -> Formula:
         """Return the formula with fitted values as defaults, and their 95 % intervals."""
-        return replace(self, quantities=tuple(replace(q, default=values[q.name]) for q in self.quantities), found=found)
+        return replace(self, quantities=with_defaults(self.quantities, values), found=found)
 
     def columns(self, at: InMotion, values: Mapping[str, float]) -> Sequence[Array]:
         return [

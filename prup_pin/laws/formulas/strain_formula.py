@@ -17,7 +17,7 @@ from ..deeds import Deed, ExtraStrain, Strain
 from ..drawn import load_units
 from ..law import Law, Place
 from ..setup import Setup
-from .joint_formula import said_of, told_in_numbers
+from .joint_formula import said_of, told_in_numbers, with_defaults
 from .shapes import SHAPES, Shape
 
 __all__ = ["ModuleFormula", "StrainFormula", "strain_library"]
@@ -131,7 +131,7 @@ class ModuleFormula(StrainFormula):
 
     def with_values(self, values: Mapping[str, float], found: Mapping[str, tuple[float, float]]) -> ModuleFormula:
         """Return the formula with fitted values as defaults, and their 95 % intervals."""
-        return replace(self, quantities=tuple(replace(q, default=values[q.name]) for q in self.quantities), found=found)
+        return replace(self, quantities=with_defaults(self.quantities, values), found=found)
 
 
 def strain_library(

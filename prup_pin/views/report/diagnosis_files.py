@@ -12,7 +12,7 @@ from ...diagnosis.corrected import corrected_model, planned
 from ...errors import InputError, MissingExtraError
 from ...loading import Reading
 from ...recordings import Recording
-from ...recordings.writer import check_replaceable, json_lines, text_of, write_folder
+from ...recordings.writer import check_folder_for, json_lines, text_of, write_folder
 from ...robot import Robot
 from ...simulation import as_recorded
 from ...simulation.model_file import model_document
@@ -36,11 +36,7 @@ def missing_for_report() -> str:
 
 def check_before(folder: Path, recordings: Sequence[Path]) -> None:
     """Raise InputError, before anything is computed, where a file would replace what it must not."""
-    try:
-        for name in FILES:
-            check_replaceable(folder / name)
-    except (InputError, OSError) as error:
-        raise InputError(f"--out: {error}") from error
+    check_folder_for(folder, FILES)
     for recording in recordings:
         for name in (VERDICT, MODEL, PLAN):
             if (folder / name).resolve() == recording.with_suffix(".json").resolve():

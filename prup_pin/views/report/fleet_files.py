@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from ... import __version__
-from ...errors import InputError, MissingExtraError
+from ...errors import MissingExtraError
 from ...life.fleet import Fleet
-from ...recordings.writer import check_replaceable, json_lines, write_folder
+from ...recordings.writer import check_folder_for, json_lines, write_folder
 from ...sweep.table import write_table
 from ..text.fleet_words import fleet_verdict
 from .as_json import dump, plain
@@ -21,11 +21,7 @@ DOCUMENT, TOLERANCES, TABLE = "fleet.json", "tolerances.json", "fleet.parquet"
 
 def check_fleet(folder: Path) -> None:
     """Raise InputError, before anything is computed, where a file would replace what it must not."""
-    try:
-        for name in (DOCUMENT, TOLERANCES, TABLE):
-            check_replaceable(folder / name)
-    except (InputError, OSError) as error:
-        raise InputError(f"--out: {error}") from error
+    check_folder_for(folder, (DOCUMENT, TOLERANCES, TABLE))
 
 
 def write_fleet(fleet: Fleet, folder: Path, robot_name: str) -> tuple[list[Path], list[str]]:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ... import __version__
-from ...errors import InputError, MissingExtraError
+from ...errors import MissingExtraError
 from ...life.life import Life
-from ...recordings.writer import check_replaceable, text_of, write_whole
+from ...recordings.writer import check_folder_for, text_of, write_whole
 from ...robot import Robot
 from ...sweep.table import write_table
 from ..text.life_words import by_how_much, change_sentence, life_verdict, recording_rows_of, seen_texts
@@ -23,11 +23,7 @@ DOCUMENT, PAGE, TABLE = "life.json", "life.html", "life.parquet"
 
 def check_life(folder: Path) -> None:
     """Raise InputError, before anything is computed, where a file would replace what it must not."""
-    try:
-        for name in (DOCUMENT, PAGE, TABLE):
-            check_replaceable(folder / name)
-    except (InputError, OSError) as error:
-        raise InputError(f"--out: {error}") from error
+    check_folder_for(folder, (DOCUMENT, PAGE, TABLE))
 
 
 def write_life(life: Life, robot: Robot, folder: Path) -> tuple[list[Path], list[str]]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from . import draw
 from .scatter import draw_scatter
-from .scattered import KINDS, WEIGHT
+from .scattered import KINDS, draw_always
 
 #: True tolerances beside a workshop's ordinary ones, and declared ones beside the true ones.
 TRUE, DECLARED = (0.5, 3.0), (0.7, 2.5)
@@ -39,7 +39,7 @@ def draw_fleet(seed: int, robot: str, poses: int, count: int = 20) -> dict[str, 
         for name, ends, sign in ((wrong, WRONG, rng.choice([-1.0, 1.0])), (apart, APART, 1.0))
     )
     who = int(rng.integers(count))
-    always = dict(WEIGHT) | ({"branches": draw.pick(rng, ["hub", "distributed"])} if robot == "3prup" else {})
+    always = draw_always(rng, robot)
     records, scatters = [], []
     for device in range(count):
         scatter = draw_scatter(rng, kind.parameters, true)

@@ -16,7 +16,7 @@ import numpy as np
 from . import draw
 from .draw import Candidate, scaled
 from .scatter import draw_scatter
-from .scattered import COARSER, FINER, KINDS, WEIGHT, places
+from .scattered import KINDS, draw_always, draw_tolerances, places
 from .since import FIRST, MOVED, TURNED
 
 #: What happens, in turn.
@@ -35,14 +35,9 @@ def draw_life(seed: int, robot: str, what: str, poses: tuple[int, int], count: i
     """
     kind = KINDS[robot]
     rng = np.random.default_rng([seed, 29, LIVES.index(what)])
-    used = set(kind.parameters.values())
-    tolerances = {
-        key: float(f"{value * np.exp(rng.uniform(np.log(FINER), np.log(COARSER))):.2g}")
-        for key, value in kind.tolerances.items()
-        if key in used
-    }
+    tolerances = draw_tolerances(rng, kind)
     scatter = draw_scatter(rng, kind.parameters, tolerances)
-    always = dict(WEIGHT) | ({"branches": draw.pick(rng, ["hub", "distributed"])} if robot == "3prup" else {})
+    always = draw_always(rng, robot)
     runs = [kind.programme(rng, poses[0 if k == 0 else 1]) for k in range(count)]
     scale = np.array([kind.noise["position"]] * 3 + [kind.noise["rotation"]] * 3)
     days = np.cumsum([0, *rng.integers(*DAYS, count - 1)])

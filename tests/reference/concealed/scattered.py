@@ -285,6 +285,21 @@ KINDS: dict[str, Kind] = {
 
 
 # ---------------------------------------------------------------------------------------------- device and files
+def draw_tolerances(rng, kind: Kind) -> dict[str, float]:
+    """True tolerances of a robot's parameters, by their kinds: finer or coarser than a workshop's ordinary ones."""
+    used = set(kind.parameters.values())
+    return {
+        key: float(f"{value * np.exp(rng.uniform(np.log(FINER), np.log(COARSER))):.2g}")
+        for key, value in kind.tolerances.items()
+        if key in used
+    }
+
+
+def draw_always(rng, robot: str) -> dict[str, Any]:
+    """What acts on every robot: its weight, of a 3-PRUP in one of two ways."""
+    return dict(WEIGHT) | ({"branches": draw.pick(rng, ["hub", "distributed"])} if robot == "3prup" else {})
+
+
 def draw_scattered(
     seed: int,
     robot: str = "3prup",
@@ -302,17 +317,10 @@ def draw_scattered(
     kind = KINDS[robot]
     rng = np.random.default_rng([seed, 11])
     noise = {name: sensors * value for name, value in kind.noise.items()}
-    used = set(kind.parameters.values())
-    actual = {
-        key: float(f"{value * np.exp(rng.uniform(np.log(FINER), np.log(COARSER))):.2g}")
-        for key, value in kind.tolerances.items()
-        if key in used
-    }
+    actual = draw_tolerances(rng, kind)
     declared = {key: value * (float(rng.choice([0.5, 2.0])) if misjudged else 1.0) for key, value in actual.items()}
     scatter = draw_scatter(rng, kind.parameters, actual)
-    always = dict(WEIGHT)
-    if robot == "3prup":
-        always["branches"] = draw.pick(rng, ["hub", "distributed"])
+    always = draw_always(rng, robot)
     warm = "thermal_growth" in effects or bool(rng.random() < 0.15)
     fit, held = (kind.programme(rng, n, warm) for n in poses)
     chosen, truths = [], []

@@ -14,7 +14,7 @@ import numpy as np
 from . import draw
 from .draw import Candidate, scaled
 from .scatter import draw_scatter
-from .scattered import COARSER, FINER, KINDS, WEIGHT, places
+from .scattered import KINDS, draw_always, draw_tolerances, places
 
 #: What happens in between, in turn.
 CHANGES = ("play grown", "stiffness lost", "tracker moved", "nothing")
@@ -33,14 +33,9 @@ def draw_pair(seed: int, robot: str, change: str, poses: tuple[int, int]) -> dic
     """
     kind = KINDS[robot]
     rng = np.random.default_rng([seed, 28, CHANGES.index(change)])
-    used = set(kind.parameters.values())
-    tolerances = {
-        key: float(f"{value * np.exp(rng.uniform(np.log(FINER), np.log(COARSER))):.2g}")
-        for key, value in kind.tolerances.items()
-        if key in used
-    }
+    tolerances = draw_tolerances(rng, kind)
     scatter = draw_scatter(rng, kind.parameters, tolerances)
-    always = dict(WEIGHT) | ({"branches": draw.pick(rng, ["hub", "distributed"])} if robot == "3prup" else {})
+    always = draw_always(rng, robot)
     runs = [kind.programme(rng, count) for count in poses]
     scale = np.array([kind.noise["position"]] * 3 + [kind.noise["rotation"]] * 3)
 
