@@ -131,7 +131,12 @@ class InMotion:
     def travel(self, joint: str) -> Travel:
         """Return the travel of a joint [m or rad]."""
         if joint not in self._travels:
-            self._travels[joint] = self.travel_of(self.position(joint))
+            trace = self.motion.trace
+            if trace is not None and joint in self.motion.names:
+                path, parts, keep, every = trace
+                self._travels[joint] = Travel(path[:, self.motion.names.index(joint)], parts, keep, every)
+            else:
+                self._travels[joint] = self.travel_of(self.position(joint))
         return self._travels[joint]
 
     def travel_of(self, position: Array) -> Travel:

@@ -86,6 +86,7 @@ class Motion:
     rows: np.ndarray
     band: Band
     remarks: tuple[str, ...] = ()
+    trace: tuple | None = None
     standing: bool = False  # postures one after the other: nothing is known of the ways between them
 
     def __len__(self) -> int:
@@ -94,6 +95,7 @@ class Motion:
     def select(self, rows: np.ndarray) -> Motion:
         """Return some of the samples, by their places (n,)."""
         changes = {name: getattr(self, name)[rows] for name in _BY_SAMPLE}
+        changes["trace"] = None
         for name in ("wrench", "gravity"):
             value = getattr(self, name)
             changes[name] = None if value is None else value[rows]
@@ -101,7 +103,7 @@ class Motion:
 
     def with_motion(self, position: Array, speed: Array, acceleration: Array) -> Motion:
         """Return the same samples with another motion."""
-        return replace(self, position=position, speed=speed, acceleration=acceleration)
+        return replace(self, position=position, speed=speed, acceleration=acceleration, trace=None)
 
     @property
     def compared(self) -> np.ndarray:
@@ -251,6 +253,13 @@ def motion_of(
         else:
             acceleration[:, column] = differences(speed[:, column], clock.piece, clock.step)
         noise[column] *= np.sqrt(wide.cutoff / (rate / 2))  # what the filter leaves of it
+    import os
+    FINE=float(os.environ.get("FINE","1"))
+    trace = smooth.copy()
+    for column, name in enumerate(names):
+        wide = min(FINE*bands[column], 0.45*rate)
+        if wide > wider * told.get(name, cutoff):
+            trace[:, column] = LowPass(wide, rate)(position[:, column], clock.piece)
     slow = np.maximum(_STILL * noise, _STILL_SHARE * np.sqrt(np.mean(speed**2, axis=0)))
     slow = np.maximum(slow, np.finfo(float).tiny)
     still = _standing(np.abs(speed) < slow, clock.piece, rate, cutoff)
@@ -289,6 +298,7 @@ def motion_of(
         rows=rows[keep],
         band=Band(tuple(cutoffs), rate),
         remarks=tuple(remarks),
+        trace=(trace, parts, keep, every),
     )
 
 

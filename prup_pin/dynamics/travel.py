@@ -23,6 +23,8 @@ class Travel:
 
     position: Array
     piece: np.ndarray
+    at: np.ndarray | None = None
+    every: int = 1
 
     def direction(self, way: float) -> Array:
         """Return the direction z of dry friction (N,): dz = (sign(dq) - z) |dq| / way.
@@ -31,7 +33,7 @@ class Travel:
         one on would be to be late by half a step. A way of nothing is the sign itself.
         """
         if len(self.position) < 2:
-            return np.zeros(len(self.position))
+            return np.zeros(len(self.position) if self.at is None else len(self.at))
         passed = np.concatenate(([0.0], np.cumsum(self._dragged(way) * self._times)))
         low, high = (passed[at] + share * (passed[at + 1] - passed[at]) for at, share in self._edges)
         return np.divide(high - low, self._widths, out=np.zeros(len(low)), where=self._widths > 0)
@@ -124,8 +126,9 @@ class Travel:
 
     @cached_property
     def _bounds(self) -> tuple[Array, Array]:
-        number = np.arange(len(self.position))
-        return np.maximum(number - 0.5, self._first), np.minimum(number + 0.5, self._last)
+        number = np.arange(len(self.position)) if self.at is None else self.at
+        half = 0.5 * self.every
+        return np.maximum(number - half, self._first[number]), np.minimum(number + half, self._last[number])
 
     @cached_property
     def _widths(self) -> Array:
