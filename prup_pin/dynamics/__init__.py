@@ -12,6 +12,7 @@ from .inverse import InverseDynamics, Trajectory
 from .motion import Motion, is_standing, motion_of
 from .saturation import at_limit
 from .smoothing import Band, LowPass, bandwidth
+from .travel import Path
 
 __all__ = [
     "INERTIAL",
@@ -22,6 +23,7 @@ __all__ = [
     "InverseDynamics",
     "LowPass",
     "Motion",
+    "Path",
     "Trajectory",
     "at_limit",
     "bandwidth",

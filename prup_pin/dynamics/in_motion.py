@@ -128,24 +128,22 @@ class InMotion:
         speed = self.speed(joint)
         return speed / np.hypot(speed, self.slow(joint))
 
-    def travel(self, joint: str) -> Travel:
-        """Return the travel of a joint [m or rad]."""
-        if joint not in self._travels:
-            trace = self.motion.trace
-            if trace is not None and joint in self.motion.names:
-                path, parts, keep, every = trace
-                self._travels[joint] = Travel(path[:, self.motion.names.index(joint)], parts, keep, every)
+    def travel(self, shares: Mapping[str, float]) -> Travel:
+        """Return the travel [m or rad] of what moves by shares of joints' ways, by the joints' names."""
+        key = tuple(shares.items())
+        if key not in self._travels:
+            names = self.motion.names
+            if all(name in names for name in shares):
+                travel = self.motion.path.travel([shares.get(name, 0.0) for name in names])
             else:
-                self._travels[joint] = self.travel_of(self.position(joint))
-        return self._travels[joint]
-
-    def travel_of(self, position: Array) -> Travel:
-        """Return the travel of something at `position` (N,) [m or rad]."""
-        return Travel(position, self.motion.piece)
+                position = sum(share * self.position(name) for name, share in shares.items())
+                travel = Travel.of(np.asarray(position), self.motion.piece)
+            self._travels[key] = travel
+        return self._travels[key]
 
     def dragged(self, joint: str, way: float) -> Array:
         """Return the direction of a joint's dry friction (N,), which turns round on some way [m or rad]."""
-        return self.travel(joint).direction(way)
+        return self.travel({joint: 1.0}).direction(way)
 
     def rubbing(self, joint: str, values: Mapping[str, float]) -> Array:
         """Return how much of a joint's dry friction acts, and which way (N,).
@@ -270,7 +268,7 @@ class InMotion:
         return {}
 
     @cached_property
-    def _travels(self) -> dict[str, Travel]:
+    def _travels(self) -> dict[tuple[tuple[str, float], ...], Travel]:
         return {}
 
     def yielded(self, joint: str) -> Array:

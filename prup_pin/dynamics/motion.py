@@ -18,6 +18,7 @@ from .glitches import without_glitches
 from .rates import one_rate
 from .saturation import at_limit, limits_told
 from .smoothing import Band, LowPass, bandwidth, differences, floor_of, pieces, spectrum
+from .travel import Path
 
 __all__ = ["Motion", "is_standing", "motion_of"]
 
@@ -66,7 +67,8 @@ class Motion:
     still (N, j): where a joint stands; efforts (N, k) of the joints `driven` [N or N m], not filtered, and where they
     are at a limit of the drive, or within reach of the filter of that, `saturated` (N, k); wrench (N, 6) and gravity
     (N, 3) where they were recorded; rows (N,): the row of the recording nearest to each sample.
-    `band` is what measured and predicted efforts are both to be filtered with; remarks: sentences for a person.
+    `band` is what measured and predicted efforts are both to be filtered with; path: where the joints were between
+    samples, as far as their sensors tell it; remarks: sentences for a person.
     """
 
     names: tuple[str, ...]
@@ -85,8 +87,8 @@ class Motion:
     gravity: Array | None
     rows: np.ndarray
     band: Band
+    path: Path
     remarks: tuple[str, ...] = ()
-    trace: tuple | None = None
     standing: bool = False  # postures one after the other: nothing is known of the ways between them
 
     def __len__(self) -> int:
@@ -95,15 +97,15 @@ class Motion:
     def select(self, rows: np.ndarray) -> Motion:
         """Return some of the samples, by their places (n,)."""
         changes = {name: getattr(self, name)[rows] for name in _BY_SAMPLE}
-        changes["trace"] = None
         for name in ("wrench", "gravity"):
             value = getattr(self, name)
             changes[name] = None if value is None else value[rows]
-        return replace(self, **changes)
+        return replace(self, **changes, path=self.path.select(rows))
 
     def with_motion(self, position: Array, speed: Array, acceleration: Array) -> Motion:
         """Return the same samples with another motion."""
-        return replace(self, position=position, speed=speed, acceleration=acceleration, trace=None)
+        path = Path(position, self.piece, np.arange(len(position)))
+        return replace(self, position=position, speed=speed, acceleration=acceleration, path=path)
 
     @property
     def compared(self) -> np.ndarray:
@@ -223,12 +225,15 @@ def motion_of(
         rows = clock.rows
     rows = rows if there is None else there[rows]
     counts, parts = _parted(rows, clock.piece, without)
-    bands = []
-    for column, name in enumerate(names):
-        seen, key = (logged_speed[name], "qd") if name in logged_speed else (position[:, column], "q")
-        thin = rates.every.get(f"{key}.{name}", 1)
-        bands.append(bandwidth(seen[::thin], parts[::thin], rate / thin))
-    moving = [band for band in bands if band > 0]
+
+    def band_of(key: str, values: Array) -> float:
+        thin = rates.every.get(key, 1)
+        return bandwidth(values[::thin], parts[::thin], rate / thin)
+
+    of_position = [band_of(f"q.{name}", position[:, column]) for column, name in enumerate(names)]
+    of_speed = {name: band_of(f"qd.{name}", logged_speed[name]) for name in speeds}
+    moving = [of_speed.get(name, band) for name, band in zip(names, of_position, strict=True)]
+    moving = [band for band in moving if band > 0]
     compared = [f"q.{name}" for name in names] + [f"tau.{name}" for name in drives]
     slowest = rate / max(rates.every.get(name, 1) for name in compared)
     stands_out, told = max((_SLOWEST, *moving)), band or {}
@@ -236,11 +241,13 @@ def motion_of(
     cutoff = max(cutoffs, default=_SLOWEST)
     # a motion whose band is known is followed by that where nothing is compared with it
     wider = _WIDER if driven is None or band is None else 1.0
-    smooth, speed, acceleration = (np.empty_like(position) for _ in range(3))
+    smooth, speed, acceleration, path = (np.empty_like(position) for _ in range(4))
     noise = np.empty(len(names))
     for column, name in enumerate(names):
         wide = LowPass(min(wider * told.get(name, cutoff), 0.45 * rate), rate)
         smooth[:, column] = wide(position[:, column], clock.piece)
+        fine = LowPass(min(of_position[column], 0.45 * rate), rate)
+        path[:, column] = smooth[:, column] if fine.cutoff <= wide.cutoff else fine(position[:, column], clock.piece)
         if name in logged_speed:
             speed[:, column] = wide(logged_speed[name], clock.piece)
             noise[column] = np.std(logged_speed[name] - speed[:, column])
@@ -253,13 +260,6 @@ def motion_of(
         else:
             acceleration[:, column] = differences(speed[:, column], clock.piece, clock.step)
         noise[column] *= np.sqrt(wide.cutoff / (rate / 2))  # what the filter leaves of it
-    import os
-    FINE=float(os.environ.get("FINE","1"))
-    trace = smooth.copy()
-    for column, name in enumerate(names):
-        wide = min(FINE*bands[column], 0.45*rate)
-        if wide > wider * told.get(name, cutoff):
-            trace[:, column] = LowPass(wide, rate)(position[:, column], clock.piece)
     slow = np.maximum(_STILL * noise, _STILL_SHARE * np.sqrt(np.mean(speed**2, axis=0)))
     slow = np.maximum(slow, np.finfo(float).tiny)
     still = _standing(np.abs(speed) < slow, clock.piece, rate, cutoff)
@@ -297,8 +297,8 @@ def motion_of(
         gravity=None if recording.gravity is None else clock.sampled(np.asarray(recording.gravity))[keep],
         rows=rows[keep],
         band=Band(tuple(cutoffs), rate),
+        path=Path(path, parts, keep, every),
         remarks=tuple(remarks),
-        trace=(trace, parts, keep, every),
     )
 
 
@@ -320,7 +320,7 @@ def _standing_motion(recording: Recording, names: tuple[str, ...], driven: tuple
         [recording.positions[name] for name in names] + [recording.efforts[name] for name in driven]
     )
     rows = np.flatnonzero(np.isfinite(table).all(axis=1))
-    position, count = table[rows, : len(names)], len(names)
+    position, count, piece = table[rows, : len(names)], len(names), recording.select(rows).blocks()
     remarks = [
         "the joints stand in every row: efforts are those of weight and load, and nothing shows that needs motion"
     ]
@@ -330,7 +330,7 @@ def _standing_motion(recording: Recording, names: tuple[str, ...], driven: tuple
         names=names,
         driven=driven,
         time=np.asarray(recording.time)[rows],
-        piece=recording.select(rows).blocks(),
+        piece=piece,
         rate=1.0,
         position=position,
         speed=np.zeros_like(position),
@@ -343,6 +343,7 @@ def _standing_motion(recording: Recording, names: tuple[str, ...], driven: tuple
         gravity=None if recording.gravity is None else np.asarray(recording.gravity)[rows],
         rows=rows,
         band=Band((1.0,) * len(driven), 1.0),
+        path=Path(position, piece, np.arange(len(rows))),
         remarks=tuple(remarks),
         standing=True,
     )

@@ -1,15 +1,21 @@
-"""Which way dry friction acts along a travel: it turns round on some way, and a motion turns round between samples."""
+"""Which way dry friction acts along a travel: it turns round on some way, and a motion turns round between samples.
+
+A motor that trembles turns round many times where bodies move slowly. That is part of its friction, though the efforts
+are compared below the frequency of the tremor: friction follows the path as far as the sensors tell it, and its mean
+over a sample's step is what the sample is compared with.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ..spatial import Array
 
-__all__ = ["Travel"]
+__all__ = ["Path", "Travel"]
 
 #: Parts of a step in which a motion turns round, and the share of its usual speed below which it only rests.
 _FINER, _RESTING = 16, 1e-3
@@ -18,13 +24,42 @@ _SHORT = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Travel:
-    """Positions (N,) [m or rad] of something at the samples of pieces (N,) without a break, one after the other."""
+class Path:
+    """Positions (M, j) [m or rad] of joints at an even rate, in pieces (M,) without a break; of which N are samples.
+
+    at (N,): the place of each sample in it; every: places from one sample to the next.
+    """
 
     position: Array
     piece: np.ndarray
-    at: np.ndarray | None = None
+    at: np.ndarray
     every: int = 1
+
+    def select(self, rows: np.ndarray) -> Path:
+        """Return the path with some of its samples, by their places (n,)."""
+        return replace(self, at=self.at[rows])
+
+    def travel(self, shares: Sequence[float]) -> Travel:
+        """Return the travel of what moves by shares (j,) of the joints' ways."""
+        return Travel(self.position @ np.asarray(shares), self.piece, self.at, self.every)
+
+
+@dataclass(frozen=True, eq=False)
+class Travel:
+    """Positions (M,) [m or rad] of something in pieces (M,) without a break, one after the other.
+
+    at (N,): the places of the samples, `every` so many.
+    """
+
+    position: Array
+    piece: np.ndarray
+    at: np.ndarray
+    every: int = 1
+
+    @classmethod
+    def of(cls, position: Array, piece: np.ndarray) -> Travel:
+        """Return the travel between samples at positions (N,)."""
+        return cls(position, piece, np.arange(len(position)))
 
     def direction(self, way: float) -> Array:
         """Return the direction z of dry friction (N,): dz = (sign(dq) - z) |dq| / way.
@@ -33,7 +68,7 @@ class Travel:
         one on would be to be late by half a step. A way of nothing is the sign itself.
         """
         if len(self.position) < 2:
-            return np.zeros(len(self.position) if self.at is None else len(self.at))
+            return np.zeros(len(self.at))
         passed = np.concatenate(([0.0], np.cumsum(self._dragged(way) * self._times)))
         low, high = (passed[at] + share * (passed[at + 1] - passed[at]) for at, share in self._edges)
         return np.divide(high - low, self._widths, out=np.zeros(len(low)), where=self._widths > 0)
@@ -126,9 +161,8 @@ class Travel:
 
     @cached_property
     def _bounds(self) -> tuple[Array, Array]:
-        number = np.arange(len(self.position)) if self.at is None else self.at
         half = 0.5 * self.every
-        return np.maximum(number - half, self._first[number]), np.minimum(number + half, self._last[number])
+        return np.maximum(self.at - half, self._first[self.at]), np.minimum(self.at + half, self._last[self.at])
 
     @cached_property
     def _widths(self) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from ..dynamics import Band, InMotion, Motion, motion_of
+from ..dynamics import Band, InMotion, Motion, Path, motion_of
 from ..laws import Effect, Place
 from ..laws.efforts import EffortLaw
 from ..laws.efforts.delay import Lagging
@@ -277,6 +277,7 @@ def motion_along(names: Sequence[str], q: Array, qd: Array, qdd: Array, wrench: 
         gravity=None,
         rows=np.arange(n),
         band=Band((20.0,) * len(names), 50.0),
+        path=Path(q, np.zeros(n, int), np.arange(n)),
     )
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prup_pin.dynamics.smoothing import LowPass, pieces
-from prup_pin.dynamics.travel import Travel
+from prup_pin.dynamics.travel import Path, Travel
 
 #: Lengths of pieces: alike, far apart, and too short to turn round in.
 LENGTHS = [(300,), (40, 41, 300, 1, 2, 3, 250, 1), (150,) * 5, (1,), (2, 2)]
@@ -21,8 +21,8 @@ def motion(lengths):
 @pytest.mark.parametrize("lengths", LENGTHS)
 def test_friction_of_a_piece_knows_of_no_other(lengths, way):
     position, piece = motion(lengths)
-    together = Travel(position, piece).direction(way)
-    alone = [Travel(position[where], piece[where]).direction(way) for where in pieces(piece)]
+    together = Travel.of(position, piece).direction(way)
+    alone = [Travel.of(position[where], piece[where]).direction(way) for where in pieces(piece)]
     assert together == pytest.approx(np.concatenate(alone), abs=1e-9)
     assert (np.abs(together) <= 1 + 1e-12).all()
 
@@ -30,7 +30,7 @@ def test_friction_of_a_piece_knows_of_no_other(lengths, way):
 def test_what_never_moves_has_no_direction_and_what_moves_steadily_has_one():
     piece = np.repeat([0, 1, 2], 50)
     position = np.concatenate((np.full(50, 0.3), np.linspace(0, 1, 50), np.linspace(1, 0, 50)))
-    travel = Travel(position, piece)
+    travel = Travel.of(position, piece)
     for way in (0.0, 0.05):
         assert travel.direction(way) == pytest.approx(np.repeat([0.0, 1.0, -1.0], 50), abs=1e-12)
 
@@ -40,7 +40,7 @@ def test_friction_follows_dahls_equation_at_a_turn():
     way, step = 0.05, 0.01
     position = np.concatenate((np.arange(0.0, 1.0, step), np.arange(1.0, 0.5, -step)))
     top = int(np.argmax(position))
-    found = Travel(position, np.zeros(len(position), int)).direction(way)
+    found = Travel.of(position, np.zeros(len(position), int)).direction(way)
     far = np.arange(top + 3, len(position) - 2)
     edges = [position[top] - position[far] + sign * step / 2 for sign in (-1, 1)]
     mean = -1 + 2 * way / step * (np.exp(-edges[0] / way) - np.exp(-edges[1] / way))
@@ -48,6 +48,19 @@ def test_friction_follows_dahls_equation_at_a_turn():
     assert found[far] + 1 == pytest.approx(mean + 1, rel=0.006)
     assert np.diff(np.log(found[far] + 1)) == pytest.approx(-step / way, rel=1e-3)
     assert found[:top] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.3, -0.9, 1.5])
+def test_friction_of_a_motor_that_trembles_is_its_mean(speed):
+    """The mean of sign(v + sin wt) is 2/pi asin(v): dry friction looks viscous below the speed of the tremor."""
+    time = np.arange(4000) * 1e-3
+    rate = 2 * np.pi * 20.0
+    position = np.column_stack((0 * time, speed * time + np.sin(rate * time + 0.3) / rate))
+    path = Path(position, np.zeros(len(time), int), np.arange(100, 3900, 50), 50)  # of a period each
+    found = path.travel([0.0, 1.0]).direction(0.0)
+    assert found == pytest.approx(2 / np.pi * np.arcsin(np.clip(speed, -1, 1)), abs=4e-3)
+    one = path.select(np.array([3, 7])).travel([0.0, 1.0]).direction(0.0)
+    assert np.array_equal(one, found[[3, 7]])
 
 
 @pytest.mark.parametrize("cutoff", [3.0, 30.0])

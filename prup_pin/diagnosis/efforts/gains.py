@@ -241,7 +241,7 @@ def _own(at: InMotion, joint: str) -> Array:
     if at.mechanism.joint(joint).turns:
         own += [np.cos(position), np.sin(position)]
     for other in _coupled(at, joint):
-        travels = [at.travel_of(position + sign * at.position(other)) for sign in (1.0, -1.0)]
+        travels = [at.travel({joint: 1.0, other: sign}) for sign in (1.0, -1.0)]
         both = [travel.direction(usual_way(at, joint)) for travel in travels]
         own += [at.speed(other), at.acceleration(other), *both]
     table = np.column_stack(own)

@@ -82,8 +82,8 @@ class TransmissionCoupling(EffortLaw):
         other, ratio = place.aspect.removeprefix(_WITH), values["ratio"]
         speed = at.speed(place.name) + ratio * at.speed(other)
         acceleration = at.acceleration(place.name) + ratio * at.acceleration(other)
-        motor = at.position(place.name) + ratio * at.position(other)
-        dry = at.travel_of(motor).direction(values["presliding"]) * at.set_in(speed, values.get("smoothing", 0.0))
+        motor = at.travel({place.name: 1.0, other: ratio})
+        dry = motor.direction(values["presliding"]) * at.set_in(speed, values.get("smoothing", 0.0))
         parts = [dry, speed, acceleration]
         return np.stack([at.along(place.name, part) + at.along(other, ratio * part) for part in parts], axis=-1)
 
