@@ -19,6 +19,8 @@ __all__ = ["Path", "Travel"]
 
 #: Parts of a step in which a motion turns round, and the share of its usual speed below which it only rests.
 _FINER, _RESTING = 16, 1e-3
+#: Share of its usual speed above which a piece begins in motion: else nobody knows what its friction was before.
+_MOVING = 0.1
 #: Share of a way below which a mean over it is that of a straight line.
 _SHORT = 1e-4
 
@@ -75,15 +77,15 @@ class Travel:
 
     def _dragged(self, way: float) -> Array:
         """Return the mean direction over each fine step (m,): stretches of one direction in turn."""
-        towards, length, along, starts, fresh = self._stretches
+        towards, length, along, starts, begun = self._stretches
         if not way > 0:
             return towards
         kept = np.exp(-along / way)
         ends = np.append(starts[1:], len(towards)) - 1
         state, entering = 0.0, np.empty(len(starts))
-        table = zip(towards[starts].tolist(), kept[ends].tolist(), fresh.tolist(), strict=True)
+        table = zip(towards[starts].tolist(), kept[ends].tolist(), begun.tolist(), strict=True)
         for index, (sign, keep, first) in enumerate(table):
-            state = entering[index] = sign if first else state
+            state = entering[index] = state if np.isnan(first) else first
             state = sign + (state - sign) * keep
         share = length / way
         fell = np.exp(-np.maximum(along - length, 0.0) / way) - kept
@@ -102,17 +104,28 @@ class Travel:
         return np.searchsorted(self._first, self._first, side="right") - 1
 
     @cached_property
+    def _slope(self) -> Array:
+        """The way per sample (M,) by the samples on both sides."""
+        number = np.arange(len(self.position))
+        before, after = np.maximum(number - 1, self._first), np.minimum(number + 1, self._last)
+        return (self.position[after] - self.position[before]) / np.maximum(after - before, 1)
+
+    @cached_property
+    def _usual(self) -> Array:
+        """The root of the mean square of that over each sample's piece (M,)."""
+        count = np.maximum(np.bincount(self._first), 1)
+        return np.sqrt(np.bincount(self._first, self._slope**2) / count)[self._first]
+
+    @cached_property
     def _fine(self) -> tuple[Array, Array]:
         """Times [samples] and positions (m + 1,), with more of them where the motion turns round."""
-        position, number = self.position, np.arange(len(self.position))
-        before, after = np.maximum(number - 1, self._first), np.minimum(number + 1, self._last)
-        slope = (position[after] - position[before]) / np.maximum(after - before, 1)
-        usual = np.sqrt(np.bincount(self._first, slope**2) / np.maximum(np.bincount(self._first), 1))[self._first]
+        position, slope, number = self.position, self._slope, np.arange(len(self.position))
+        after = np.minimum(number + 1, self._last)
         # intervals, each by the sample that it begins with; there is none at the end of a piece
         inside, step = number < self._last, position[after] - position
         turns = slope * slope[after] < 0
         turns |= step * step[after] < 0
-        turns &= inside & (np.maximum(np.abs(slope), np.abs(slope[after])) > _RESTING * usual)
+        turns &= inside & (np.maximum(np.abs(slope), np.abs(slope[after])) > _RESTING * self._usual)
         near = turns.copy()
         for lag in (-1, 1, 2):
             there = np.clip(number - lag, self._first, self._last)
@@ -140,24 +153,25 @@ class Travel:
         return np.where(self._broken, 0.0, np.diff(self._fine[0]))
 
     @cached_property
-    def _stretches(self) -> tuple[Array, Array, Array, np.ndarray, np.ndarray]:
+    def _stretches(self) -> tuple[Array, Array, Array, np.ndarray, Array]:
         """The direction and the length of each fine step (m,), and the way to its end in its stretch of one direction;
-        the first step of each stretch (s,), and whether a piece begins with it.
+        the first step of each stretch (s,), and the direction before it where a piece begins, elsewhere NaN.
+
+        Nobody knows what friction was before the recording: in the mean nothing, where the joint does not move yet.
         """
         step = np.where(self._broken, 0.0, np.diff(self._fine[1]))
         number, sign = np.arange(len(step)), np.sign(step)
         begins = np.append(True, self._broken[:-1]) | self._broken  # a step between pieces is a stretch of its own
-        # at rest the direction is that of the step before; before the first step that of the first
-        parts = np.flatnonzero(begins)
-        first = np.append(np.flatnonzero(sign), len(step))[np.searchsorted(np.flatnonzero(sign), parts)]
-        last = np.where(sign != 0, number, 0)
-        last[parts] = np.where(first < np.append(parts[1:], len(step)), first, parts)
+        # at rest the direction is that of the step before
+        last = np.where((sign != 0) | begins, number, 0)
         towards = sign[np.maximum.accumulate(last)]
         turned = begins | (np.diff(towards, prepend=towards[:1]) != 0)
         starts, length = np.flatnonzero(turned), np.abs(step)
         gone = np.concatenate(([0.0], np.cumsum(length)))
         along = gone[1:] - np.repeat(gone[starts], np.diff(np.append(starts, len(step))))
-        return towards, length, along, starts, begins[starts]
+        speed = length[starts] / np.maximum(self._times[starts], np.finfo(float).tiny)
+        moving = speed > _MOVING * self._usual[self._fine[0][starts].astype(int)]
+        return towards, length, along, starts, np.where(begins[starts], towards[starts] * moving, np.nan)
 
     @cached_property
     def _bounds(self) -> tuple[Array, Array]:

@@ -35,6 +35,15 @@ def test_what_never_moves_has_no_direction_and_what_moves_steadily_has_one():
         assert travel.direction(way) == pytest.approx(np.repeat([0.0, 1.0, -1.0], 50), abs=1e-12)
 
 
+def test_nobody_knows_what_friction_was_before_a_joint_moves():
+    """At rest before the first motion it is nothing in the mean; after a motion it is what that left."""
+    position = np.concatenate((np.zeros(40), np.linspace(0, 1, 50)[1:], np.ones(30)))
+    for way in (0.0, 0.02):
+        found = Travel.of(position, np.zeros(len(position), int)).direction(way)
+        assert found[:39] == pytest.approx(0.0, abs=1e-12)
+        assert found[50:] == pytest.approx(1.0, abs=1e-3)
+
+
 def test_friction_follows_dahls_equation_at_a_turn():
     """Up by 1, then down by x: z = -1 + 2 exp(-x / way), the mean of it over each step."""
     way, step = 0.05, 0.01
