@@ -53,7 +53,8 @@ class _Fold:
 class CrossValidation:
     """A model fitted with every fold of blocks left out once.
 
-    `squares` (B,): squared residuals of each block where it was not fitted; `by_joint` (k,): the same by joint.
+    `residual` (n, k): of each sample where its block was not fitted; `squares` (B,): the sums of its squares by block;
+    `by_joint` (k,): by joint.
     """
 
     def __init__(self, model: EffortModel):
@@ -63,7 +64,7 @@ class CrossValidation:
         where, bounded = np.array(model.where, int), model.one_sided
         whole = self._total[where[:, None], where] + self.problem.precision(where)
         self.folds: list[_Fold] = []
-        self._rest = np.empty_like(columns.target)
+        self.residual = np.empty_like(columns.target)
         for number, rows in enumerate(columns.rows):
             matrix, kept = whole - columns.folded[number, where[:, None], where], np.arange(len(where))
             fold = self._solved(number, where, matrix)
@@ -71,8 +72,8 @@ class CrossValidation:
                 kept = kept[~negative]
                 fold = self._solved(number, where[kept], matrix[kept[:, None], kept])
             self.folds.append(fold)
-            self._rest[rows] = columns.residual(fold.where, fold.x, rows)
-        squares = columns.by_block(self._rest**2)
+            self.residual[rows] = columns.residual(fold.where, fold.x, rows)
+        squares = columns.by_block(self.residual**2)
         self.squares, self.by_joint = squares.sum(axis=1), squares.sum(axis=0)
 
     def squares_at(self, term: EffortCandidate) -> float:
@@ -144,7 +145,7 @@ class CrossValidation:
         """Add to the held-out squares (K, B) what steps (P, K) of the coefficients change in a fold."""
         columns = self.problem.columns
         used, blocks, rows = np.flatnonzero(steps.any(axis=1)), columns.folds[fold.number], columns.rows[fold.number]
-        for (at, table), rest in zip(columns.some(used, rows), self._rest[rows].T, strict=True):
+        for (at, table), rest in zip(columns.some(used, rows), self.residual[rows].T, strict=True):
             moved = steps[used[at]].T @ table
             out[:, blocks] += np.add.reduceat(moved * (moved - 2 * rest), columns.starts[blocks] - rows.start, axis=1)
 

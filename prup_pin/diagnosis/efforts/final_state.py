@@ -18,7 +18,7 @@ from ..chances import hotelling_sf, student_95, student_sf
 from ..criteria import EFFORT_IMITATED, FALSE_ALARM, GAIN, LITTLE, MOST, SURE
 from ..normal_equations import NormalEquations
 from .conventions import gains_apart
-from .evidence import held_out, relative_gain
+from .evidence import CrossValidation, held_out, relative_gain
 from .gains import Gains, scale_of
 from .inertial import BaseParameters, consistent_fit
 from .noise import EffortNoise, true_sizes
@@ -162,9 +162,11 @@ class FinalState:
     def covariances(self) -> tuple[Array, Array, int]:
         """The coefficients' covariance by white noise alone; by the scatter of whole blocks and what depends on the
         weights beside that; and the degrees of freedom of the scatter.
+
+        A fit follows each block that it is fitted to, and hides a part of how these scatter: they are taken where they
+        were not fitted (MacKinnon and White, J. Econometrics 29, 1985).
         """
-        columns, where = self.problem.columns, self.model.where
-        gradients = columns.gradients(columns.residual(where, self.x), where)
+        gradients = self.problem.columns.gradients(CrossValidation(self.model).residual, self.model.where)
         middle = gradients.T @ gradients
         white = NormalEquations.of(self.normal, least=1e-12).solve(np.eye(len(self.normal)))
         count = self.problem.columns.count
