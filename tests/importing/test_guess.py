@@ -484,7 +484,14 @@ def test_three_columns_x_y_z_beside_joints_are_the_tool_where_they_move_as_it_do
 
 @pytest.mark.parametrize(
     "called",
-    ["Drehvektor {} [rad]", "rotvec_{}", "rotation vector {}", "vecteur rotation {}", "Vettore di rotazione {}", "r.{}"],
+    [
+        "Drehvektor {} [rad]",
+        "rotvec_{}",
+        "rotation vector {}",
+        "vecteur rotation {}",
+        "Vettore di rotazione {}",
+        "r.{}",
+    ],
 )
 def test_a_rotation_vector_by_its_name_is_one_and_a_place_is_asked_about_once(called):
     values = np.linspace(0, 0.3, 50)
