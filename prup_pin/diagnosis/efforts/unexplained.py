@@ -34,6 +34,7 @@ from ..criteria import (
     EFFORT_NO_NOISE,
     FALSE_ALARM,
     FEWEST_BLOCKS,
+    FEWEST_NUMBERS,
     FLIPS,
     LITTLE,
     NO_MATTER,
@@ -85,9 +86,9 @@ def structure_left(final: FinalState) -> list[Finding]:
 
 def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[Finding]) -> list[Finding]:
     """Return the findings of what no law explains: the structure that is left, or a residual that is no noise."""
+    few = _too_few(final)
     if final.problem.columns.count < FEWEST_BLOCKS:
-        text = f"{len(final.efforts.kept)} samples of efforts are too few to judge anything by others"
-        return [unknown_at("robot", text)]
+        return [few]
     found = list(structure)
     if not found and final.recording.noise.effort:
         found = list(_beyond_declared(residuals)) or list(_repeating(final))
@@ -96,8 +97,21 @@ def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[F
         found = found or list(_no_noise(final, residuals))
     if not found and _is_foreign(residuals.shares["all"]):
         found = [_foreign(residuals.shares["all"])]
+    if found and len(final.efforts.kept) < FEWEST_NUMBERS:
+        return [few]  # what no law explains, and what none could
     named = {finding.location for finding in found}
     return found + [item for item in _worse(final, residuals) if item.location not in named]
+
+
+def _too_few(final: FinalState) -> Finding:
+    """Return the finding that nothing can be told of so few samples."""
+    many = len(final.efforts.kept)
+    return unknown_at(
+        "robot",
+        f"there is too little to compare: {many} samples of efforts are too few to judge anything by others",
+        advice=f"record at least {FEWEST_NUMBERS} postures, or some seconds of motion with every joint both ways",
+        untold=True,
+    )
 
 
 def _is_foreign(share: Mapping[str, float]) -> bool:
