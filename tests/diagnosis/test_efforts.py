@@ -491,3 +491,17 @@ def test_ten_samples_are_too_little_to_compare_and_no_law_is_blamed():
     assert found.findings[0].remedy.startswith("record at least")
     with pytest.raises(InputError, match=r"10 rows in 0.09 s, lasts long enough"):
         diagnose(robot, whole.select(np.arange(10)))
+
+
+def test_a_drift_and_a_drive_at_its_limit_are_told_where_something_is_unknown():
+    robot, whole, joint = load("ur5"), swung(20), "elbow_joint"
+    drifting = np.asarray(whole.efforts[joint]) + np.linspace(0, 8, len(whole))
+    found = diagnose(robot, replace(whole, efforts=whole.efforts | {joint: drifting}))
+    (unknown,) = (finding for finding in found.findings if finding.physics == "unknown")
+    assert "most of it is a drift, 7.9" in unknown.statement
+    assert unknown.remedy.startswith("find what changes slowly at elbow_joint")
+    tau = bumped(whole, joint, 12.0, width=0.05).efforts[joint]
+    most = 0.6 * np.abs(whole.efforts[joint]).max()
+    found = diagnose(robot, replace(whole, efforts=whole.efforts | {joint: np.clip(tau, -most, most)}))
+    (unknown,) = (finding for finding in found.findings if finding.physics == "unknown")
+    assert "the effort is clipped where the drive is at its limit" in unknown.statement

@@ -37,6 +37,7 @@ from ..criteria import (
     FEWEST_NUMBERS,
     FLIPS,
     LITTLE,
+    MOST,
     NO_MATTER,
     ROUNDING,
     SURE,
@@ -100,7 +101,28 @@ def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[F
     if found and len(final.efforts.kept) < FEWEST_NUMBERS:
         return [few]  # what no law explains, and what none could
     named = {finding.location for finding in found}
-    return found + [item for item in _worse(final, residuals) if item.location not in named]
+    found += [item for item in _worse(final, residuals) if item.location not in named]
+    return [_with_more(final, finding) if finding.location in final.at.driven else finding for finding in found]
+
+
+def _with_more(final: FinalState, finding: Finding) -> Finding:
+    """Return a finding at a joint, with what else its effort shows there: that it is clipped, that it drifts."""
+    name, told, advice = finding.location, finding.statement, finding.advice
+    column, kept = final.at.driven.index(name), final.efforts.kept
+    good, clipped = final.efforts.good[:, column], final.motion.saturated[kept, column]
+    if clipped.any():
+        told += (
+            f"; the effort is clipped where the drive is at its limit, and {number(100 * clipped.mean(), 2)} % of the "
+            "samples were left out for it: what is beside them may have the same cause"
+        )
+        advice = advice or f"record again with less load or speed, so that {name} stays below its limit"
+    time, left = final.motion.time[kept][good], (final.efforts.target - final.explained)[good, column]
+    slope, start = np.polyfit(time, left, 1)
+    if np.sum((left - slope * time - start) ** 2) < (1 - MOST) * np.sum(left**2):
+        by = quantity(abs(slope) * float(np.ptp(time)) * final.scale[column], final.units[column])
+        told += f"; most of it is a drift, {by} from the first to the last sample"
+        advice = advice or f"find what changes slowly at {name}: a sensor that drifts, a drive that warms up"
+    return replace(finding, statement=told, advice=advice)
 
 
 def _too_few(final: FinalState) -> Finding:
