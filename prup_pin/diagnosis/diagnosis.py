@@ -73,7 +73,7 @@ class Finding:
     `conventions`: of `log_convention`, how a log is written, and `evidence`: of what the drawing leaves how much as
     written, and as read. `recovered` is what the samples ask for, to be drawn; `law`: what is told of several places
     without one effect; `advice`: what to do about it, where its physics does not say. `approached`: of what is unknown,
-    the joint from whose side of approach it follows.
+    the joint from whose side of approach it follows. `untold`: whether too little was recorded to say anything.
     """
 
     physics: str
@@ -91,6 +91,7 @@ class Finding:
     law: Law | None = field(default=None, repr=False)
     advice: str = ""
     approached: str = ""
+    untold: bool = False
 
     @property
     def cost(self) -> float:

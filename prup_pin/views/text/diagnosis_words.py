@@ -85,6 +85,8 @@ def verdict_text(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "explained":
         return f"Explained: with {told} {takes}{left and f', which leaves {left}'}."
     unknown = next((finding for finding in diagnosis.findings if finding.physics == "unknown"), None)
+    if unknown is not None and unknown.untold:
+        return f"{unknown.statement[0].upper()}{unknown.statement[1:]}{left and f'; the robot file leaves {left}'}."
     where = f"; it is largest in {unknown.location}" if unknown is not None and unknown.location != "robot" else ""
     if told:
         return (
@@ -263,6 +265,8 @@ def summary_text(diagnosis: Diagnosis) -> str:
         texts.append(f"With {them} in the model {last}, {scatter}.")
         if named and not logs and not any(finding.is_fault for finding in named):
             return f"{' '.join(texts)} Nothing needs repair: {named[0].remedy}."
+    elif untold := [finding.statement for finding in diagnosis.findings if finding.untold]:
+        texts.append(f"{untold[0][0].upper()}{untold[0][1:]}.")
     else:
         texts.append(f"With {them} in the model {last}" if causes else "No law of the library explains it")
         places = dict.fromkeys(item.location for item in diagnosis.findings if item.physics == "unknown")
