@@ -47,7 +47,8 @@ VERDICTS = ("nothing_missing", "explained", "unexplained")
 class FittedParameter:
     """A fitted value with its unit and 95 % confidence interval.
 
-    drawn: what the robot file has, where it has one; before: what an earlier test found.
+    drawn: what the robot file has, where it has one; before: what an earlier test found; seen: of a way, the least that
+    the recorded positions show.
     """
 
     value: float
@@ -55,6 +56,7 @@ class FittedParameter:
     interval: tuple[float, float]
     drawn: float | None = None
     before: float | None = None
+    seen: float = 0.0
 
     @classmethod
     def about(cls, value: float, unit: str, reach: float, drawn: float | None = None) -> FittedParameter:
