@@ -75,6 +75,17 @@ def test_what_data_do_not_bound_is_not_nothing():
     assert "not determined" not in seen[0][1]
 
 
+def test_a_vector_is_told_in_one_unit():
+    centre = {
+        axis: FittedParameter(value, "m", (value - 1e-3, value + 1e-3))
+        for axis, value in zip("xyz", (1.2, 0.0034, -0.05), strict=True)
+    }
+    mass = {"mass": FittedParameter(2.0, "kg", (1.9, 2.1))}
+    assert [value for _, value, _ in parameter_texts(mass | centre)] == ["2 kg", "1.2 m", "0.0034 m", "-0.05 m"]
+    small = {axis: replace(fitted, value=1e-2 * fitted.value) for axis, fitted in centre.items()}
+    assert [value for _, value, _ in parameter_texts(small)] == ["12 mm", "0.034 mm", "-0.5 mm"]
+
+
 def test_a_sample_that_cannot_be_simulated_is_told_by_its_row():
     assert _not_simulated(np.array([7]), 210).startswith("1 of 210 samples could not be simulated (line 9)")
     assert "(lines 2, 3, 4, 5, 6, …)" in _not_simulated(np.arange(9), 210)

@@ -321,8 +321,12 @@ def cost_text(finding: Finding) -> str:
 def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str, str, str]]:
     """Return (name, value with unit, 95 % interval) of fitted parameters."""
     rows = []
+    largest: dict[tuple[str, str], float] = {}  # of a vector's components: they are told in one unit
     for name, fitted in parameters.items():
-        unit, factor = readable_unit(fitted.value, fitted.unit)
+        key = _vector(name, fitted)
+        largest[key] = max(largest.get(key, 0.0), abs(fitted.value))
+    for name, fitted in parameters.items():
+        unit, factor = readable_unit(largest[_vector(name, fitted)], fitted.unit)
         low, high = sorted(fitted.interval)
         value = f"{number(factor * fitted.value, 4)} {unit}".strip()
         if fitted.drawn is not None and number(factor * fitted.drawn, 4) != number(factor * fitted.value, 4):
@@ -343,6 +347,11 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
             value = f"below {number(factor * high, 3)} {unit}".strip()
         rows.append((words, value, f"{_end(factor * low)} to {_end(factor * high)} {unit}".strip()))
     return rows
+
+
+def _vector(name: str, fitted: FittedParameter) -> tuple[str, str]:
+    """Return what the components of a vector have in common: a name but for x, y or z at its end, and the unit."""
+    return name[:-1] if name[-1:] in ("x", "y", "z") else name, fitted.unit
 
 
 def _is_open(fitted: FittedParameter) -> bool:
