@@ -22,7 +22,7 @@ from prup_pin.numbers import quantity
 from prup_pin.recordings import Recording, Tolerances, read_recording
 from prup_pin.simulation import CorrectedModel, simulate
 from prup_pin.views.report.diagnosis_report import diagnosis_html
-from prup_pin.views.text.diagnosis_words import diagnosis_text, parameter_texts, summary_text, verdict_text
+from prup_pin.views.text.diagnosis_words import cost_text, diagnosis_text, parameter_texts, summary_text, verdict_text
 from tests.reference.concealed.efforts import draw_efforts, write
 
 from ..elsewhere import EMPS, needs_emps
@@ -516,3 +516,13 @@ def test_a_way_below_what_the_encoder_shows_is_no_number(carriage):
     (words,) = (row for row in parameter_texts({"presliding": replace(way, value=2e-8, interval=(0.0, 5e-8))}))
     assert words == ("presliding", f"below the {quantity(way.seen, 'm')} that the encoder shows", "any less")
     assert "encoder" not in parameter_texts({"presliding": replace(way, value=3e-6, interval=(1e-6, 5e-6))})[0][1]
+
+
+def test_what_leaving_a_law_out_costs_is_told_as_the_table_tells_what_is_left(carriage):
+    """No law saves more than the robot file leaves; whitened squares said so."""
+    found = diagnose(carriage, axis(4000, limit=20.0, damping=300.0, noise=0.2))
+    share = found.efforts.shares["carriage"]
+    friction = [finding for finding in found.findings if "friction" in finding.physics]
+    assert len(friction) == 2
+    assert all(1 < finding.cost < share["rigid"] / share["heldout"] for finding in friction)
+    assert all("the residual of carriage would be" in cost_text(finding) for finding in friction)

@@ -64,6 +64,7 @@ def _of_kind(final: FinalState, terms: Sequence[EffortCandidate]) -> Finding:
             + ", ".join(f"{name} {size}" for _, name, size, _ in table)
         ),
         law=law,
+        times=final.times_without("robot", *terms),
     )
 
 
@@ -86,6 +87,7 @@ def _of_law(final: FinalState, term: EffortCandidate) -> Finding:
         statement=term.law.told(term.place, effect.values, intervals, final.mechanism),
         effect=effect,
         alternatives=tuple(dict.fromkeys(laws)),
+        times=final.times_without(term.place.name, term),
     )
 
 
@@ -162,6 +164,7 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
         statement=first if nearly_all else f"{whole}; {first}" if first else whole,
         advice=advice if nearly_all else "",
         law=law,
+        times=final.times_without("robot", term),
     )
 
 

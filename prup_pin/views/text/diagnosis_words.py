@@ -86,7 +86,7 @@ def verdict_text(diagnosis: Diagnosis) -> str:
         return f"Explained: with {told} {takes}{left and f', which leaves {left}'}."
     unknown = next((finding for finding in diagnosis.findings if finding.physics == "unknown"), None)
     if unknown is not None and unknown.untold:
-        return f"{unknown.statement[0].upper()}{unknown.statement[1:]}{left and f'; the robot file leaves {left}'}."
+        return f"{_capital(unknown.statement)}{left and f'; the robot file leaves {left}'}."
     where = f"; it is largest in {unknown.location}" if unknown is not None and unknown.location != "robot" else ""
     if told:
         return (
@@ -240,7 +240,7 @@ def summary_text(diagnosis: Diagnosis) -> str:
     them = "it" if len(causes) == 1 else "them"
     read = [convention for finding in logs for convention in finding.conventions]
     if len(read) <= _IN_A_SENTENCE:
-        texts = [*(f"{finding.statement}." for finding in logs), first]
+        texts = [*(f"{_capital(finding.statement)}." for finding in logs), first]
     else:  # which ones, the findings say
         texts = [f"The log is read {_read_so(read)}.", first]
     if logs:
@@ -266,7 +266,7 @@ def summary_text(diagnosis: Diagnosis) -> str:
         if named and not logs and not any(finding.is_fault for finding in named):
             return f"{' '.join(texts)} Nothing needs repair: {named[0].remedy}."
     elif untold := [finding.statement for finding in diagnosis.findings if finding.untold]:
-        texts.append(f"{untold[0][0].upper()}{untold[0][1:]}.")
+        texts.append(f"{_capital(untold[0])}.")
     else:
         texts.append(f"With {them} in the model {last}" if causes else "No law of the library explains it")
         places = dict.fromkeys(item.location for item in diagnosis.findings if item.physics == "unknown")
@@ -276,12 +276,20 @@ def summary_text(diagnosis: Diagnosis) -> str:
             "valid only near these data."
         )
     doubted = [finding for finding in diagnosis.findings if finding.physics == "unknown" and finding.advice]
-    to_do = next((finding for finding in (*logs, *doubted, *named) if finding.remedy), None)
-    if to_do is not None:
-        others = [place for place in to_do.candidates if place not in (to_do.location, *to_do.at_each)]
-        also = f", or look at {places_text(others)}: these data cannot tell them from it" if others else ""
-        texts.append(f"To do first: {to_do.remedy}{also}.")
+    # how a log is written is one thing, and what the machine needs another
+    firsts = [next((item for item in items if item.remedy), None) for items in (logs, (*doubted, *named))]
+    for word, to_do in zip(("To do first", "Then" if firsts[0] else "To do first"), firsts, strict=True):
+        if to_do is not None:
+            others = [place for place in to_do.candidates if place not in (to_do.location, *to_do.at_each)]
+            also = f", or look at {places_text(others)}: these data cannot tell them from it" if others else ""
+            texts.append(f"{word}: {to_do.remedy}{also}.")
     return " ".join(texts)
+
+
+def _capital(text: str) -> str:
+    """Return a text as a sentence begins; one that begins with a column or a place keeps its letters."""
+    first = text.partition(" ")[0]
+    return text if {"/", "_", "."} & {*first} else f"{text[:1].upper()}{text[1:]}"
 
 
 def _beside(diagnosis: Diagnosis) -> tuple[str, str]:
@@ -311,11 +319,16 @@ def cost_text(finding: Finding) -> str:
         return ""  # what a law for it would take stands in its statement, beside what that is a share of
     if finding.heldout_gain < _NO_GAIN and finding.effect is not None:
         return "other errors could compensate for it" if finding.parameters else "is always present"
+    of = "" if math.isnan(finding.times) else " of the efforts"
+    if of and finding.effect is not None and finding.effect.place.name == finding.location != "robot":
+        of = f" of {finding.location}"
     if finding.cost > _BEYOND_COUNTING:
-        return f"without it the residual would be more than {_BEYOND_COUNTING} times as large"
+        return f"without it the residual{of} would be more than {_BEYOND_COUNTING} times as large"
+    if finding.cost < 1 + _NO_GAIN:
+        return f"without it the residual{of} would be no larger in all"
     if finding.cost < 2:
-        return f"without it the residual would be {number(100 * (finding.cost - 1), 2)} % larger"
-    return f"without it the residual would be {number(finding.cost, 3)} times as large"
+        return f"without it the residual{of} would be {number(100 * (finding.cost - 1), 2)} % larger"
+    return f"without it the residual{of} would be {number(finding.cost, 3)} times as large"
 
 
 def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str, str, str]]:
