@@ -48,6 +48,11 @@ def test_what_is_left_after_a_log_is_read_otherwise_is_told_as_such(diagnosed):
     assert "account for it: x.csv" not in said
     assert f"log read with {convention}" in verdict_text(found)
     assert "log convention" not in verdict_text(found)
+    first, after = said.partition("To do first: ")[2].split(" Then: ")
+    assert first == f"{log.remedy}."
+    assert after.startswith(diagnosis.findings[0].remedy)
+    drives = replace(log, statement="the drives report otherwise")
+    assert summary_text(replace(found, findings=(drives, *diagnosis.findings))).startswith("The drives report")
     alone = replace(found, findings=(log,), before=found.after)
     assert "falls" not in verdict_text(alone)
 
