@@ -200,7 +200,9 @@ def test_effects_that_stayed_hidden_are_grouped(diagnosed):
     rows = hidden_rows(diagnosis.not_detectable)
     assert len(diagnosis.not_detectable) > 3 * len(rows)
     items = [Detectable("backlash", f"leg{leg}/motor", "half_gap", leg * 1e-5, "m", "") for leg in (1, 2, 3)]
-    assert hidden_rows(items) == [("backlash", "leg1, leg2, leg3: motor", "half gap above 10 to 30 µm, by place")]
+    assert hidden_rows(items) == [
+        ("backlash", "leg1, leg2, leg3: motor", "half gap above 10 µm at leg1/motor to 30 µm at leg3/motor")
+    ]
     items = [Detectable("stiffness_changed", "leg1/motor", "factor", 0.1, "1", "", below=True)]
     assert hidden_rows(items) == [("stiffness changed", "leg1/motor", "factor below 0.1")]
     never = Detectable("torsion", "robot", "scale", None, "1", "not visible at any size")

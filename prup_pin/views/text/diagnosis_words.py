@@ -562,18 +562,22 @@ def hidden_rows(hidden: Sequence[Detectable]) -> list[tuple[str, str, str]]:
 
 
 def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
-    sizes = sorted(item.smallest for item in items if item.smallest is not None)
-    if not items[0].below and sizes[0] > _ABSURD:
+    sized = [(item.smallest, item.location) for item in items if item.smallest is not None]
+    below = items[0].below
+    if not below and min(sized)[0] > _ABSURD:
         return "never visible in this test"
-    if not items[0].below:
-        sizes = [size for size in sizes if size <= _ABSURD]
-    shown, factor = readable_unit(math.sqrt(sizes[0] * sizes[-1]) if sizes[0] > 0 else sizes[-1], unit)
-    ends = [number(factor * size, 2) for size in (sizes[0], sizes[-1])]
-    amount = ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}"
-    which = ", by place" if ends[0] != ends[1] else ""
-    return (
-        f"{parameter.replace('_', ' ')} {'below' if items[0].below else 'above'} {f'{amount} {shown}'.strip()}{which}"
-    )
+    if not below:
+        sized = [each for each in sized if each[0] <= _ABSURD]
+    ends = [end(sized, key=lambda each: each[0]) for end in ((max, min) if below else (min, max))]
+    return f"{parameter.replace('_', ' ')} {'below' if below else 'above'} {_at_each(ends, unit, 2)}"
+
+
+def _at_each(ends: Sequence[tuple[float, str]], unit: str, digits: int = 3) -> str:
+    """Return sizes with their places, of the most and the least sensitive one; one size where they are alike."""
+    shown = [quantity(size, unit, digits) for size, _ in ends]
+    if len(dict.fromkeys(shown)) == 1:
+        return shown[0]
+    return " to ".join(f"{text} at {place}" for text, (_, place) in zip(shown, ends, strict=True))
 
 
 # -- what has changed since an earlier test ----------------------------------------------------------------------------
@@ -581,8 +585,8 @@ def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
 
 #: Values of earlier effects that a verdict tells by name.
 _MOST_CHANGED = 2
-#: Shares from this on are told in per cent.
-_SHARE = 1e-3
+#: Shares from this on are told in per cent, and from that on as multiples.
+_SHARE, _MANY = 1e-3, 10.0
 #: What does nothing at a value beyond this, such as a reference load, does nothing where that has no end.
 _ENDLESS = 1e12
 
@@ -670,12 +674,16 @@ def then_and_now_rows(since: Since) -> list[tuple[str, str, str, str, str]]:
     return rows
 
 
-def seen_rows(seen: Sequence[Seen]) -> list[tuple[str, str, str]]:
-    """Return rows of what would have shown beside: physics, the most and the least sensitive place, the sizes there."""
+def seen_rows(seen: Sequence[Seen]) -> list[tuple[str, str]]:
+    """Return rows of what would have shown beside: physics, and the sizes at the most and the least sensitive place."""
     rows = []
     for physics, ends in _ends(seen):
-        places = " to ".join(dict.fromkeys(item.location for item in ends))
-        rows.append((f"{physics}, {ends[0].parameter.replace('_', ' ')}", places, _off(*ends)))
+        shown = [_off(item) for item in ends]
+        if len(dict.fromkeys(shown)) == 1:
+            told = f"{shown[0]} at {ends[0].location}" if len(ends) == 1 else f"{shown[0]} at all places"
+        else:
+            told = " to ".join(f"{text} at {item.location}" for text, item in zip(shown, ends, strict=True))
+        rows.append((f"{physics}, {ends[0].parameter.replace('_', ' ')}", told))
     return rows
 
 
@@ -691,16 +699,17 @@ def _ends(seen: Sequence[Seen]) -> list[tuple[str, list[Seen]]]:
     return found
 
 
-def _off(*items: Seen) -> str:
-    """Return by how much a parameter must be off to show, at one place or at two: a factor or a share in per cent."""
-    endless = _is_endless(items[0])
-    sizes = [item.smallest if endless else abs(item.smallest - item.neutral) for item in items]
-    if items[0].unit == "1" and max(sizes) >= _SHARE:
-        unit, factor = "%", 100.0
+def _off(item: Seen) -> str:
+    """Return by how much a parameter must be off to show: a factor or a share in per cent."""
+    endless = _is_endless(item)
+    size = item.smallest if endless else abs(item.smallest - item.neutral)
+    if item.unit != "1":
+        shown = quantity(size, item.unit)
+    elif size >= _MANY:
+        shown = f"{number(size, 2)} times"
     else:
-        unit, factor = readable_unit(sizes[0], items[0].unit)
-    shown = dict.fromkeys(number(factor * size, 2 if unit == "%" else 3) for size in sizes)
-    return f"{'below ' if endless else ''}{' to '.join(shown)} {unit}".strip()
+        shown = f"{number(100 * size, 2)} %" if size >= _SHARE else f"{number(1e6 * size, 2)} ppm"
+    return f"{'below ' if endless else ''}{shown}"
 
 
 def _is_endless(item: Seen) -> bool:
