@@ -133,8 +133,8 @@ def registered(
             out = replace(out, stack=stack, effects=(*out.effects, effect), remarks=(*out.remarks, text))
         else:
             text = (
-                f"{label}all poses of {_seen(out.stack)} are off by one rigid motion: {where}, {fits}. Where the sensor just stands there, "
-                'declare it: "tolerances": {"frame_position": 5, "frame_rotation": 3}'
+                f"{label}all poses of {_seen(out.stack)} are off by one rigid motion: {where}, {fits}. Where the "
+                'sensor just stands there, declare it: "tolerances": {"frame_position": 5, "frame_rotation": 3}'
             )
             out = replace(out, stack=stack, found=(*out.found, effect), remarks=(*out.remarks, text))
             out = replace(out, deviations=(*out.deviations, motion.deviation), beside=max(out.beside, motion.beside))

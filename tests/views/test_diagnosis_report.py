@@ -25,6 +25,7 @@ from prup_pin.views.drawing.diagnosis_figures import _lines, marks
 from prup_pin.views.report.as_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_files import write_diagnosis
 from prup_pin.views.report.diagnosis_report import diagnosis_html
+from prup_pin.views.report.pages import page_template
 from prup_pin.views.text.diagnosis_words import (
     alternative_text,
     by_place,
@@ -50,7 +51,7 @@ def page(diagnosed):
 
 def words(page):
     body = re.sub(r"<(script|style)\b.*?</\1>", " ", page[page.index("<body>") :], flags=re.DOTALL)
-    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", body)).replace("\u2212", "-").split())
+    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", body.replace("<wbr>", ""))).replace("\u2212", "-").split())
 
 
 def test_a_verdict_of_many_findings_tells_each_physics_once(diagnosed):
@@ -366,3 +367,10 @@ def test_rows_of_a_marker_are_named_in_short_lines():
     assert _lines("position") == ["position"]
     assert _lines("marker leg2_bush rotation") == ["leg2_bush", "rotation"]
     assert _lines(f"marker {'x' * 60} position") == ["x" * 17 + "…", "position"]
+
+
+def test_a_name_breaks_between_its_words_and_is_escaped():
+    breakable = page_template("diagnosis_page.html").environment.filters["breakable"]
+    assert breakable("shoulder_pan_joint") == "shoulder_<wbr>pan_<wbr>joint"
+    assert breakable("a_b<script>") == "a_<wbr>b&lt;script&gt;"
+    assert breakable("two words_here") == "two words_here"  # escaped by the page

@@ -353,7 +353,7 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
         if _is_open(fitted):
             value = "not determined by this recording"
         elif max(abs(fitted.value), 0.5 * abs(high)) < fitted.seen:
-            rows.append((words, f"below the {quantity(fitted.seen, fitted.unit)} that the encoder shows", "any less"))
+            rows.append((words, f"below {quantity(fitted.seen, fitted.unit)}", "less than the encoder shows"))
             continue
         elif low == 0 < high:  # it may be nothing, and is no more than that
             unit, factor = readable_unit(high, fitted.unit)
