@@ -375,7 +375,7 @@ def place_lines(target: str, body: Body, framed: bool) -> list[Line]:
     doubt = "" if own else "is it the tool point, measured from outside, in base axes? Else p.<frame>"
     sizes = [float(np.nanmax(np.abs(body.stream.columns[name]), initial=0.0)) for name in body.place.values()]
     reach = max(sizes, default=0.0)
-    taken, lines = "mm" if reach > 20 else "m", []
+    taken, lines = "mm" if reach > 20 else "m", list[Line]()
     for axis, name in body.place.items():
         unit = body.stream.unit_of(name)
         if unit is None and taken == "mm" and not lines:

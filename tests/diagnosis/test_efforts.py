@@ -18,10 +18,11 @@ from prup_pin.dynamics.inertial import pseudo_inertia
 from prup_pin.errors import InputError
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts.inertial_parameters import InertialParameters, is_impossible
+from prup_pin.numbers import quantity
 from prup_pin.recordings import Recording, Tolerances, read_recording
 from prup_pin.simulation import CorrectedModel, simulate
 from prup_pin.views.report.diagnosis_report import diagnosis_html
-from prup_pin.views.text.diagnosis_words import diagnosis_text, summary_text, verdict_text
+from prup_pin.views.text.diagnosis_words import cost_text, diagnosis_text, parameter_texts, summary_text, verdict_text
 from tests.reference.concealed.efforts import draw_efforts, write
 
 from ..elsewhere import EMPS, needs_emps
@@ -505,3 +506,23 @@ def test_a_drift_and_a_drive_at_its_limit_are_told_where_something_is_unknown():
     found = diagnose(robot, replace(whole, efforts=whole.efforts | {joint: np.clip(tau, -most, most)}))
     (unknown,) = (finding for finding in found.findings if finding.physics == "unknown")
     assert "the effort is clipped where the drive is at its limit" in unknown.statement
+
+
+def test_a_way_below_what_the_encoder_shows_is_no_number(carriage):
+    found = diagnose(carriage, axis(4000, limit=20.0))
+    (finding,) = found.findings
+    way = finding.parameters["presliding"]
+    assert way.seen == pytest.approx(1e-7, rel=0.6)
+    (words,) = (row for row in parameter_texts({"presliding": replace(way, value=2e-8, interval=(0.0, 5e-8))}))
+    assert words == ("presliding", f"below {quantity(way.seen, 'm')}", "less than the encoder shows")
+    assert "encoder" not in parameter_texts({"presliding": replace(way, value=3e-6, interval=(1e-6, 5e-6))})[0][2]
+
+
+def test_what_leaving_a_law_out_costs_is_told_as_the_table_tells_what_is_left(carriage):
+    """No law saves more than the robot file leaves; whitened squares said so."""
+    found = diagnose(carriage, axis(4000, limit=20.0, damping=300.0, noise=0.2))
+    share = found.efforts.shares["carriage"]
+    friction = [finding for finding in found.findings if "friction" in finding.physics]
+    assert len(friction) == 2
+    assert all(1 < finding.cost < share["rigid"] / share["heldout"] for finding in friction)
+    assert all("the residual of carriage would be" in cost_text(finding) for finding in friction)

@@ -506,6 +506,13 @@ def test_a_rotation_vector_by_its_name_is_one_and_a_place_is_asked_about_once(ca
     assert len(first.doubts) == (called != "r.{}"), first.doubts
 
 
+def test_degrees_are_told_in_other_languages(ur5):
+    columns = {"tiempo_ms": 1e3 * logs.T} | {f"posicion_{k}_grados": np.degrees(Q[:, k]) for k in range(6)}
+    read = yaml.safe_load(guess(log_of(columns), ur5).text)
+    assert read["columns"]["q.elbow_joint"] == {"from": "posicion_2_grados", "unit": "deg"}
+    assert spelled("Degrés") == spelled("gradi") == "deg"
+
+
 def test_a_place_has_one_unit():
     values = np.linspace(0, 1, 50)
     places = {"TCP x": 3 * values, "TCP y": 400 * values, "TCP z": values}
