@@ -33,7 +33,7 @@ from .final_state import FinalState, shows
 from .gains import Gains, gains_of, in_any_unit, in_newtons, law_of_gains, scale_of
 from .judge import judged
 from .noise import EffortNoise, noise_of, true_roundings, true_sizes
-from .nonlinear import refined
+from .nonlinear import refined, settled_together
 from .outliers import OutlierInterval, is_outlying
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
@@ -146,6 +146,7 @@ def _final_state(
     model = with_relieving_laws(efforts, model)
     problem = model.problem
     model = with_likelier_bodies(model.in_problem(problem.without_curves())).in_problem(problem)
+    model = settled_together(efforts, model)
     scale = scale_of(gains, len(at.driven))
     sample, rounding = (of(noise, at.driven, scale) for of in (true_sizes, true_roundings))
     model, curves, imitating = _with_curves(efforts, model, sample, rounding)

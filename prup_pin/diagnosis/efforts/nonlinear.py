@@ -5,25 +5,27 @@ A law's efforts are linear in some of its parameters; the others are scanned, ea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...dynamics import InMotion
 from ...spatial import Array
-from ..criteria import EFFORT_INDISTINCT, SURE, WIDEST_STEP
+from ..criteria import EFFORT_INDISTINCT, ROUNDS, SURE, WIDEST_STEP
 from ..normal_equations import NormalEquations
 from .evidence import CrossValidation, relative_gain
 from .prepare import PreparedEfforts
-from .problem import EffortCandidate, EffortModel, fit
+from .problem import EffortCandidate, EffortModel, SparseColumns, fit
 
-__all__ = ["optimised", "profile_intervals", "refined"]
+__all__ = ["optimised", "profile_intervals", "refined", "settled_together"]
 
 #: Squares of white noise that settle a parameter.
 _SETTLED = 0.5
 #: Logarithm of a parameter over its best value beyond which data do not bound it.
 _NEVER = 7.0
+#: Change of a logarithm for a derivative.
+_SMALL = 0.05
 
 
 def refined(
@@ -105,6 +107,86 @@ def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]
         else:
             columns.cut(size)
     return model
+
+
+def settled_together(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
+    """Return the model with all nonlinear parameters where the squares are least together, by Gauss and Newton's steps.
+
+    One after the other they would creep along a valley: a friction that turns round later is a little delay. What
+    follows from what is known does so with the coefficients of the whole fit.
+    """
+    columns, cost = model.problem.columns, _cost(model)
+    for _ in range(ROUNDS):
+        steps = _steps_together(efforts, model)
+        for share in (1.0, 0.5, 0.25, 0.0):  # the last: with what is known now, and no step
+            size = columns.size
+            tried = _with_factors(efforts, model, [np.exp(share * step) for step in steps])
+            if (now := _cost(tried)) < cost - _SETTLED:
+                break
+            columns.cut(size)
+        else:
+            return model
+        model, cost = tried, now
+    return model
+
+
+def _cost(model: EffortModel) -> float:
+    """Return the squares left, less a constant, and those of the coefficients by their prior."""
+    x, matrix = fit(model)
+    moment = model.problem.columns.moment[:, model.where].sum(axis=0)
+    return float(x @ matrix @ x - 2 * moment @ x)
+
+
+def _steps_together(efforts: PreparedEfforts, model: EffortModel) -> list[Array]:
+    """Return Gauss and Newton's steps of the logarithms of each term's free parameters, all coefficients free."""
+    problem, columns, x = model.problem, model.problem.columns, fit(model)[0]
+    size, counts = columns.size, [len(term.law.free(term.values)) for term in model.terms]
+
+    def changes() -> Iterator[SparseColumns]:
+        for term, count in zip(model.terms, counts, strict=True):
+            if count:
+                law, place, own = term.law, term.place, x[model.slice_of(term)]
+                now = law.efforts_per(place, term.values, efforts.at) @ own
+                moved = [law.scaled(term.values, np.exp(_SMALL * axis).tolist()) for axis in np.eye(count)]
+                after = [law.efforts_per(place, values, efforts.at) @ own for values in moved]
+                yield efforts.whitened(np.stack([each - now for each in after], axis=-1) / _SMALL)
+
+    columns.add(changes())
+    where = np.array([*model.where, *range(size, columns.size)], int)
+    matrix, moment = columns.total[np.ix_(where, where)], columns.moment[:, where].sum(axis=0)
+    columns.cut(size)
+    linear = len(model.where)
+    matrix[:linear, :linear] += problem.precision(model.where)
+    matrix[linear:, linear:] += np.eye(len(where) - linear)  # what data do not tell stays where it is
+    step = np.clip(NormalEquations.of(matrix).solve(moment)[linear:], -WIDEST_STEP, WIDEST_STEP)
+    return np.split(step, np.cumsum(counts)[:-1]) if counts else []
+
+
+def _with_factors(efforts: PreparedEfforts, model: EffortModel, factors: Sequence[Array]) -> EffortModel:
+    """Return the model with so many times its free parameters, term by term, and what follows from what is known."""
+    for index, factor in enumerate(factors):
+        term = model.terms[index]
+        if len(factor):
+            model = _replaced(efforts, model, index, term.law.scaled(term.values, factor.tolist()), efforts.at)
+    for index, term in enumerate(model.terms):
+        if term.law.of_what_is_known:
+            before, x = model.with_terms(model.terms[:index]), fit(model)[0]
+            values = term.law.fitted(term.place, x[model.slice_of(term)], term.values)
+            at = efforts.knowing(before, x[: len(before.where)])
+            closer = term.law.closer(term.place, values, at)
+            model = _replaced(efforts, model, index, closer[0] if len(closer) == 1 else term.values, at)
+    return model
+
+
+def _replaced(
+    efforts: PreparedEfforts, model: EffortModel, index: int, values: Mapping[str, float], at: InMotion
+) -> EffortModel:
+    """Return the model with new columns of one term, by other values in a motion of which more may be known."""
+    term, problem = model.terms[index], model.problem
+    where = problem.columns.add([efforts.whitened(term.law.efforts_per(term.place, values, at))])[0]
+    prior = np.concatenate((problem.prior, efforts.prior_of(term.law, term.place)))
+    wider = efforts.with_candidates(problem.columns, problem.candidates, prior)
+    return model.in_problem(wider).replaced(index, EffortCandidate(term.law, term.place, values, where))
 
 
 def profile_intervals(

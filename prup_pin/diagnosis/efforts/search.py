@@ -19,7 +19,7 @@ from ...laws.efforts import Body
 from ...spatial import Array
 from ..criteria import AS_GOOD, FEWEST_OF_KIND, GAIN, MOST, MOST_FITS, NO_MATTER, SURE, TRIED, beyond_tolerance
 from .evidence import CrossValidation, held_out, no_worse, relative_gain, scores, standard_error
-from .nonlinear import refined
+from .nonlinear import refined, settled_together
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
 
@@ -48,6 +48,7 @@ def searched(efforts: PreparedEfforts, model: EffortModel, tell: Callable[[float
     """Return the model that the efforts ask for, from one to begin with."""
     refused: Counter[_Key] = Counter()
     left: set[_Key] = set()
+    model = settled_together(efforts, model)
     while True:
         model = _forward(efforts, model, refused, tell)
         needed = pruned(model, model.terms)
@@ -62,6 +63,7 @@ def searched(efforts: PreparedEfforts, model: EffortModel, tell: Callable[[float
     model = model.with_terms(sorted(model.terms, key=lambda term: term.law.of_what_is_known))
     if model.terms:
         model = refined(efforts, model, range(len(model.terms) - 1, -1, -1), at_last=True)
+        model = settled_together(efforts, model)
         model = _with_new(efforts, model, [], refused)
         model = _simpler(efforts, model)
     return model
