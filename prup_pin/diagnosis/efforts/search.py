@@ -48,7 +48,6 @@ def searched(efforts: PreparedEfforts, model: EffortModel, tell: Callable[[float
     """Return the model that the efforts ask for, from one to begin with."""
     refused: Counter[_Key] = Counter()
     left: set[_Key] = set()
-    model = settled_together(efforts, model)
     while True:
         model = _forward(efforts, model, refused, tell)
         needed = pruned(model, model.terms)
