@@ -103,6 +103,9 @@ def test_a_file_in_millimetres_or_without_masses_is_to_look_at_and_not_assumed(r
         assert "Nothing to object" not in said
         assert words in said.partition("To look at")[2].partition("Assumed")[0]
         assert words not in said.partition("Assumed")[2]
+    said = told(run("stiffness", tmp_path / "long.urdf"))
+    assert "is the file in millimetres?" in said.partition("Stiffness K")[0]
+    assert "To look at" not in told(run("stiffness", "3prup"))
 
 
 def test_without_a_tool_nothing_can_be_loaded(run):

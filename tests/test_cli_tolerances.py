@@ -106,6 +106,12 @@ def test_diagnose_takes_a_named_set_or_a_file_instead(run, bench, asked, tmp_pat
     ("name", "content", "expected"),
     [
         ("typcal", None, "--tolerances 'typcal': expected typical, arm, none or a JSON file. Did you mean 'typical'?"),
+        (
+            "stiffness=0.1",
+            None,
+            'Write {"stiffness": 0.1} into a file tolerances.json, and --tolerances tolerances.json',
+        ),
+        ("10%", None, 'expected typical, arm, none or a JSON file. Write {"stiffness": 10e-2}'),
         ("shop.json", None, "shop.json: file not found"),
         (
             "shop.json",

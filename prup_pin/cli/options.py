@@ -281,6 +281,13 @@ def tolerances_named(name: str) -> Tolerances:
     named = {"typical": TYPICAL, "arm": ARM, "none": Tolerances()}
     if name in named:
         return named[name]
+    if ("=" in name or name[:1].isdigit()) and not is_file(Path(name)):
+        pairs = [part.partition("=") for part in (name if "=" in name else f"stiffness={name}").split(",")]
+        inside = ", ".join(f'"{key.strip()}": {value.strip().replace("%", "e-2") or "0.1"}' for key, _, value in pairs)
+        raise InputError(
+            f"--tolerances '{name}': expected typical, arm, none or a JSON file. Write {{{inside}}} into a file "
+            "tolerances.json, and --tolerances tolerances.json"
+        )
     if not Path(name).suffix and not is_file(Path(name)):
         near = nearest_names(name, list(named))
         raise InputError(f"--tolerances '{name}': expected typical, arm, none or a JSON file. {near}")

@@ -28,6 +28,7 @@ from .efforts.with_poses import (
     joined,
     together_in_time,
     with_efforts_at_rest,
+    without_dead_efforts,
 )
 from .evidence import (
     count_beyond_tolerance,
@@ -93,17 +94,19 @@ def diagnose(
         tell = _only_forward(tell)
         tell("how the log is written", 0.0)
         earlier = None
+        given = [recording] if isinstance(recording, Recording) else list(recording)
+        given, dead, columns = without_dead_efforts(given, robot.mechanism)
         if against is not None:
-            given = [recording] if isinstance(recording, Recording) else list(recording)
             earlier = Earlier.of(against, robot, given)
-            recording = [earlier.as_compared(item) for item in given]
-        logs = read_logs(robot, recording)
+            given = [earlier.as_compared(item) for item in given]
+        logs = read_logs(robot, given)
         if earlier is None:
             found = logs.before(_of_channels(robot, logs.recordings, tell, propose))
         else:
             found = logs.before(_changed(robot, logs.recordings, earlier, tell))
     remarks = (*taking_part(robot.mechanism), *found.remarks, *told)
-    return replace(found, remarks=tuple(dict.fromkeys(remarks)))
+    premises, unused = (*dead, *found.premises), (*columns, *found.unused_columns)
+    return replace(found, remarks=tuple(dict.fromkeys(remarks)), premises=premises, unused_columns=unused)
 
 
 def _of_channels(robot: Robot, given: Sequence[Recording], tell: Tell, propose: bool | Sequence[str]) -> Diagnosis:

@@ -47,7 +47,8 @@ VERDICTS = ("nothing_missing", "explained", "unexplained")
 class FittedParameter:
     """A fitted value with its unit and 95 % confidence interval.
 
-    drawn: what the robot file has, where it has one; before: what an earlier test found.
+    drawn: what the robot file has, where it has one; before: what an earlier test found; seen: of a way, the least that
+    the recorded positions show.
     """
 
     value: float
@@ -55,6 +56,7 @@ class FittedParameter:
     interval: tuple[float, float]
     drawn: float | None = None
     before: float | None = None
+    seen: float = 0.0
 
     @classmethod
     def about(cls, value: float, unit: str, reach: float, drawn: float | None = None) -> FittedParameter:
@@ -73,7 +75,8 @@ class Finding:
     `conventions`: of `log_convention`, how a log is written, and `evidence`: of what the drawing leaves how much as
     written, and as read. `recovered` is what the samples ask for, to be drawn; `law`: what is told of several places
     without one effect; `advice`: what to do about it, where its physics does not say. `approached`: of what is unknown,
-    the joint from whose side of approach it follows.
+    the joint from whose side of approach it follows. `untold`: whether too little was recorded to say anything.
+    `times`: of efforts, how many times as large their held-out residual (RMS) would be without it, in their own unit.
     """
 
     physics: str
@@ -91,10 +94,14 @@ class Finding:
     law: Law | None = field(default=None, repr=False)
     advice: str = ""
     approached: str = ""
+    untold: bool = False
+    times: float = float("nan")
 
     @property
     def cost(self) -> float:
         """How many times as large the held-out residual (RMS) would be without this finding; infinite without end."""
+        if np.isfinite(self.times):
+            return self.times
         return float(1 / np.sqrt(1 - self.heldout_gain)) if self.heldout_gain < 1 else float("inf")
 
     @property

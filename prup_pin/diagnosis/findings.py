@@ -244,9 +244,9 @@ def _share_left(problem: Problem, fit: Fit) -> float:
     return float(np.sqrt(left / moved)) if moved else 0.0
 
 
-def unknown_at(where: str, statement: str, share: float = 0.0, advice: str = "") -> Finding:
+def unknown_at(where: str, statement: str, share: float = 0.0, advice: str = "", untold: bool = False) -> Finding:
     """Return the finding of something unknown at a place, which would take away a share of the residual."""
-    return Finding("unknown", where, (where,), {}, share, statement, advice=advice)
+    return Finding("unknown", where, (where,), {}, share, statement, advice=advice, untold=untold)
 
 
 def chi2_without(problem: Problem, fit: Fit, index: int) -> float:

@@ -18,7 +18,7 @@ from .efforts.band import band_of, in_motion
 from .efforts.conventions import check_efforts
 from .efforts.evidence import gradients
 from .efforts.prepare import PreparedEfforts
-from .efforts.with_poses import has_efforts, has_poses, unused_by_efforts
+from .efforts.with_poses import has_efforts, has_poses, unused_by_efforts, without_dead_efforts
 from .identify import not_detectable
 from .prepare import prepare, silent, unused_columns
 from .search import Selection
@@ -51,12 +51,14 @@ class Prospects:
     unused_columns: tuple[str, ...]
     remarks: tuple[str, ...]
     conventions: tuple[str, ...] = ()
+    premises: tuple[str, ...] = ()  # what comes before all else
 
 
 def prospects(robot: Robot, recording: Recording) -> Prospects:
     """Return what a recording of a robot could show. Raises as `diagnose` does where it cannot be read that way."""
     with threadpool_limits(1, user_api="blas"), limits_heard() as beyond:
-        logs = read_logs(robot, recording)
+        kept, dead, columns = without_dead_efforts([recording], robot.mechanism)
+        logs = read_logs(robot, kept)
         (recording,) = logs.recordings
         drawn, adapted = robot, as_recorded(robot, recording)
         robot = adapted.robot
@@ -80,7 +82,10 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
         if not (efforts or poses):
             remarks.append("neither a pose, nor a marker, nor an effort was measured: nothing can be compared")
         remarks += [*told, *beyond]
-    return Prospects(joints, tuple(hidden), tuple(alike), unused, tuple(dict.fromkeys(remarks)), logs.statements)
+    unused = (*columns, *unused)
+    return Prospects(
+        joints, tuple(hidden), tuple(alike), unused, tuple(dict.fromkeys(remarks)), logs.statements, tuple(dead)
+    )
 
 
 def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, ...], list[tuple[str, str]], list[str]]:
@@ -104,8 +109,6 @@ def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, .
                 None if own is None else float(np.nanmax(np.abs(own))),
             )
         )
-        if own is not None and not np.nanmax(np.abs(own)) > 0:
-            remarks.append(f"tau.{name} is zero throughout")
     quiet = [item.joint for item in joints if not item.travel > 0]
     if quiet:
         remarks.append(f"{', '.join(quiet)} never moved: nothing of their friction, inertia or weight shows")

@@ -133,12 +133,17 @@ def registered(
             out = replace(out, stack=stack, effects=(*out.effects, effect), remarks=(*out.remarks, text))
         else:
             text = (
-                f"{label}all poses are off by one rigid motion: {where}, {fits}. Where the sensor just stands there, "
-                'declare it: "tolerances": {"frame_position": 5, "frame_rotation": 3}'
+                f"{label}all poses of {_seen(out.stack)} are off by one rigid motion: {where}, {fits}. Where the "
+                'sensor just stands there, declare it: "tolerances": {"frame_position": 5, "frame_rotation": 3}'
             )
             out = replace(out, stack=stack, found=(*out.found, effect), remarks=(*out.remarks, text))
             out = replace(out, deviations=(*out.deviations, motion.deviation), beside=max(out.beside, motion.beside))
     return out
+
+
+def _seen(stack: Stack) -> str:
+    """Return which places were measured: the tool, and frames with markers."""
+    return ", ".join(f"'{channel.frame.name}'" for channel in stack.poses if channel.exists.any())
 
 
 def own_frames(

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..mechanism import Mechanism
-from ..numbers import number
+from ..numbers import counted, number
 from ..recordings import Recording
 from ..recordings.thinning import Thinning
 from ..spatial import Array
@@ -207,7 +207,8 @@ def motion_of(
     remarks += clock.remarks
     if not len(clock):
         raise InputError(
-            "nothing in this recording lasts long enough to tell a speed: expected rows at an even rate with all of "
+            f"nothing in this recording, {counted(len(recording), 'row')} in {number(np.ptp(recording.time), 3)} s, "
+            "lasts long enough to tell a speed: expected some seconds of rows at an even rate with all of "
             f"{', '.join(f'q.{name}' for name in names)} and the efforts"
         )
     rate = 1 / clock.step

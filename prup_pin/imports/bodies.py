@@ -16,7 +16,13 @@ _AXIS = re.compile(
 )
 #: Markers by number: x1 y1 z1, and how it is turned: phix1 phiy1 phiz1.
 _NUMBERED = re.compile(r"(?P<kind>|phi|rot|r)[\s._]?(?P<axis>[xyz])[\s._]?(?P<number>\d+)", re.I)
-_PLACE = ("position", "translation", "pos", "marker", "smr", "tracker", "trans", "location")
+_PLACE = ("p", "position", "translation", "pos", "marker", "smr", "tracker", "trans", "location")
+#: Rotation vectors, in English, German, French, Spanish and Italian, as libraries call them, and a recording does.
+_VECTOR = re.compile(
+    r"(?:rot(?:ation)?s?|dreh)[\s._-]*ve[ck](?:t[oe]u?r)?|ve[ckt]t[a-z]*[\s._-]*(?:d[ei][\s._-]+)?rota[a-zó]*"
+    r"|axis[\s._-]*angle|rodrigues|^r(?=\.[xyz]$)",
+    re.I,
+)
 _TURNED = ("orientation", "quaternion", "quat", "rotation", "rot")
 _NEITHER = ("velocity", "vel", "speed", "twist", "force", "torque", "moment", "acc", "accel", "acceleration", "gyro",
             "imu", "angular", "linear", "error", "cop", "wrench", "center", "centre")  # fmt: skip
@@ -73,6 +79,7 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
     places: dict[str, dict[str, str]] = {}
     turns: dict[str, dict[str, str]] = {}
     matrices: dict[str, dict[int, str]] = {}
+    vectors: set[str] = set()
     by_number = numbered_places(stream)
     for name in stream.columns:
         match = _NUMBERED.fullmatch(name)
@@ -89,14 +96,18 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
         if numbered is not None:
             matrices.setdefault(numbered[1], {})[int(numbered[2])] = name
             continue
-        found = _AXIS.match(name)
+        vector = _VECTOR.search(name) is not None
+        found = _AXIS.match(_VECTOR.sub("", name))
         if found is None:
             continue
         kind, axis = (found["kind"] or "").lower(), found["axis"].lower()
         said = stream.unit_of(name) or ""
         spoken = set(words_of(found["body"]))
         body = f"{_plain(found['body'])}{found['twice'] or ''}"
-        if kind == "q" or (spoken & set(_TURNED) and not spoken & set(_PLACE)):
+        if vector:
+            turns.setdefault(body, {})[f"r{axis}"] = name
+            vectors.add(body)
+        elif kind == "q" or (spoken & set(_TURNED) and not spoken & set(_PLACE)):
             turns.setdefault(body, {})[axis] = name
         elif kind == "r":
             if dimension_of(said) == "angle":
@@ -129,7 +140,7 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
             home.turn, home.manner = tuple(parts[axis] for axis in "xyzw"), "quaternion_xyzw"
         elif all(f"r{axis}" in parts for axis in "xyz"):
             home.turn, home.manner = tuple(parts[f"r{axis}"] for axis in "xyz"), "rotation_vector"
-            home.doubt = "rotation vectors, or Euler angles such as euler_XYZ?"
+            home.doubt = "" if called in vectors else "rotation vectors, or Euler angles such as euler_XYZ?"
         elif all(axis in parts for axis in "xyz"):
             order = stream.labels.get("rotation type", "XYZ").upper()
             home.turn, home.manner = tuple(parts[axis.lower()] for axis in order), f"euler_{order}"

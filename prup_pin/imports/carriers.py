@@ -19,7 +19,7 @@ from ..mechanism.mechanism import Mechanism
 from ..numbers import number
 from ..spatial import Array
 from .bodies import Body
-from .columns import Clocks, place_line
+from .columns import Clocks, place_lines
 from .draft import Guessing, Seen, in_si
 from .log import Log, Stream
 from .map import NamedRobot
@@ -125,11 +125,10 @@ def carry(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: Name
         at_tool = mechanism.tool is not None and frame == mechanism.tool.name
         of_tool = at_tool and (len(single) == 1 or best.distance(mechanism.tip.placement[:3, 3]) < _NEAR)
         suffix = "" if of_tool else f".{frame}"
-        for axis, source in body.place.items():
-            line = place_line(f"p{suffix}.{axis}", source, home, True)
-            line.doubt = doubt if axis == "x" else line.doubt if doubt else ""  # what fits proves the unit
-            line.reason = words if axis == "x" and not doubt else ""
-            found.lines.append(line)
+        lines = place_lines(f"p{suffix}", body, True)
+        lines[0].doubt = doubt  # what fits proves the unit
+        lines[0].reason = "" if doubt else words
+        found.lines += lines
         seen.turns |= {f"r{suffix}": body for other in turned.values() if other is body}
         if best.beside(mechanism.frame(frame).placement[:3, 3]) > _NEAR:
             seen.carried[body.called] = _reach(mechanism, frame, best)
@@ -218,7 +217,7 @@ def _column(body: Body, axis: str) -> Array:
 
 def _points(body: Body) -> Array:
     """Return the places (N, 3) [m] of a marker."""
-    lines = {axis: place_line("", name, body.stream, True) for axis, name in body.place.items()}
+    lines = dict(zip(body.place, place_lines("", body, True), strict=True))
     return np.column_stack([_column(body, a) * UNITS["length"].get(lines[a].unit or "m", 1.0) for a in "xyz"])
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..spatial import Array
-from .bodies import bodies_of, frame_of, numbered_places, triples_of
+from .bodies import Body, bodies_of, frame_of, numbered_places, triples_of
 from .draft import Guessing, Line, Seen
 from .log import Log, Stream
 from .map import JOINT_DIMENSIONS, NamedRobot, driven
@@ -358,19 +358,27 @@ def seen_poses(log: Log, taken: set[str], mechanism: NamedRobot | None) -> Seen:
         if (not frame and len(nobody) > 1) or f"p{place}.x" in seen.lines or f"r{place}" in seen.turns:
             seen.others.append(body)
             continue
-        for axis, name in body.place.items():
-            seen.lines[f"p{place}.{axis}"] = place_line(f"p{place}.{axis}", name, body.stream, bool(frame))
+        for line in place_lines(f"p{place}", body, bool(frame)):
+            seen.lines[line.target] = line
         if body.turn:
             seen.turns[f"r{place}"] = body
     return seen
 
 
-def place_line(target: str, name: str, stream: Stream, framed: bool) -> Line:
-    """Return the line of one coordinate of a body: of a frame of the robot (`framed`), or of who knows what."""
-    unit = stream.unit_of(name)
-    doubt = "" if framed else "is it the tool point, measured from outside, in base axes? Else p.<frame>"
-    if unit is None:
-        reach = float(np.nanmax(np.abs(stream.columns[name]), initial=0.0))
-        unit = "mm" if reach > 20 else "m"
-        doubt = doubt or (f"up to {reach:.4g}, so taken as mm" if unit == "mm" else "")
-    return Line(target, name, unit, doubt=doubt)
+def place_lines(target: str, body: Body, framed: bool) -> list[Line]:
+    """Return the lines of a body's place: of a frame of the robot (`framed`), or of who knows what.
+
+    In one unit, and asked about once.
+    """
+    # the recording's own name says what it is
+    own = framed or body.place.get("x") == f"{target}.x"
+    doubt = "" if own else "is it the tool point, measured from outside, in base axes? Else p.<frame>"
+    sizes = [float(np.nanmax(np.abs(body.stream.columns[name]), initial=0.0)) for name in body.place.values()]
+    reach = max(sizes, default=0.0)
+    taken, lines = "mm" if reach > 20 else "m", list[Line]()
+    for axis, name in body.place.items():
+        unit = body.stream.unit_of(name)
+        if unit is None and taken == "mm" and not lines:
+            doubt = "; ".join(filter(None, (doubt, f"up to {reach:.4g}, so taken as mm")))
+        lines.append(Line(f"{target}.{axis}", name, unit or taken, doubt="" if lines else doubt))
+    return lines

@@ -26,7 +26,7 @@ from ..recordings.writer import write_whole
 from .by_unit import add_by_unit
 from .carriers import carry
 from .clocks import set_beside
-from .columns import Clocks, add_joints, place_line, seen_poses, time_column, wrench_lines
+from .columns import Clocks, add_joints, place_lines, seen_poses, time_column, wrench_lines
 from .draft import Guessing, Line, Seen
 from .log import Log
 from .map import CHECK, NamedRobot, driven
@@ -266,9 +266,8 @@ def _of_others(seen: Seen, mechanism: NamedRobot | None, doubts: list[str]) -> l
         return lines
     lines.append("  # Seen as well; in the place of FRAME the frame of the robot that carries it:")
     for body in seen.others:
-        for axis, name in body.place.items():
-            line = place_line("", name, body.stream, True)
-            lines.append(f"  # p.FRAME.{axis}: {{from: {_text(name)}, unit: {line.unit}}}")
+        for line in place_lines("p.FRAME", body, True):
+            lines.append(f"  # {line.target}: {{from: {_text(line.source)}, unit: {line.unit}}}")
     if not (seen.lines or seen.turns or seen.carried or seen.movers):
         called = ", ".join(body.called or "a body without a name" for body in seen.others[:6])
         there = f": {', '.join(list(mechanism.frame_names)[-8:])} …" if mechanism is not None else ""

@@ -53,6 +53,7 @@ _KELVIN = -273.15
 _SPELLED = {
     "sec": "s", "second": "s", "seconds": "s", "msec": "ms", "millis": "ms", "usec": "us", "micros": "us",
     "nsec": "ns", "nanos": "ns", "radian": "rad", "radians": "rad", "degree": "deg", "degrees": "deg", "grad": "deg",
+    "grados": "deg", "gradi": "deg", "degrés": "deg", "degres": "deg", "radianes": "rad", "radianti": "rad",
     "deg/sec": "deg/s", "rad/sec": "rad/s", "dps": "deg/s", "°/s": "deg/s", "1/min": "rpm", "u/min": "rpm",
     "nm": "N m", "n*m": "N m", "n·m": "N m", "n-m": "N m", "mnm": "mN m", "knm": "kN m", "ncm": "N cm", "nmm": "N mm",
     "newton": "N", "percent": "%", "pct": "%", "ampere": "A", "amps": "A", "amp": "A", "volt": "V", "volts": "V",
@@ -165,7 +166,9 @@ def _halves(word: str) -> list[str]:
 #: A unit at the end of a column's name: in brackets, perhaps before a number for a name that stands twice; or after an
 #: underscore, of one letter where that is hardly anything else.
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])](?= \(\d+\)$|\s*$)")
-_AFTER = re.compile(r"[_\s.]((?:(?i:deg|rad|mm|cm|rpm|nm|ms|us|ns|dps)(?:[_/]s)?)|N|(?<=[\dxyzXYZ]_)[mA])$")
+_AFTER = re.compile(
+    r"[_\s.]((?:(?i:deg|rad|grados|gradi|degr[eé]s|mm|cm|rpm|nm|ms|us|ns|dps)(?:[_/]s)?)|N|(?<=[\dxyzXYZ]_)[mA])$"
+)
 
 
 def unit_in_name(name: str) -> str | None:

@@ -10,14 +10,19 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.efforts.residuals import EffortResiduals
+from prup_pin.diagnosis.efforts.unexplained import _beyond_declared
 from prup_pin.diagnosis.prospects import prospects
 from prup_pin.dynamics import INERTIAL
 from prup_pin.dynamics.inertial import pseudo_inertia
 from prup_pin.errors import InputError
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts.inertial_parameters import InertialParameters, is_impossible
+from prup_pin.numbers import quantity
 from prup_pin.recordings import Recording, Tolerances, read_recording
 from prup_pin.simulation import CorrectedModel, simulate
+from prup_pin.views.report.diagnosis_report import diagnosis_html
+from prup_pin.views.text.diagnosis_words import cost_text, diagnosis_text, parameter_texts, summary_text, verdict_text
 from tests.reference.concealed.efforts import draw_efforts, write
 
 from ..elsewhere import EMPS, needs_emps
@@ -402,11 +407,11 @@ def test_what_a_drive_at_its_limit_could_not_give_is_no_physics(carriage, share)
     assert not any("stands still in" in text for text in found.remarks)
 
 
-def test_a_drive_without_a_column_of_efforts_is_left_out():
-    """Its friction reaches no effort that was recorded: columns of nothing must not enter a fit."""
+def swung(seconds=12):
+    """Return the recording of a ur5 that swings, with viscous friction at the shoulder."""
     robot = load("ur5")
     names, model = robot.mechanism.actuated, robot.model
-    time = np.arange(0, 12, 0.01)
+    time = np.arange(0, seconds, 0.01)
     rates = 2 * np.pi * np.linspace(0.1, 0.3, 6)
     q = 0.8 * np.sin(np.outer(time, rates))
     v, a = 0.8 * rates * np.cos(np.outer(time, rates)), -0.8 * rates**2 * np.sin(np.outer(time, rates))
@@ -414,14 +419,110 @@ def test_a_drive_without_a_column_of_efforts_is_left_out():
     tau = np.array([pinocchio.rnea(model, data, *row) for row in zip(q, v, a, strict=True)])
     tau[:, 1] += 6.0 * v[:, 1]
     tau += 0.1 * np.random.default_rng(1).normal(size=tau.shape)
-    recording = Recording(
-        time=time,
-        positions=dict(zip(names, q.T, strict=True)),
-        efforts={name: own for name, own in zip(names, tau.T, strict=True) if name != "elbow_joint"},
-    )
+    efforts = dict(zip(names, tau.T, strict=True))
+    return Recording(time=time, positions=dict(zip(names, q.T, strict=True)), efforts=efforts)
+
+
+def test_a_drive_without_a_column_of_efforts_is_left_out():
+    """Its friction reaches no effort that was recorded: columns of nothing must not enter a fit."""
+    robot, whole = load("ur5"), swung()
+    recording = replace(whole, efforts={k: v for k, v in whole.efforts.items() if k != "elbow_joint"})
     found = diagnose(robot, recording)
     assert named(found) == {("viscous_friction", "shoulder_lift_joint")}
     blind = replace(recording, positions={k: v for k, v in recording.positions.items() if k != "wrist_1_joint"})
     for asked in (diagnose, prospects):
         with pytest.raises(InputError, match=r"tau.wrist_1_joint was recorded, but no q.wrist_1_joint"):
             asked(robot, blind)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [0.0, 1.7])
+def test_an_effort_that_was_never_logged_is_told_first_and_left_out(value):
+    robot, whole = load("ur5"), swung()
+    recording = replace(whole, efforts=whole.efforts | {"wrist_2_joint": np.full(len(whole), value)})
+    found = diagnose(robot, recording)
+    assert named(found) == {("viscous_friction", "shoulder_lift_joint")}
+    assert found.premises[0].startswith(f"tau.wrist_2_joint stays at {value:g} in every row, while joints move")
+    assert "wrist_2_joint" not in found.efforts.joints
+    assert "tau.wrist_2_joint" in found.unused_columns
+    assert diagnosis_text(found).startswith("tau.wrist_2_joint")
+    assert " nan " not in diagnosis_html(found, robot, recording).lower()
+    assert prospects(robot, recording).premises == found.premises
+
+
+def bumped(robot_log, joint, force=5.0, at=0.7, width=0.03):
+    """Return a recording with an effort more wherever a joint passes one place."""
+    q = robot_log.positions[joint]
+    more = force * np.exp(-0.5 * ((q - np.quantile(q, at)) / width) ** 2)
+    return replace(robot_log, efforts=robot_log.efforts | {joint: robot_log.efforts[joint] + more})
+
+
+def test_what_pinches_at_one_place_of_one_joint_is_not_explained():
+    """Its joint is left at a few times its noise, with little of its effort, and all joints at hardly more than one."""
+    robot, whole = load("ur5"), swung(30)
+    found = diagnose(robot, bumped(whole, "elbow_joint"))
+    assert found.verdict == "unexplained"
+    assert named(found) == {("viscous_friction", "shoulder_lift_joint"), ("unknown", "elbow_joint")}
+    (unknown,) = (finding for finding in found.findings if finding.physics == "unknown")
+    assert "comes back wherever it passes" in unknown.statement
+    where = float(unknown.advice.partition("stands at ")[2].split()[0])
+    unit = unknown.advice.partition("stands at ")[2].split()[1].rstrip(",")
+    assert where * {"rad": 1.0, "mrad": 1e-3}[unit] == pytest.approx(
+        np.quantile(whole.positions["elbow_joint"], 0.7), abs=0.03
+    )
+    assert found.efforts.shares["elbow_joint"]["heldout"] < 0.1
+
+
+def test_one_joint_many_times_above_the_declared_noise_is_not_hidden_by_its_sisters():
+    joints = {f"joint{k}": {"before": 9.0, "after": 3.2 if k == 3 else 0.7} for k in range(7)}
+    after = float(np.sqrt(np.mean([sizes["after"] ** 2 for sizes in joints.values()])))
+    left = EffortResiduals(*4 * (np.zeros((0, 7)),), {}, {"fit": after}, joints, {})
+    assert after < 1.5
+    (finding,) = _beyond_declared(left)
+    assert finding.location == "joint3"
+    assert not list(_beyond_declared(left._replace(by_joint={k: {"after": 0.9} for k in joints}, after={"fit": 0.9})))
+
+
+def test_ten_samples_are_too_little_to_compare_and_no_law_is_blamed():
+    robot, whole = load("ur5"), swung(20)
+    found = diagnose(robot, whole.select(np.arange(0, 2000, 200)))
+    assert found.verdict == "unexplained"
+    assert verdict_text(found).startswith("There is too little to compare: 10 samples")
+    assert "no law" not in summary_text(found).lower()
+    assert found.findings[0].remedy.startswith("record at least")
+    with pytest.raises(InputError, match=r"10 rows in 0.09 s, lasts long enough"):
+        diagnose(robot, whole.select(np.arange(10)))
+
+
+def test_a_drift_and_a_drive_at_its_limit_are_told_where_something_is_unknown():
+    robot, whole, joint = load("ur5"), swung(20), "elbow_joint"
+    drifting = np.asarray(whole.efforts[joint]) + np.linspace(0, 8, len(whole))
+    found = diagnose(robot, replace(whole, efforts=whole.efforts | {joint: drifting}))
+    (unknown,) = (finding for finding in found.findings if finding.physics == "unknown")
+    assert "most of it is a drift, 7.9" in unknown.statement
+    assert unknown.remedy.startswith("find what changes slowly at elbow_joint")
+    tau = bumped(whole, joint, 12.0, width=0.05).efforts[joint]
+    most = 0.6 * np.abs(whole.efforts[joint]).max()
+    found = diagnose(robot, replace(whole, efforts=whole.efforts | {joint: np.clip(tau, -most, most)}))
+    (unknown,) = (finding for finding in found.findings if finding.physics == "unknown")
+    assert "the effort is clipped where the drive is at its limit" in unknown.statement
+
+
+def test_a_way_below_what_the_encoder_shows_is_no_number(carriage):
+    found = diagnose(carriage, axis(4000, limit=20.0))
+    (finding,) = found.findings
+    way = finding.parameters["presliding"]
+    assert way.seen == pytest.approx(1e-7, rel=0.6)
+    (words,) = (row for row in parameter_texts({"presliding": replace(way, value=2e-8, interval=(0.0, 5e-8))}))
+    assert words == ("presliding", f"below {quantity(way.seen, 'm')}", "less than the encoder shows")
+    assert "encoder" not in parameter_texts({"presliding": replace(way, value=3e-6, interval=(1e-6, 5e-6))})[0][2]
+
+
+def test_what_leaving_a_law_out_costs_is_told_as_the_table_tells_what_is_left(carriage):
+    """No law saves more than the robot file leaves; whitened squares said so."""
+    found = diagnose(carriage, axis(4000, limit=20.0, damping=300.0, noise=0.2))
+    share = found.efforts.shares["carriage"]
+    friction = [finding for finding in found.findings if "friction" in finding.physics]
+    assert len(friction) == 2
+    assert all(1 < finding.cost < share["rigid"] / share["heldout"] for finding in friction)
+    assert all("the residual of carriage would be" in cost_text(finding) for finding in friction)

@@ -51,7 +51,9 @@ def test_an_undeclared_one_is_found_with_its_numbers_and_what_to_declare(undecla
     values = {name: item.value for name, item in undeclared.findings[0].parameters.items()}
     assert [values["tx"], values["ty"], values["tz"]] == pytest.approx(SOMEWHERE[:3, 3], abs=0.02)
     assert [values["rx"], values["ry"], values["rz"]] == pytest.approx(rotation_log(SOMEWHERE[:3, :3]), abs=0.02)
-    assert any("one rigid motion" in text and "frame_position" in text for text in undeclared.remarks)
+    assert any(
+        "poses of '" in text and "one rigid motion" in text and "frame_position" in text for text in undeclared.remarks
+    )
     assert undeclared.before["fit"] > 1000
     assert undeclared.after["fit"] < 1.15
 

@@ -480,3 +480,41 @@ def test_three_columns_x_y_z_beside_joints_are_the_tool_where_they_move_as_it_do
     made = guess(log_of(columns), mechanism)
     assert made.doubts == ()
     assert "p.x: {from: x, unit: m}" in made.text
+
+
+@pytest.mark.parametrize(
+    "called",
+    [
+        "Drehvektor {} [rad]",
+        "rotvec_{}",
+        "rotation vector {}",
+        "vecteur rotation {}",
+        "Vettore di rotazione {}",
+        "r.{}",
+    ],
+)
+def test_a_rotation_vector_by_its_name_is_one_and_a_place_is_asked_about_once(called):
+    values = np.linspace(0, 0.3, 50)
+    places = {f"p.{axis}" if called == "r.{}" else f"Position {axis} [mm]": values for axis in "xyz"}
+    turns = {called.format(axis): values for axis in "xyz"}
+    joints = {f"q.leg{leg}_slide": values for leg in (1, 2, 3)}
+    first = guess(log_of({"t [s]": values, **joints, **places, **turns}), prup_pin.load("3prup").mechanism)
+    read = yaml.safe_load(first.text)
+    assert read["rotations"]["r"]["from"] == list(turns)
+    assert read["rotations"]["r"]["as"] == "rotation_vector"
+    assert [read["columns"][f"p.{axis}"]["from"] for axis in "xyz"] == list(places)
+    assert len(first.doubts) == (called != "r.{}"), first.doubts
+
+
+def test_degrees_are_told_in_other_languages(ur5):
+    columns = {"tiempo_ms": 1e3 * logs.T} | {f"posicion_{k}_grados": np.degrees(Q[:, k]) for k in range(6)}
+    read = yaml.safe_load(guess(log_of(columns), ur5).text)
+    assert read["columns"]["q.elbow_joint"] == {"from": "posicion_2_grados", "unit": "deg"}
+    assert spelled("Degrés") == spelled("gradi") == "deg"
+
+
+def test_a_place_has_one_unit():
+    values = np.linspace(0, 1, 50)
+    places = {"TCP x": 3 * values, "TCP y": 400 * values, "TCP z": values}
+    read = yaml.safe_load(guess(log_of({"t [s]": values, "q1": values, **places}), None).text)
+    assert {read["columns"][f"p.{axis}"]["unit"] for axis in "xyz"} == {"mm"}

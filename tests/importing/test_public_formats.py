@@ -332,14 +332,14 @@ def test_points_of_a_tracker_beside_a_list_of_joints_go_row_by_row(tmp_path, ur5
     joints = logs.csv(tmp_path / "joints.csv", logs.numbered("J{} [deg]", np.degrees(Q)))
     points = dict(zip(("X (mm)", "Y (mm)", "Z (mm)"), 1e3 * seen().T, strict=True))
     tracker = logs.csv(tmp_path / "tracker.txt", {"Name": [f"P{k}" for k in range(len(T))]} | points, separator="\t")
-    recording = imported(tmp_path, ur5, joints, tracker, doubts=3).recording  # of which part of the robot?
+    recording = imported(tmp_path, ur5, joints, tracker, doubts=1).recording  # of which part of the robot?
     assert np.abs(recording.position - seen()).max() < 1e-9
     assert_motion(recording, "q")
     assert "like: joints}  # row by row, and the places agree with the joints" in (tmp_path / "map.yaml").read_text()
     points = {name[0]: values for name, values in points.items()}  # X, Y, Z without a unit
     tracker = logs.csv(tmp_path / "tracker.txt", points, separator="\t")
     plain = logs.csv(tmp_path / "plain.csv", logs.numbered("J{}", np.degrees(Q)))
-    again = imported(tmp_path, ur5, plain, tracker, doubts=3)  # degrees are proven
+    again = imported(tmp_path, ur5, plain, tracker, doubts=1)  # degrees are proven
     assert_motion(again.recording, "q")
     other = logs.csv(tmp_path / "other.csv", logs.numbered("J{} [deg]", np.degrees(np.cos(7 * Q))))
     made = guess(read_logs([other, tracker]), ur5)

@@ -25,6 +25,7 @@ from prup_pin.views.drawing.diagnosis_figures import _lines, marks
 from prup_pin.views.report.as_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_files import write_diagnosis
 from prup_pin.views.report.diagnosis_report import diagnosis_html
+from prup_pin.views.report.pages import page_template
 from prup_pin.views.text.diagnosis_words import (
     alternative_text,
     by_place,
@@ -50,7 +51,7 @@ def page(diagnosed):
 
 def words(page):
     body = re.sub(r"<(script|style)\b.*?</\1>", " ", page[page.index("<body>") :], flags=re.DOTALL)
-    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", body)).replace("\u2212", "-").split())
+    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", body.replace("<wbr>", ""))).replace("\u2212", "-").split())
 
 
 def test_a_verdict_of_many_findings_tells_each_physics_once(diagnosed):
@@ -200,7 +201,9 @@ def test_effects_that_stayed_hidden_are_grouped(diagnosed):
     rows = hidden_rows(diagnosis.not_detectable)
     assert len(diagnosis.not_detectable) > 3 * len(rows)
     items = [Detectable("backlash", f"leg{leg}/motor", "half_gap", leg * 1e-5, "m", "") for leg in (1, 2, 3)]
-    assert hidden_rows(items) == [("backlash", "leg1, leg2, leg3: motor", "half gap above 10 to 30 µm, by place")]
+    assert hidden_rows(items) == [
+        ("backlash", "leg1, leg2, leg3: motor", "half gap above 10 µm at leg1/motor to 30 µm at leg3/motor")
+    ]
     items = [Detectable("stiffness_changed", "leg1/motor", "factor", 0.1, "1", "", below=True)]
     assert hidden_rows(items) == [("stiffness changed", "leg1/motor", "factor below 0.1")]
     never = Detectable("torsion", "robot", "scale", None, "1", "not visible at any size")
@@ -364,3 +367,10 @@ def test_rows_of_a_marker_are_named_in_short_lines():
     assert _lines("position") == ["position"]
     assert _lines("marker leg2_bush rotation") == ["leg2_bush", "rotation"]
     assert _lines(f"marker {'x' * 60} position") == ["x" * 17 + "…", "position"]
+
+
+def test_a_name_breaks_between_its_words_and_is_escaped():
+    breakable = page_template("diagnosis_page.html").environment.filters["breakable"]
+    assert breakable("shoulder_pan_joint") == "shoulder_<wbr>pan_<wbr>joint"
+    assert breakable("a_b<script>") == "a_<wbr>b&lt;script&gt;"
+    assert breakable("two words_here") == "two words_here"  # escaped by the page

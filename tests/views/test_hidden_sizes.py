@@ -21,7 +21,7 @@ def test_absurd_sizes_are_never_visible(sizes, told):
     assert [row[2] for row in hidden_rows(hidden)] == [told]
 
 
-def test_what_would_have_been_seen_shares_a_unit_and_says_which_way():
+def test_what_would_have_been_seen_has_each_size_with_its_place_and_says_which_way():
     def rows(*found):
         return seen_rows([Seen(*each) for each in found])
 
@@ -30,11 +30,25 @@ def test_what_would_have_been_seen_shares_a_unit_and_says_which_way():
         (tilt[0], place, tilt[1], tilt[2], size, np.inf) for place, size in (("leg1/rod", 7.2e5), ("leg2/rod", 1.8e6))
     ]
     what = "root tilt compliance, root tilting stiffness"
-    assert rows(*two) == [(what, "leg2/rod to leg1/rod", "below 1800 to 720 N m/mrad")]
+    assert rows(*two) == [(what, "below 1800 N m/mrad at leg2/rod to below 720 N m/mrad at leg1/rod")]
     contact = ("hertzian_contact", "leg1/nut", "reference_load", "N", 1.9e9, 1e15)
-    assert rows(contact)[0][2] == "below 1900 MN"
+    assert rows(contact)[0][1] == "below 1900 MN at leg1/nut"
     kept = [("stiffness_changed", place, "factor", "1", size, 1.0) for place, size in (("a", 0.98), ("b", 1.05))]
-    assert rows(*kept) == [("stiffness changed, factor", "a to b", "2 to 5 %")]
-    assert rows(("lead_error", "leg1/screw", "relative", "1", 3e-6, 0.0))[0][2] == "3e-6"
+    assert rows(*kept) == [("stiffness changed, factor", "2 % at a to 5 % at b")]
+    assert rows(("lead_error", "leg1/screw", "relative", "1", 3e-6, 0.0))[0][1] == "3 ppm at leg1/screw"
+    assert rows(("creep", "motor", "share", "1", 84.7, 0.0))[0][1] == "85 times at motor"
     gaps = [("backlash", place, "half_gap", "m", size, 0.0) for place, size in (("a", 2e-6), ("b", 3e-6))]
-    assert rows(*gaps)[0][2] == "2 to 3 µm"
+    assert rows(*gaps)[0][1] == "2 µm at a to 3 µm at b"
+
+
+def test_what_could_not_show_has_its_ends_in_units_of_their_own_with_their_places():
+    loads = zip("abc", (4.29e5, 1e6, 1.3e8), strict=True)
+    hidden = [
+        Detectable("hertzian_contact", place, "reference_load", size, "N", "", below=False) for place, size in loads
+    ]
+    assert hidden_rows(hidden)[0][2] == "reference load above 429 kN at a to 130 MN at c"
+    soft = [
+        Detectable("stiffness_changed", place, "factor", size, "1", "", below=True)
+        for place, size in zip("ab", (0.003, 0.18), strict=True)
+    ]
+    assert hidden_rows(soft)[0][2] == "factor below 0.18 at b to 0.003 at a"

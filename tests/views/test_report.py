@@ -97,7 +97,7 @@ def quoted(name):
 def words(page):
     """The page's visible words."""
     body = re.sub(r"<(script|style)\b.*?</\1>", " ", page[page.index("<body>") :], flags=re.DOTALL)
-    text = html.unescape(re.sub(r"<[^>]*>", " ", body)).replace("\u2212", "-")
+    text = html.unescape(re.sub(r"<[^>]*>", " ", body.replace("<wbr>", ""))).replace("\u2212", "-")
     return " ".join(text.split())
 
 

@@ -48,6 +48,11 @@ def test_what_is_left_after_a_log_is_read_otherwise_is_told_as_such(diagnosed):
     assert "account for it: x.csv" not in said
     assert f"log read with {convention}" in verdict_text(found)
     assert "log convention" not in verdict_text(found)
+    first, after = said.partition("To do first: ")[2].split(" Then: ")
+    assert first == f"{log.remedy}."
+    assert after.startswith(diagnosis.findings[0].remedy)
+    drives = replace(log, statement="the drives report otherwise")
+    assert summary_text(replace(found, findings=(drives, *diagnosis.findings))).startswith("The drives report")
     alone = replace(found, findings=(log,), before=found.after)
     assert "falls" not in verdict_text(alone)
 
@@ -73,6 +78,17 @@ def test_what_data_do_not_bound_is_not_nothing():
     assert rows == [("wrist", "not determined by this recording", "any size")]
     seen = parameter_texts({"wrist": FittedParameter(0.0, "rad/(N m)", (0.0, 1e-5))})
     assert "not determined" not in seen[0][1]
+
+
+def test_a_vector_is_told_in_one_unit():
+    centre = {
+        axis: FittedParameter(value, "m", (value - 1e-3, value + 1e-3))
+        for axis, value in zip("xyz", (1.2, 0.0034, -0.05), strict=True)
+    }
+    mass = {"mass": FittedParameter(2.0, "kg", (1.9, 2.1))}
+    assert [value for _, value, _ in parameter_texts(mass | centre)] == ["2 kg", "1.2 m", "0.0034 m", "-0.05 m"]
+    small = {axis: replace(fitted, value=1e-2 * fitted.value) for axis, fitted in centre.items()}
+    assert [value for _, value, _ in parameter_texts(small)] == ["12 mm", "0.034 mm", "-0.5 mm"]
 
 
 def test_a_sample_that_cannot_be_simulated_is_told_by_its_row():

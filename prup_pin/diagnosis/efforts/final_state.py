@@ -245,6 +245,28 @@ class FinalState:
         """Return the held-out squares that a term saves beside all others."""
         return float((held_out(self.model.without(term)) - self.held_out).sum())
 
+    def times_without(self, place: str, *terms: EffortCandidate) -> float:
+        """Return how many times as large the held-out residual (RMS) would be without some terms, as tables tell it.
+
+        In the efforts' own unit, of the joint `place` or of all joints.
+        """
+        rest = self.model.without(*terms)
+        kept = self._columns[:, :, np.isin(self.model.where, rest.where)]
+        joints = [self.at.driven.index(place)] if place in self.at.driven else range(len(self.at.driven))
+        sizes = [
+            float(np.sum(np.where(self.efforts.good, left * self.scale, 0.0)[:, joints] ** 2))
+            for left in (self.efforts.held_out_residual(rest, kept), self._left)
+        ]
+        return float(np.sqrt(sizes[0] / max(sizes[1], np.finfo(float).tiny)))
+
+    @cached_property
+    def _columns(self) -> Array:
+        return self.efforts.columns_of(self.model)
+
+    @cached_property
+    def _left(self) -> Array:
+        return self.efforts.held_out_residual(self.model, self._columns)
+
     def joint_of(self, link: str) -> str:
         """Return the joint that carries a link."""
         return str(self.mechanism.model.names[self.mechanism.frame(link).joint])

@@ -19,6 +19,7 @@ from .evidence import CrossValidation, held_out
 from .final_state import FinalState
 from .gains import law_of_gains
 from .identify import alternatives_to
+from .noise import encoder_step
 from .nonlinear import profile_intervals
 from .problem import EffortCandidate, fit
 from .search import cost_of, kinds_of_most_drives, squared_strain
@@ -63,6 +64,7 @@ def _of_kind(final: FinalState, terms: Sequence[EffortCandidate]) -> Finding:
             + ", ".join(f"{name} {size}" for _, name, size, _ in table)
         ),
         law=law,
+        times=final.times_without("robot", *terms),
     )
 
 
@@ -85,6 +87,7 @@ def _of_law(final: FinalState, term: EffortCandidate) -> Finding:
         statement=term.law.told(term.place, effect.values, intervals, final.mechanism),
         effect=effect,
         alternatives=tuple(dict.fromkeys(laws)),
+        times=final.times_without(term.place.name, term),
     )
 
 
@@ -161,6 +164,7 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
         statement=first if nearly_all else f"{whole}; {first}" if first else whole,
         advice=advice if nearly_all else "",
         law=law,
+        times=final.times_without("robot", term),
     )
 
 
@@ -223,7 +227,10 @@ def parameters_of(final: FinalState, term: EffortCandidate, values: Mapping[str,
         profiled = profile_intervals(final.efforts, final.model, term, rise)
     for name, quantity in quantities.items():
         low, high = profiled.get(name, (values[name] - spread[name], values[name] + spread[name]))
-        out[name] = FittedParameter(values[name], quantity.unit, (float(low), float(high)))
+        seen = 0.0
+        if name in term.law.settled and quantity.unit in ("rad", "m") and term.place.name in final.recording.positions:
+            seen = encoder_step(final.recording, term.place.name)
+        out[name] = FittedParameter(values[name], quantity.unit, (float(low), float(high)), seen=seen)
     return out
 
 

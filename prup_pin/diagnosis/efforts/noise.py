@@ -27,7 +27,15 @@ from ...spatial import Array
 from ..chances import robust_deviation
 from ..criteria import LITTLE, MOST
 
-__all__ = ["EffortNoise", "noise_of", "noise_of_efforts", "rounding_that_follows", "true_roundings", "true_sizes"]
+__all__ = [
+    "EffortNoise",
+    "encoder_step",
+    "noise_of",
+    "noise_of_efforts",
+    "rounding_that_follows",
+    "true_roundings",
+    "true_sizes",
+]
 
 #: Samples from which the next one is foretold, and samples for each of them at least.
 _ORDER, _FOR_EACH = 40, 10
@@ -124,6 +132,16 @@ def rounding_that_follows(step: float, size: float) -> float:
     before = max(size**2 - step**2 / 12, 0.0)
     k = np.arange(1, _HARMONICS)
     return float(np.sqrt(((step / (np.pi * k) * np.exp(-2 * (np.pi * k / step) ** 2 * before)) ** 2).sum() / 2))
+
+
+def encoder_step(recording: Recording, joint: str) -> float:
+    """Return the least way [m, rad] that the recorded positions of a joint show: the step of one that rounds.
+
+    By what their past does not foretell, as if all of that were rounding.
+    """
+    position = recording.positions[joint]
+    rows = _sampled(position)
+    return float(np.sqrt(12)) * _innovations([position[part] for part in _parts(recording.time, recording.run, rows)])
 
 
 def _repeated(recording: Recording) -> np.ndarray:

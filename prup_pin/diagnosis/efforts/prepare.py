@@ -152,9 +152,9 @@ class PreparedEfforts:
         parts = [columns[:, :, model.slice_of(term)] @ x[model.slice_of(term)] for term in model.terms]
         return np.array([np.sqrt(np.mean(part**2, axis=0)) for part in parts]).reshape(-1, len(self.at.driven))
 
-    def held_out_residual(self, model: EffortModel) -> Array:
-        """Return the residual of the filtered efforts (n, k) where each block was not fitted."""
-        columns, left = self.columns_of(model), self.target.copy()
+    def held_out_residual(self, model: EffortModel, columns: Array | None = None) -> Array:
+        """Return the residual of the filtered efforts (n, k) where each block was not fitted; columns: `columns_of`."""
+        columns, left = self.columns_of(model) if columns is None else columns, self.target.copy()
         for part in model.problem.columns.folds:
             x, _ = fit(model, part)
             for block in part:

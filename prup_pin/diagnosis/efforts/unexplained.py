@@ -9,6 +9,9 @@ it does where it stands. A joint may follow its own motion, or that of any other
 The residual of anything real follows the motion somehow: friction turns round a little otherwise than its law, and
 speeds have noise. So it counts only where it is a part of the effort that matters to who uses it, and more than noise,
 and as much of the residual as a curve of no law must be: a trace below it is what gears that yield leave.
+
+What stands at one place, such as a rail that pinches, is a small part of an effort's root mean square and most of it
+there. It comes back whenever the joint passes, which noise does not.
 """
 
 from __future__ import annotations
@@ -20,18 +23,21 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...laws.efforts.effort_law import usual_way
-from ...laws.efforts.variables import variable_of
-from ...numbers import number
+from ...laws.efforts.variables import VARIABLES, variable_of
+from ...numbers import number, quantity
 from ...spatial import Array
 from ..criteria import (
     AS_GOOD,
+    BEYOND,
     EFFORT_CURVE_OWN,
     EFFORT_FOREIGN,
     EFFORT_NO_NOISE,
     FALSE_ALARM,
     FEWEST_BLOCKS,
+    FEWEST_NUMBERS,
     FLIPS,
     LITTLE,
+    MOST,
     NO_MATTER,
     ROUNDING,
     SURE,
@@ -50,6 +56,8 @@ __all__ = ["TimeVarying", "structure_left", "time_varying", "unexplained"]
 #: What a block may follow of its own joint's motion, and of another joint's.
 _OWN = ("direction", "speed", "position", "load")
 _OTHERS = ("speed", "acceleration", "position")
+#: Bins of a joint's travel where its residual may come back: wide places, and narrow ones.
+_BINS = (25, 100)
 
 
 def structure_left(final: FinalState) -> list[Finding]:
@@ -79,18 +87,53 @@ def structure_left(final: FinalState) -> list[Finding]:
 
 def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[Finding]) -> list[Finding]:
     """Return the findings of what no law explains: the structure that is left, or a residual that is no noise."""
+    few = _too_few(final)
     if final.problem.columns.count < FEWEST_BLOCKS:
-        text = f"{len(final.efforts.kept)} samples of efforts are too few to judge anything by others"
-        return [unknown_at("robot", text)]
+        return [few]
     found = list(structure)
     if not found and final.recording.noise.effort:
-        found = list(_beyond_declared(residuals))
+        found = list(_beyond_declared(residuals)) or list(_repeating(final))
     elif not found:
-        found = list(_unmoved(final, residuals)) or list(_varying(final)) or list(_no_noise(final, residuals))
+        found = list(_unmoved(final, residuals)) or list(_varying(final)) or list(_repeating(final))
+        found = found or list(_no_noise(final, residuals))
     if not found and _is_foreign(residuals.shares["all"]):
         found = [_foreign(residuals.shares["all"])]
+    if found and len(final.efforts.kept) < FEWEST_NUMBERS:
+        return [few]  # what no law explains, and what none could
     named = {finding.location for finding in found}
-    return found + [item for item in _worse(final, residuals) if item.location not in named]
+    found += [item for item in _worse(final, residuals) if item.location not in named]
+    return [_with_more(final, finding) if finding.location in final.at.driven else finding for finding in found]
+
+
+def _with_more(final: FinalState, finding: Finding) -> Finding:
+    """Return a finding at a joint, with what else its effort shows there: that it is clipped, that it drifts."""
+    name, told, advice = finding.location, finding.statement, finding.advice
+    column, kept = final.at.driven.index(name), final.efforts.kept
+    good, clipped = final.efforts.good[:, column], final.motion.saturated[kept, column]
+    if clipped.any():
+        told += (
+            f"; the effort is clipped where the drive is at its limit, and {number(100 * clipped.mean(), 2)} % of the "
+            "samples were left out for it: what is beside them may have the same cause"
+        )
+        advice = advice or f"record again with less load or speed, so that {name} stays below its limit"
+    time, left = final.motion.time[kept][good], (final.efforts.target - final.explained)[good, column]
+    slope, start = np.polyfit(time, left, 1)
+    if np.sum((left - slope * time - start) ** 2) < (1 - MOST) * np.sum(left**2):
+        by = quantity(abs(slope) * float(np.ptp(time)) * final.scale[column], final.units[column])
+        told += f"; most of it is a drift, {by} from the first to the last sample"
+        advice = advice or f"find what changes slowly at {name}: a sensor that drifts, a drive that warms up"
+    return replace(finding, statement=told, advice=advice)
+
+
+def _too_few(final: FinalState) -> Finding:
+    """Return the finding that nothing can be told of so few samples."""
+    many = len(final.efforts.kept)
+    return unknown_at(
+        "robot",
+        f"there is too little to compare: {many} samples of efforts are too few to judge anything by others",
+        advice=f"record at least {FEWEST_NUMBERS} postures, or some seconds of motion with every joint both ways",
+        untold=True,
+    )
 
 
 def _is_foreign(share: Mapping[str, float]) -> bool:
@@ -112,9 +155,9 @@ def _foreign(share: Mapping[str, float]) -> Finding:
 
 
 def _beyond_declared(residuals: EffortResiduals) -> Iterator[Finding]:
-    """Yield the joint of the largest residual, if that is more than the declared noise."""
-    if residuals.after["fit"] > AS_GOOD:
-        worst = max(residuals.by_joint, key=lambda name: residuals.by_joint[name]["after"])
+    """Yield the joint of the largest residual, if that is more than the declared noise, or that of all joints is."""
+    worst = max(residuals.by_joint, key=lambda name: residuals.by_joint[name]["after"])
+    if residuals.after["fit"] > AS_GOOD or residuals.by_joint[worst]["after"] > BEYOND:
         multiple = number(residuals.by_joint[worst]["after"], 3)
         yield unknown_at(
             worst,
@@ -199,6 +242,36 @@ def _worse(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]:
             )
 
 
+def _repeating(final: FinalState) -> Iterator[Finding]:
+    """Yield joints whose residual comes back wherever they pass one place, and is much there."""
+    efforts, motion, judged = final.efforts, final.motion, final.efforts.judged
+    if motion.standing:
+        return
+    measured, left = (
+        judged(values, motion.piece)[efforts.kept] * final.scale
+        for values in (motion.efforts, motion.efforts - final.at.rigid - final.added)
+    )
+    good = efforts.settled(judged) & np.isfinite(left)
+    for column, name in enumerate(final.at.driven):
+        here = good[:, column]
+        if not (final.at.moves(name) and here.any()):
+            continue
+        position, way = final.at.position(name), final.at.dragged(name, usual_way(final.at, name))
+        along = position[efforts.kept][here], way[efforts.kept][here] > 0
+        found = _repeated(left[here, column], *along, rms_of(measured[here, column]))
+        if found is not None:
+            at, height, share = found
+            where = quantity(at, VARIABLES["position"][1 if final.mechanism.joint(name).slides else 0])
+            yield unknown_at(
+                name,
+                f"the residual at {name} comes back wherever it passes {where}, up to "
+                f"{quantity(height, final.units[column])} there: what its other passes leave takes away "
+                f"{number(100 * share, 2)} % of its square, and no law of the library explains it",
+                share,
+                advice=f"look at {name} where it stands at {where}, and record more there",
+            )
+
+
 def _varying(final: FinalState) -> Iterator[Finding]:
     """Yield that the residual follows some motion by amounts that change, in the band where it is judged."""
     efforts, motion, judged = final.efforts, final.motion, final.efforts.judged
@@ -217,6 +290,42 @@ def _varying(final: FinalState) -> Iterator[Finding]:
             "of the joint's effort (root mean square): it is no noise, and no law of the library explains it",
             found.share,
         )
+
+
+# -- what comes back at one place --------------------------------------------------------------------------------------
+
+
+def _repeated(left: Array, position: Array, forth: np.ndarray, size: float) -> tuple[float, float, float] | None:
+    """Return where a residual (n,) comes back, how much at most, and the share of it that does; or None.
+
+    position, forth (n,): of the joint, and on the way forth. Each pass of a narrow bin is foretold by the mean of the
+    others, by way. That counts as a curve of no law does, beyond what the shifted residual gives anywhere, and where it
+    is more than a little of the effort (RMS `size`).
+    """
+    bins = [np.searchsorted(np.linspace(position.min(), position.max(), count + 1)[1:-1], position) for count in _BINS]
+    passes = [(2 * own + forth, np.cumsum(np.diff(own, prepend=own[0]) != 0)) for own in bins]
+
+    def taken(values: Array, told: Array) -> float:
+        return float(values @ values - np.sum((values - told) ** 2))
+
+    foretold = [_by_others(left, *own) for own in passes]
+    told = max(foretold, key=lambda each: taken(left, each))
+    saved, most = taken(left, told), int(np.argmax(np.abs(told)))
+    if not (saved > EFFORT_CURVE_OWN * float(left @ left) and abs(told[most]) > LITTLE * size):
+        return None
+    for lag in (np.linspace(LITTLE, 1 - LITTLE, FLIPS) * len(left)).astype(int):
+        shifted = np.roll(left, lag)
+        if any(taken(shifted, _by_others(shifted, *own)) >= saved for own in passes):
+            return None
+    return float(position[most]), float(abs(told[most])), saved / float(left @ left)
+
+
+def _by_others(left: Array, bins: np.ndarray, passes: np.ndarray) -> Array:
+    """Return what other passes (n,) leave of a residual (n,) in the same bin (n,), nearer to nothing where few do."""
+    sums, counts = np.bincount(bins, left), np.bincount(bins)
+    own, inverse, many = np.unique(bins * (passes.max() + 1) + passes, return_inverse=True, return_counts=True)
+    others = sums[bins] - np.bincount(inverse, left, len(own))[inverse]
+    return others / (counts[bins] - many[inverse] + many.mean())
 
 
 # -- what follows a motion by amounts that change ----------------------------------------------------------------------

@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from ...channels import Noise
+from ...dynamics import is_standing
 from ...errors import InputError
 from ...laws import LAWS, Effect
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...recordings import Recording, Together, suspicions
 from ...robot import Robot
 from ...simulation import as_recorded, simulate
@@ -29,6 +31,7 @@ __all__ = [
     "together_in_time",
     "unused_by_efforts",
     "with_efforts_at_rest",
+    "without_dead_efforts",
 ]
 
 #: Columns that belong to the efforts' own model.
@@ -43,6 +46,29 @@ def has_efforts(recordings: Sequence[Recording], mechanism: Mechanism) -> bool:
         for name, values in recording.efforts.items()
         if name in mechanism.actuated
     )
+
+
+def without_dead_efforts(
+    recordings: Sequence[Recording], mechanism: Mechanism
+) -> tuple[list[Recording], list[str], list[str]]:
+    """Return recordings without efforts that stay at one number while joints move, sentences on these, and columns."""
+    kept, told, columns = [], [], []
+    for recording in recordings:
+        positions = [name for name in mechanism.actuated if name in recording.positions]
+        known = {name: own[np.isfinite(own)] for name, own in recording.efforts.items() if name in mechanism.actuated}
+        dead = {name: own[0] for name, own in known.items() if len(own) > 1 and not np.ptp(own) > 0}
+        if dead and not is_standing(recording, positions):
+            others = {name: own for name, own in recording.efforts.items() if name not in dead}
+            recording = recording.with_measurements(efforts=others)
+            columns += (own := [f"tau.{name}" for name in dead])
+            values = dict.fromkeys(number(float(value), 4) for value in dead.values())
+            told.append(
+                f"{', '.join(own)} {'stays' if len(own) == 1 else 'stay'} at {', '.join(values)} in every row, while "
+                "joints move: no effort was measured there, and it is left out of the comparison. Check what the "
+                "controller logged."
+            )
+        kept.append(recording)
+    return kept, list(dict.fromkeys(told)), list(dict.fromkeys(columns))
 
 
 def has_poses(recordings: Sequence[Recording], mechanism: Mechanism) -> bool:

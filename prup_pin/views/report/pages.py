@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,6 +19,7 @@ def page_template(name: str):
     """Return a page's template, which escapes whatever is put into it. Raises MissingExtraError."""
     try:
         import jinja2
+        import markupsafe  # which jinja2 escapes with
     except ImportError as error:
         raise MissingExtraError("jinja2") from error
     environment = jinja2.Environment(
@@ -26,6 +28,12 @@ def page_template(name: str):
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+    )
+    # a name alone may break between its words, and not in the middle of one
+    environment.filters["breakable"] = lambda text: (
+        text
+        if " " in text
+        else markupsafe.Markup(re.sub(r"(?<=\w)[_/](?=\w)", r"\g<0><wbr>", str(markupsafe.escape(text))))
     )
     return environment.get_template(name)
 

@@ -266,16 +266,16 @@ def _print_since(out: Console, since: Since) -> None:
         columns = ("", ">then", ">now", ">changed by (95 %)", ">would show from")
         show_table(out, columns, then_and_now_rows(since))
     if rows := seen_rows(since.seen):
-        heading(out, "What else would have been seen", "(from which size, at the best to the worst place)")
-        for physics, places, sizes in rows:
-            paragraph(out, f"{physics}: {sizes} ({places})", "- ")
+        heading(out, "What else would have been seen", "(from which size, where it shows best to where it shows least)")
+        for physics, sizes in rows:
+            paragraph(out, f"{physics}: {sizes}", "- ")
 
 
 def print_hidden(out: Console, hidden: Sequence[Detectable]) -> None:
     """Print what data could not show, and the size from which they would."""
     heading(out, "What these data could not show", "(and from which size they would)")
     for physics, where, needed in hidden_rows(hidden):
-        paragraph(out, f"{physics}{f' ({where})' if where else ''}: {needed}", "- ")
+        paragraph(out, f"{physics}: {needed}{f', at {where}' if where else ''}", "- ")
 
 
 def _verdict(out: Console, text: str) -> None:

@@ -85,6 +85,8 @@ def verdict_text(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "explained":
         return f"Explained: with {told} {takes}{left and f', which leaves {left}'}."
     unknown = next((finding for finding in diagnosis.findings if finding.physics == "unknown"), None)
+    if unknown is not None and unknown.untold:
+        return f"{_capital(unknown.statement)}{left and f'; the robot file leaves {left}'}."
     where = f"; it is largest in {unknown.location}" if unknown is not None and unknown.location != "robot" else ""
     if told:
         return (
@@ -238,7 +240,7 @@ def summary_text(diagnosis: Diagnosis) -> str:
     them = "it" if len(causes) == 1 else "them"
     read = [convention for finding in logs for convention in finding.conventions]
     if len(read) <= _IN_A_SENTENCE:
-        texts = [*(f"{finding.statement}." for finding in logs), first]
+        texts = [*(f"{_capital(finding.statement)}." for finding in logs), first]
     else:  # which ones, the findings say
         texts = [f"The log is read {_read_so(read)}.", first]
     if logs:
@@ -263,6 +265,8 @@ def summary_text(diagnosis: Diagnosis) -> str:
         texts.append(f"With {them} in the model {last}, {scatter}.")
         if named and not logs and not any(finding.is_fault for finding in named):
             return f"{' '.join(texts)} Nothing needs repair: {named[0].remedy}."
+    elif untold := [finding.statement for finding in diagnosis.findings if finding.untold]:
+        texts.append(f"{_capital(untold[0])}.")
     else:
         texts.append(f"With {them} in the model {last}" if causes else "No law of the library explains it")
         places = dict.fromkeys(item.location for item in diagnosis.findings if item.physics == "unknown")
@@ -272,12 +276,20 @@ def summary_text(diagnosis: Diagnosis) -> str:
             "valid only near these data."
         )
     doubted = [finding for finding in diagnosis.findings if finding.physics == "unknown" and finding.advice]
-    to_do = next((finding for finding in (*logs, *doubted, *named) if finding.remedy), None)
-    if to_do is not None:
-        others = [place for place in to_do.candidates if place not in (to_do.location, *to_do.at_each)]
-        also = f", or look at {places_text(others)}: these data cannot tell them from it" if others else ""
-        texts.append(f"To do first: {to_do.remedy}{also}.")
+    # how a log is written is one thing, and what the machine needs another
+    firsts = [next((item for item in items if item.remedy), None) for items in (logs, (*doubted, *named))]
+    for word, to_do in zip(("To do first", "Then" if firsts[0] else "To do first"), firsts, strict=True):
+        if to_do is not None:
+            others = [place for place in to_do.candidates if place not in (to_do.location, *to_do.at_each)]
+            also = f", or look at {places_text(others)}: these data cannot tell them from it" if others else ""
+            texts.append(f"{word}: {to_do.remedy}{also}.")
     return " ".join(texts)
+
+
+def _capital(text: str) -> str:
+    """Return a text as a sentence begins; one that begins with a column or a place keeps its letters."""
+    first = text.partition(" ")[0]
+    return text if {"/", "_", "."} & {*first} else f"{text[:1].upper()}{text[1:]}"
 
 
 def _beside(diagnosis: Diagnosis) -> tuple[str, str]:
@@ -307,18 +319,27 @@ def cost_text(finding: Finding) -> str:
         return ""  # what a law for it would take stands in its statement, beside what that is a share of
     if finding.heldout_gain < _NO_GAIN and finding.effect is not None:
         return "other errors could compensate for it" if finding.parameters else "is always present"
+    of = "" if math.isnan(finding.times) else " of the efforts"
+    if of and finding.effect is not None and finding.effect.place.name == finding.location != "robot":
+        of = f" of {finding.location}"
     if finding.cost > _BEYOND_COUNTING:
-        return f"without it the residual would be more than {_BEYOND_COUNTING} times as large"
+        return f"without it the residual{of} would be more than {_BEYOND_COUNTING} times as large"
+    if finding.cost < 1 + _NO_GAIN:
+        return f"without it the residual{of} would be no larger in all"
     if finding.cost < 2:
-        return f"without it the residual would be {number(100 * (finding.cost - 1), 2)} % larger"
-    return f"without it the residual would be {number(finding.cost, 3)} times as large"
+        return f"without it the residual{of} would be {number(100 * (finding.cost - 1), 2)} % larger"
+    return f"without it the residual{of} would be {number(finding.cost, 3)} times as large"
 
 
 def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str, str, str]]:
     """Return (name, value with unit, 95 % interval) of fitted parameters."""
     rows = []
+    largest: dict[tuple[str, str], float] = {}  # of a vector's components: they are told in one unit
     for name, fitted in parameters.items():
-        unit, factor = readable_unit(fitted.value, fitted.unit)
+        key = _vector(name, fitted)
+        largest[key] = max(largest.get(key, 0.0), abs(fitted.value))
+    for name, fitted in parameters.items():
+        unit, factor = readable_unit(largest[_vector(name, fitted)], fitted.unit)
         low, high = sorted(fitted.interval)
         value = f"{number(factor * fitted.value, 4)} {unit}".strip()
         if fitted.drawn is not None and number(factor * fitted.drawn, 4) != number(factor * fitted.value, 4):
@@ -331,11 +352,19 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
             continue
         if _is_open(fitted):
             value = "not determined by this recording"
+        elif max(abs(fitted.value), 0.5 * abs(high)) < fitted.seen:
+            rows.append((words, f"below {quantity(fitted.seen, fitted.unit)}", "less than the encoder shows"))
+            continue
         elif low == 0 < high:  # it may be nothing, and is no more than that
             unit, factor = readable_unit(high, fitted.unit)
             value = f"below {number(factor * high, 3)} {unit}".strip()
         rows.append((words, value, f"{_end(factor * low)} to {_end(factor * high)} {unit}".strip()))
     return rows
+
+
+def _vector(name: str, fitted: FittedParameter) -> tuple[str, str]:
+    """Return what the components of a vector have in common: a name but for x, y or z at its end, and the unit."""
+    return name[:-1] if name[-1:] in ("x", "y", "z") else name, fitted.unit
 
 
 def _is_open(fitted: FittedParameter) -> bool:
@@ -533,18 +562,22 @@ def hidden_rows(hidden: Sequence[Detectable]) -> list[tuple[str, str, str]]:
 
 
 def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
-    sizes = sorted(item.smallest for item in items if item.smallest is not None)
-    if not items[0].below and sizes[0] > _ABSURD:
+    sized = [(item.smallest, item.location) for item in items if item.smallest is not None]
+    below = items[0].below
+    if not below and min(sized)[0] > _ABSURD:
         return "never visible in this test"
-    if not items[0].below:
-        sizes = [size for size in sizes if size <= _ABSURD]
-    shown, factor = readable_unit(math.sqrt(sizes[0] * sizes[-1]) if sizes[0] > 0 else sizes[-1], unit)
-    ends = [number(factor * size, 2) for size in (sizes[0], sizes[-1])]
-    amount = ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}"
-    which = ", by place" if ends[0] != ends[1] else ""
-    return (
-        f"{parameter.replace('_', ' ')} {'below' if items[0].below else 'above'} {f'{amount} {shown}'.strip()}{which}"
-    )
+    if not below:
+        sized = [each for each in sized if each[0] <= _ABSURD]
+    ends = [end(sized, key=lambda each: each[0]) for end in ((max, min) if below else (min, max))]
+    return f"{parameter.replace('_', ' ')} {'below' if below else 'above'} {_at_each(ends, unit, 2)}"
+
+
+def _at_each(ends: Sequence[tuple[float, str]], unit: str, digits: int = 3) -> str:
+    """Return sizes with their places, of the most and the least sensitive one; one size where they are alike."""
+    shown = [quantity(size, unit, digits) for size, _ in ends]
+    if len(dict.fromkeys(shown)) == 1:
+        return shown[0]
+    return " to ".join(f"{text} at {place}" for text, (_, place) in zip(shown, ends, strict=True))
 
 
 # -- what has changed since an earlier test ----------------------------------------------------------------------------
@@ -552,8 +585,8 @@ def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
 
 #: Values of earlier effects that a verdict tells by name.
 _MOST_CHANGED = 2
-#: Shares from this on are told in per cent.
-_SHARE = 1e-3
+#: Shares from this on are told in per cent, and from that on as multiples.
+_SHARE, _MANY = 1e-3, 10.0
 #: What does nothing at a value beyond this, such as a reference load, does nothing where that has no end.
 _ENDLESS = 1e12
 
@@ -641,12 +674,16 @@ def then_and_now_rows(since: Since) -> list[tuple[str, str, str, str, str]]:
     return rows
 
 
-def seen_rows(seen: Sequence[Seen]) -> list[tuple[str, str, str]]:
-    """Return rows of what would have shown beside: physics, the most and the least sensitive place, the sizes there."""
+def seen_rows(seen: Sequence[Seen]) -> list[tuple[str, str]]:
+    """Return rows of what would have shown beside: physics, and the sizes at the most and the least sensitive place."""
     rows = []
     for physics, ends in _ends(seen):
-        places = " to ".join(dict.fromkeys(item.location for item in ends))
-        rows.append((f"{physics}, {ends[0].parameter.replace('_', ' ')}", places, _off(*ends)))
+        shown = [_off(item) for item in ends]
+        if len(dict.fromkeys(shown)) == 1:
+            told = f"{shown[0]} at {ends[0].location}" if len(ends) == 1 else f"{shown[0]} at all places"
+        else:
+            told = " to ".join(f"{text} at {item.location}" for text, item in zip(shown, ends, strict=True))
+        rows.append((f"{physics}, {ends[0].parameter.replace('_', ' ')}", told))
     return rows
 
 
@@ -662,16 +699,17 @@ def _ends(seen: Sequence[Seen]) -> list[tuple[str, list[Seen]]]:
     return found
 
 
-def _off(*items: Seen) -> str:
-    """Return by how much a parameter must be off to show, at one place or at two: a factor or a share in per cent."""
-    endless = _is_endless(items[0])
-    sizes = [item.smallest if endless else abs(item.smallest - item.neutral) for item in items]
-    if items[0].unit == "1" and max(sizes) >= _SHARE:
-        unit, factor = "%", 100.0
+def _off(item: Seen) -> str:
+    """Return by how much a parameter must be off to show: a factor or a share in per cent."""
+    endless = _is_endless(item)
+    size = item.smallest if endless else abs(item.smallest - item.neutral)
+    if item.unit != "1":
+        shown = quantity(size, item.unit)
+    elif size >= _MANY:
+        shown = f"{number(size, 2)} times"
     else:
-        unit, factor = readable_unit(sizes[0], items[0].unit)
-    shown = dict.fromkeys(number(factor * size, 2 if unit == "%" else 3) for size in sizes)
-    return f"{'below ' if endless else ''}{' to '.join(shown)} {unit}".strip()
+        shown = f"{number(100 * size, 2)} %" if size >= _SHARE else f"{number(1e6 * size, 2)} ppm"
+    return f"{'below ' if endless else ''}{shown}"
 
 
 def _is_endless(item: Seen) -> bool:

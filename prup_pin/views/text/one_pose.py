@@ -49,6 +49,9 @@ def print_answer(
     notes: Sequence[str] = (),
 ) -> None:
     """Print pose, K, C, deflection, shares, sag and assumptions."""
+    if doubts := robot.mechanism.description.doubts:  # what is wrong there is wrong in every number
+        bullets(out, "To look at first", doubts)
+        out.print()
     _print_pose(out, robot, answer, pose_source, changes)
     if answer.stiffness is None:
         _print_rigid(out, robot, answer)

@@ -309,6 +309,7 @@ def print_prospects(out: Console, robot: Robot, recording: Recording, found: Pro
     """Print how the joints move, what could not be told apart or seen, and remarks."""
     listed(out, "robot", [robot.name])
     listed(out, "recording", [counted(len(recording), "sample")])
+    bullets(out, "First of all", found.premises)
     bullets(out, "Written otherwise than it says", found.conventions)
     if found.joints:
         heading(out, "Motion")
