@@ -259,7 +259,7 @@ def _start(products: _Products, drawn: Array) -> Array | None:
     columns, moment, power = products.without(None)
     size = np.einsum("i,kij,j->k", drawn, columns, drawn)
     along = moment @ drawn
-    follows = along > 0.5 * np.sqrt(np.maximum(size * power, 0.0))
+    follows = (size > 0) & (along > 0.5 * np.sqrt(np.maximum(size * power, 0.0)))
     if not follows.any():
         return None
     log = np.log(np.where(follows, along, 1.0) / np.where(follows, size, 1.0))
