@@ -65,7 +65,6 @@ class Delay(Lagging):
 
     linear = ("delay",)
     quantities = (Quantity("delay", "s", "age of the reported signal", 1e-3, upper=0.2),)
-    neutral: ClassVar = {"delay": 0.0}
 
 
 class DelayOfAll(Delay):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -55,7 +54,6 @@ class Filter(Lagging):
     source = "Oppenheim and Willsky, Signals and Systems, ch. 6"
     linear = ("time_constant",)
     quantities = (Quantity("time_constant", "s", "of the filter: 1 / (2 pi corner frequency)", 1e-3, upper=0.2),)
-    neutral: ClassVar = {"time_constant": 0.0}
 
     def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
         # noisy accelerations are smaller filtered, whatever is late: it is named where it shows beside a delay

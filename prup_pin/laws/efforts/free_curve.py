@@ -13,7 +13,7 @@ from ...mechanism import Mechanism
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import EffortLaw, effort_unit, usual_way
+from .effort_law import EffortLaw, columns_along, joint_unit, usual_way
 from .variables import SINCE_TURNING, VARIABLES, variable_of
 
 __all__ = ["CURVES", "ROUGH_CURVES", "FreeCurve", "curve_by_position"]
@@ -88,7 +88,7 @@ class FreeCurve(EffortLaw):
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         slides = mechanism.joint(place.name).slides
-        unit, effort = VARIABLES[self.variable][1 if slides else 0], effort_unit(place, mechanism)
+        unit, effort = VARIABLES[self.variable][1 if slides else 0], joint_unit("N m", place, mechanism)
         knots = [
             Quantity(f"at {index}", unit, f"{self.variable} at a knot", 0.0, positive=False, lower=-1e12, upper=1e12)
             for index in range(self.count)
@@ -125,7 +125,7 @@ class FreeCurve(EffortLaw):
         hats = np.array([np.interp(x, knots, row) for row in np.eye(len(knots))]).T
         turning = at.dragged(place.name, usual_way(at, place.name))
         both = np.concatenate(([] if self.friction else [hats]) + [hats * turning[:, None]], axis=1)
-        return np.stack([at.along(place.name, column) for column in both.T], axis=-1)
+        return columns_along(at, place.name, *both.T)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the {self.word} at {place.name} follows the joint's {self.variable} by no law known here"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -13,20 +12,12 @@ from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import (
-    EFFORT,
-    PRESLIDING,
-    SMOOTHING,
-    EffortLaw,
-    motor_pairs,
-    other_ways,
-    turning,
-)
+from .effort_law import EFFORT, PRESLIDING, SMOOTHING, FrictionThatTurns, motor_pairs
 
 _WITH = f"{EFFORT} with "
 
 
-class TransmissionCoupling(EffortLaw):
+class TransmissionCoupling(FrictionThatTurns):
     """A motor at speed u = v_j + r v_i rubs and has inertia along u: both joints feel it, the other one r times.
 
     Belts and differentials in a wrist. Friction and rotor inertia are diagonal in the motors' coordinates, not in the
@@ -36,12 +27,8 @@ class TransmissionCoupling(EffortLaw):
     physics = "transmission_coupling"
     summary = "a motor that moves with two joints"
     remedy = "enter this coupling of {place} in the controller's model, or measure the motors by their own encoders"
-    of_motion = True
-    settled = ("presliding", "smoothing")
-    optional = ("smoothing",)
     linear = ("limit", "damping", "inertia")
     resists = ("limit", "damping")
-    one_sided = True
     quantities = (
         Quantity("limit", "N m", "dry friction of the motor, seen at the joint", 1.0, positive=False, upper=1e6),
         Quantity("damping", "N m s/rad", "its viscous friction", 1.0, positive=False, upper=1e6),
@@ -52,7 +39,6 @@ class TransmissionCoupling(EffortLaw):
         PRESLIDING,
         SMOOTHING,
     )
-    neutral: ClassVar = {"limit": 0.0, "damping": 0.0, "inertia": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(name, _WITH + other) for name, other in motor_pairs(mechanism)]
@@ -73,10 +59,8 @@ class TransmissionCoupling(EffortLaw):
         return {place.name, other} <= set(at.driven) and at.moves(place.name) and at.moves(other)
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        return [{"ratio": ratio, **turning(at, place.name)} for ratio in (1.0, -1.0)]
-
-    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
-        return other_ways(at, place.name, values, ("ratio",))
+        (turning,) = super().scanned(place, at)
+        return [{"ratio": ratio, **turning} for ratio in (1.0, -1.0)]
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         other, ratio = place.aspect.removeprefix(_WITH), values["ratio"]
