@@ -10,7 +10,7 @@ import numpy as np
 
 from ...mechanism import Changes
 from ...spatial import Array, cross, placement
-from .deed import Deed, Solved
+from .deed import Deed
 
 if TYPE_CHECKING:
     from ..setup import Setup
@@ -119,7 +119,3 @@ class PoseReport(Deed):
             else:
                 found.append(report)
         return found
-
-    @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
-        return None
