@@ -23,16 +23,14 @@ from ..numbers import some
 from ..recordings.columns import is_known, joint_of, unit_of
 from ..recordings.problems import shown
 from ..recordings.writer import write_whole
-from .by_unit import add_by_unit
 from .carriers import carry
 from .clocks import set_beside
-from .columns import Clocks, add_joints, place_line, seen_poses, time_column, wrench_lines
+from .columns import Clocks, add_by_unit, add_joints, place_line, seen_poses, time_column, wrench_lines
 from .draft import Guessing, Line, Seen
 from .log import Log
 from .map import CHECK, NamedRobot, driven
-from .unit_by_numbers import settle_units
+from .unit_by_numbers import doubt_efforts, settle_units
 from .units import DRIVING, UNSCALED, WISHED, dimension_of, words_of
-from .weight import doubt_efforts
 
 
 def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = None) -> Guess:

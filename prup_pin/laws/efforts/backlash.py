@@ -48,7 +48,7 @@ class LostLoad(MovingEffortLaw):
         return -columns_along(at, place.name, lost)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        gap = quantity(values["gap"], joint_unit("rad", place, mechanism))
+        gap = quantity(values["gap"], joint_unit("rad", place.name, mechanism))
         return (
             f"{place.name} has {gap} of backlash, in which the drive loses "
             f"{number(100 * values['share'], 3)} % of its load"

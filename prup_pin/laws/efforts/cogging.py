@@ -65,11 +65,9 @@ class Periodic(MovingEffortLaw):
         return columns_along(at, place.name, np.cos(phase), np.sin(phase))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        size = float(np.hypot(values["cosine"], values["sine"]))
-        return (
-            f"an effort of {number(size, 3)} {joint_unit('N m', place, mechanism)} at {place.name} comes back every "
-            f"{quantity(values['period'], joint_unit('rad', place, mechanism), 4)}"
-        )
+        size = number(float(np.hypot(values["cosine"], values["sine"])), 3)
+        effort, way = (joint_unit(unit, place.name, mechanism) for unit in ("N m", "rad"))
+        return f"an effort of {size} {effort} at {place.name} comes back every {quantity(values['period'], way, 4)}"
 
 
 class Cogging(Periodic):

@@ -63,8 +63,8 @@ class SlidingFriction(DryFriction, JointEffortLaw):
 def how_it_turns_round(place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
     """Return in words how dry friction differs from a step at a reversal; '' where it does not."""
     way, speed = values.get("presliding", 0.0), values.get("smoothing", 0.0)
-    told = [f"on a way of {quantity(way, joint_unit('rad', place, mechanism))}"] if way else []
-    told += [f"as a film shears below {quantity(speed, joint_unit('rad/s', place, mechanism))}"] if speed else []
+    told = [f"on a way of {quantity(way, joint_unit('rad', place.name, mechanism))}"] if way else []
+    told += [f"as a film shears below {quantity(speed, joint_unit('rad/s', place.name, mechanism))}"] if speed else []
     return f"at a reversal the dry friction of {place.name} turns round {' and '.join(told)}" if told else ""
 
 
@@ -142,7 +142,7 @@ class ColdFriction(DryFriction, MovingEffortLaw):
         return f"{place.name} rubs by {cold} more at the start, as it warms up in {number(values['time'], 3)} s"
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = joint_unit("N m", place, mechanism)
+        unit = joint_unit("N m", place.name, mechanism)
         return (
             f"{place.name} rubs: it takes {number(values['limit'], 3)} {unit} to slide, and "
             f"{number(values['cold'], 3)} {unit} more at the start, as it warms up in {number(values['time'], 3)} s"

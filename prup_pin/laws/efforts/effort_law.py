@@ -259,9 +259,9 @@ def motor_pairs(mechanism: Mechanism) -> list[tuple[str, str]]:
     return pairs
 
 
-def joint_unit(unit: str, place: Place, mechanism: Mechanism) -> str:
+def joint_unit(unit: str, joint: str, mechanism: Mechanism) -> str:
     """Return a unit of a joint that turns, such as 'N m s/rad', as it is of this one: 'N s/m' of one that slides."""
-    if not mechanism.joint(place.name).slides:
+    if not mechanism.joint(joint).slides:
         return unit
     return unit.replace("N m", "N").replace("kg m^2", "kg").replace("rad", "m").replace("(N)", "N")
 
@@ -275,7 +275,7 @@ class OneJointLaw(EffortLaw):
     """A law of one joint, or of several of a kind. Its quantities have the units of joints that turn."""
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return in_units(self.quantities, [joint_unit(q.unit, place, mechanism) for q in self.quantities])
+        return in_units(self.quantities, [joint_unit(q.unit, place.name, mechanism) for q in self.quantities])
 
     def sized(self, name: str, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         """Return the value of a parameter with its unit there, '3.2 N m'."""

@@ -33,7 +33,7 @@ class EffortOffset(DrivenEffortLaw):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (
             f"the effort reported for {place.name} is off by {number(values['offset'], 3, signed=True)} "
-            f"{joint_unit('N m', place, mechanism)}"
+            f"{joint_unit('N m', place.name, mechanism)}"
         )
 
 
@@ -77,7 +77,7 @@ class EffortUnit(EffortGain):
         return columns_along(at, place.name, at.effort_of(place.name, at.predicted))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = joint_unit("N m", place, mechanism)
+        unit = joint_unit("N m", place.name, mechanism)
         return f"{place.name} reports {number(1 + values['gain'], 3)} for each {unit}, friction included"
 
 

@@ -39,7 +39,7 @@ class OffsetEncoder(DrivenEffortLaw):
         return ()
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        off = quantity(values["offset"], joint_unit("rad", place, mechanism), signed=True)
+        off = quantity(values["offset"], joint_unit("rad", place.name, mechanism), signed=True)
         return f"the encoder of {place.name} is off by {off}"
 
 

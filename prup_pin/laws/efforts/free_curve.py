@@ -87,8 +87,7 @@ class FreeCurve(EffortLaw):
         return dict.fromkeys(self.linear, 0.0)
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        slides = mechanism.joint(place.name).slides
-        unit, effort = VARIABLES[self.variable][1 if slides else 0], joint_unit("N m", place, mechanism)
+        unit, effort = (joint_unit(u, place.name, mechanism) for u in (VARIABLES[self.variable], "N m"))
         knots = [
             Quantity(f"at {index}", unit, f"{self.variable} at a knot", 0.0, positive=False, lower=-1e12, upper=1e12)
             for index in range(self.count)

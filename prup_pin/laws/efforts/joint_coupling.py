@@ -88,8 +88,7 @@ class FeltMotion(Coupled):
     )
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        other = Place(self.other(place))
-        effort, way = joint_unit("N m", place, mechanism), joint_unit("rad", other, mechanism)
+        effort, way = joint_unit("N m", place.name, mechanism), joint_unit("rad", self.other(place), mechanism)
         both_turn = (effort, way) == ("N m", "rad")
         return in_units(
             self.quantities, [effort, f"{effort} s/{way}", "kg m^2" if both_turn else f"{effort} s^2/{way}", way]
@@ -135,7 +134,7 @@ class FeltPosition(Coupled):
     )
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        effort, way = joint_unit("N m", place, mechanism), joint_unit("rad", Place(self.other(place)), mechanism)
+        effort, way = joint_unit("N m", place.name, mechanism), joint_unit("rad", self.other(place), mechanism)
         return in_units(self.quantities, [f"{effort}/{way}", effort])
 
     def unlike(self, place: Place) -> Sequence[tuple[str, str]]:

@@ -70,7 +70,7 @@ class DirectedViscousFriction(JointEffortLaw):
         half = (values["damping_forwards"] - values["damping_backwards"]) / 2
         if not half:
             return ""
-        unit = joint_unit("N m s/rad", place, mechanism)
+        unit = joint_unit("N m s/rad", place.name, mechanism)
         return f"{place.name} resists by {number(half, 3, signed=True)} {unit} more forwards than said, less backwards"
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
