@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 from ..errors import InputError
-from ..mechanism.mechanism import Mechanism
+from ..mechanism import Mechanism
 from ..numbers import some
 from ..recordings.columns import is_known, joint_of, unit_of
 from ..recordings.problems import shown
@@ -28,12 +28,12 @@ from .clocks import set_beside
 from .columns import Clocks, add_by_unit, add_joints, place_line, seen_poses, time_column, wrench_lines
 from .draft import Guessing, Line, Seen
 from .log import Log
-from .map import CHECK, NamedRobot, driven
+from .map import CHECK, driven
 from .unit_by_numbers import doubt_efforts, settle_units
 from .units import DRIVING, UNSCALED, WISHED, dimension_of, words_of
 
 
-def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = None) -> Guess:
+def guess(log: Log, mechanism: Mechanism | None = None, robot: str | None = None) -> Guess:
     """Return a first map of a log. mechanism and robot: the robot and its name, where they are known."""
     if len(log.streams) == 1 and "time" in log.names and all(map(is_known, log.names)):
         lines = [Line(name, name, _si(name, mechanism)) for name in log.names if name not in ("time", "run")]
@@ -60,7 +60,7 @@ def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = Non
     return written(log, clocks, found, seen, mechanism, robot)
 
 
-def _si(name: str, mechanism: NamedRobot | None) -> str:
+def _si(name: str, mechanism: Mechanism | None) -> str:
     """Return the unit of a column that is called as in a recording; joints that nobody knows turn."""
     if name == "temperature":
         return "degC"
@@ -85,7 +85,7 @@ class Guess:
 
 
 def written(
-    log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: NamedRobot | None, robot: str | None
+    log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: Mechanism | None, robot: str | None
 ) -> Guess:
     """Return the map as YAML with a word on every line that was guessed."""
     doubts: list[str] = []
@@ -197,7 +197,7 @@ _LISTED = 4
 _AT_HOME = "no column is its position; it is taken to stand at home"
 
 
-def _without(found: Guessing, mechanism: NamedRobot | None, told: Callable[[str, str, str], str]) -> list[str]:
+def _without(found: Guessing, mechanism: Mechanism | None, told: Callable[[str, str, str], str]) -> list[str]:
     """Return lines of comment for driven joints whose position no column is; `told` notes what is not sure of one.
 
     Where such a joint stood decides where the tool is, but for one that carries no tool, such as a finger.
@@ -230,14 +230,14 @@ def _is_it(columns: Sequence[str]) -> str:
     return f". Is it {' or '.join(columns[:6])}?" if columns else ""
 
 
-def _carries_the_tool(joint: str, mechanism: NamedRobot | None) -> bool:
+def _carries_the_tool(joint: str, mechanism: Mechanism | None) -> bool:
     """Return whether a joint may be on the way from the base to the tool."""
-    if not isinstance(mechanism, Mechanism) or mechanism.tool is None:
+    if mechanism is None or mechanism.tool is None:
         return True
     return mechanism.joint_id(joint) not in mechanism.load_paths.idle
 
 
-def _left(log: Log, unused: Sequence[str], found: Guessing, mechanism: NamedRobot | None) -> dict[str, list[str]]:
+def _left(log: Log, unused: Sequence[str], found: Guessing, mechanism: Mechanism | None) -> dict[str, list[str]]:
     """Return columns of forces, moments and currents that nothing is made of, by their unit.
 
     Currents are asked for where a drive is without an effort. What a controller wishes was not measured.
@@ -253,7 +253,7 @@ def _left(log: Log, unused: Sequence[str], found: Guessing, mechanism: NamedRobo
     return left
 
 
-def _of_others(seen: Seen, mechanism: NamedRobot | None, doubts: list[str]) -> list[str]:
+def _of_others(seen: Seen, mechanism: Mechanism | None, doubts: list[str]) -> list[str]:
     """Return a line of comment for each body that no frame is called like, to be completed."""
     lines = [f"  # marker {again} is marker {first} again, number by number" for again, first in seen.copies.items()]
     for called, moves in seen.movers.items():

@@ -9,18 +9,18 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import yaml
 
 from ..errors import Problem, nearest_names
+from ..mechanism import Mechanism
 from ..recordings import Noise, Tolerances
 from ..recordings.columns import NOISE_KEYS, joint_of, marker_of
 from ..recordings.columns import UNITS as COLUMNS
 from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_bytes, shown
 from ..recordings.reader import noise_value, tolerances_value
-from ..spatial import Array
 from .log import Log
 from .units import Unit, unit_for, units_in_words
 
@@ -117,47 +117,7 @@ class LogMap:
 # -- the robot ---------------------------------------------------------------------------------------------------------
 
 
-class NamedJoint(Protocol):
-    """A joint: whether it slides, and where its coordinates stand among all."""
-
-    @property
-    def name(self) -> str:
-        """Its name in the robot file."""
-
-    @property
-    def slides(self) -> bool:
-        """Whether it moves by metres, not radians."""
-
-    @property
-    def first_q(self) -> int:
-        """Where its coordinates begin."""
-
-    @property
-    def nq(self) -> int:
-        """How many there are."""
-
-
-class NamedRobot(Protocol):
-    """A robot's names; a `Mechanism` is one."""
-
-    @property
-    def actuated(self) -> Sequence[str]:
-        """The joints that have motors, in order."""
-
-    @property
-    def joints(self) -> Sequence[NamedJoint]:
-        """All joints that move."""
-
-    @property
-    def frame_names(self) -> Sequence[str]:
-        """All frames."""
-
-    @property
-    def limits(self) -> tuple[Array, Array]:
-        """Lower and upper limits of all coordinates, infinite where there is none."""
-
-
-def driven(robot: NamedRobot) -> list[str]:
+def driven(robot: Mechanism) -> list[str]:
     """Return the joints that have motors and one coordinate: no floating base."""
     several = {joint.name for joint in robot.joints if joint.nq > 2}  # an endless one has cosine and sine
     return [name for name in robot.actuated if name not in several]
@@ -315,7 +275,7 @@ def unanswered(path: str | Path) -> list[Problem]:
     return found
 
 
-def read_map(path: str | Path, log: Log, mechanism: NamedRobot | None = None) -> LogMap:
+def read_map(path: str | Path, log: Log, mechanism: Mechanism | None = None) -> LogMap:
     """Return a map for a log. Raises RecordingFileError with all that is wrong with it, each with its line and key.
 
     mechanism: the robot whose joints and frames the names have to be; None where it is not known.
@@ -333,7 +293,7 @@ def read_map(path: str | Path, log: Log, mechanism: NamedRobot | None = None) ->
 class _Reader(KeyReader):
     """Reads a map; what is wrong is collected."""
 
-    def __init__(self, problems: Problems, lines: Mapping[tuple, int], log: Log, mechanism: NamedRobot | None):
+    def __init__(self, problems: Problems, lines: Mapping[tuple, int], log: Log, mechanism: Mechanism | None):
         super().__init__(problems, lines)
         self.log, self.mechanism = log, mechanism
         self.gains_open = False

@@ -11,13 +11,12 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 
-from ..mechanism.mechanism import Mechanism
+from ..mechanism import Mechanism
 from ..numbers import quantity
 from ..spatial import Array
 from .columns import Clocks
-from .draft import Guessing, Line, in_si, values_of
+from .draft import Guessing, Line, configurations, in_si, values_of
 from .log import Log
-from .map import NamedRobot
 from .units import UNITS, UNSCALED, dimension_of, unit_in_name
 
 TURN = 2 * np.pi
@@ -37,7 +36,7 @@ def from_nearest_turn(log: Log, line: Line, reach: float, slides: bool) -> dict[
     }
 
 
-def turns_too_many(log: Log, line: Line, joint: str, mechanism: NamedRobot) -> int:
+def turns_too_many(log: Log, line: Line, joint: str, mechanism: Mechanism) -> int:
     """Return by how many whole turns an angle is beyond its limits: some drives count from 0 to 360 degrees."""
     known = {item.name: item for item in mechanism.joints}
     if joint not in known or known[joint].nq != 1 or known[joint].slides:
@@ -75,7 +74,7 @@ _NEAR = 0.1
 _AGREE = 0.04
 
 
-def settle_units(log: Log, clocks: Clocks, found: Guessing, mechanism: NamedRobot | None) -> None:
+def settle_units(log: Log, clocks: Clocks, found: Guessing, mechanism: Mechanism | None) -> None:
     """Give a unit to positions and velocities: what makes positions the integral of velocities."""
     by_target = {line.target: line for line in found.lines}
     joints = [target[2:] for target in by_target if target.startswith("q.")]
@@ -102,7 +101,7 @@ def settle_units(log: Log, clocks: Clocks, found: Guessing, mechanism: NamedRobo
             )
 
 
-def _slides(joint: str, mechanism: NamedRobot | None, unit: str | None) -> bool:
+def _slides(joint: str, mechanism: Mechanism | None, unit: str | None) -> bool:
     if mechanism is not None:
         known = {item.name: item for item in mechanism.joints}
         if joint in known:
@@ -110,7 +109,7 @@ def _slides(joint: str, mechanism: NamedRobot | None, unit: str | None) -> bool:
     return unit is not None and dimension_of(unit) == "length"
 
 
-def _room(joint: str, mechanism: NamedRobot | None, slides: bool) -> float:
+def _room(joint: str, mechanism: Mechanism | None, slides: bool) -> float:
     """Return how far from zero a joint may be [rad, m]: as its robot allows, where that is known."""
     far = _LONG if slides else _FAR
     known = {item.name: item for item in mechanism.joints} if mechanism is not None else {}
@@ -127,7 +126,7 @@ def _settle_alike(
     lines: Mapping[str, Line],
     joints: Sequence[str],
     slides: bool,
-    mechanism: NamedRobot | None,
+    mechanism: Mechanism | None,
 ) -> None:
     """Give units to the positions and velocities of joints that all turn or all slide."""
     first = lines[f"q.{joints[0]}"]
@@ -223,14 +222,14 @@ _ROWS = 200
 _LESS = 10.0
 
 
-def doubt_efforts(log: Log, found: Guessing, unsaid: set[str], mechanism: NamedRobot | None) -> None:
+def doubt_efforts(log: Log, found: Guessing, unsaid: set[str], mechanism: Mechanism | None) -> None:
     """Note on the first effort that is far less than its joint's weight takes that it may be in another unit.
 
     unsaid: targets of efforts whose unit nothing tells, so that they were taken as N or N m.
     """
     joints = {line.target[2:]: line for line in found.lines if line.target.startswith("q.")}
     efforts = {line.target[4:]: line for line in found.lines if line.target in unsaid and not line.doubt}
-    if not isinstance(mechanism, Mechanism) or mechanism.loops or not efforts.keys() <= joints.keys():
+    if mechanism is None or mechanism.loops or not efforts.keys() <= joints.keys():
         return
     if len({len(log.stream_of(line.source)) for line in joints.values()}) != 1:
         return
@@ -249,14 +248,10 @@ def doubt_efforts(log: Log, found: Guessing, unsaid: set[str], mechanism: NamedR
 
 def _weight(log: Log, joints: dict[str, Line], mechanism: Mechanism) -> dict[str, float]:
     """Return the largest effort [N or N m] of each joint that holds the robot file's masses where the log has it."""
-    values = np.column_stack([in_si(log, line) for line in joints.values()])
-    values = values[np.isfinite(values).all(axis=1)]
-    data, q = mechanism.model.createData(), mechanism.home_configuration()
-    most = dict.fromkeys(joints, 0.0)
-    for row in values[:: max(1, -(-len(values) // _ROWS))]:
-        for name, value in zip(joints, row, strict=True):
-            mechanism.set_joint(q, name, float(value))
-        mechanism.coupling.place(q)
+    positions = {name: in_si(log, line) for name, line in joints.items()}
+    known = np.flatnonzero(np.isfinite(list(positions.values())).all(axis=0))
+    data, most = mechanism.model.createData(), dict.fromkeys(joints, 0.0)
+    for q in configurations(mechanism, positions, known[:: max(1, -(-len(known) // _ROWS))]):
         held = pin.computeGeneralizedGravity(mechanism.model, data, q)
         for name in joints:
             most[name] = max(most[name], float(np.abs(held[mechanism.joint(name).dofs]).max(initial=0.0)))
