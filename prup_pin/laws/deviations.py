@@ -25,8 +25,6 @@ from .law import Law, Place, Sharing
 from .loop_places import SeatPosition
 from .setup import Setup
 
-__all__ = ["Calibration", "Deviation", "amounts_of", "calibration_of", "deviations_of"]
-
 _AXES = "xyz"
 #: A direction shorter than this is none.
 _SMALL = 1e-9

@@ -22,8 +22,6 @@ from ...spatial import Array
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["BLOCK", "RUN", "Deed", "History", "Moment", "Solved"]
-
 #: How long a deed remembers: while the actuators stand still, or for a whole run.
 BLOCK, RUN = "block", "run"
 

@@ -18,8 +18,6 @@ from .yielding import YieldingJoint, yield_of
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["ExtraTilt"]
-
 #: Components, of a module's six, of the tilts across a joint.
 _ACROSS = slice(3, 5)
 

@@ -16,8 +16,6 @@ from .deed import Deed, Solved
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["ScaledMass", "ToolLoad", "ToolSpring", "Weight", "WrenchReading"]
-
 #: Share of the weight by which its effect is differentiated.
 _LIGHT = 1e-3
 

@@ -17,8 +17,6 @@ from .strain import Strain, Strains
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["RememberedStrain"]
-
 #: A history that moves by less than 1e-7 of this stands still [m, rad].
 _UNIT = 1e-3
 

@@ -15,8 +15,6 @@ from .deed import Deed
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["Moved", "PoseReport", "Wandering"]
-
 
 @dataclass(frozen=True, eq=False)
 class Moved:

@@ -21,8 +21,6 @@ from .deed import BLOCK, Deed, History, Solved
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["JointResistance"]
-
 _SWEEPS = 60
 #: Rounds in which joints that slide are guessed before sweeps look for them, and those in which all may change.
 _GUESSES, _TOGETHER = 30, 6

@@ -15,8 +15,6 @@ from .deed import Deed, Solved
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["Along", "ExtraStrain", "Strain", "Strains", "extent_of"]
-
 
 class Strain(NamedTuple):
     """A module's deformation beyond its own law: `function(load, *samples)` of its load (N, k).

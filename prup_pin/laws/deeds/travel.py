@@ -17,8 +17,6 @@ from .deed import Deed, Solved
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["ChangedLength", "MovedJoint", "MovedLoopEnd", "Travel"]
-
 
 @dataclass(frozen=True, eq=False)
 class Travel(Deed):

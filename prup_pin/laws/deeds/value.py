@@ -18,8 +18,6 @@ from .deed import Deed, Solved
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["ChangedValue"]
-
 #: Share of a value by which a beam's law is differentiated.
 _STEP = 1e-5
 

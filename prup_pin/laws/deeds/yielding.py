@@ -16,8 +16,6 @@ from .deed import Deed, Solved
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["YieldingJoint", "tilting_matrix", "yield_of", "yielding_values"]
-
 
 @dataclass(frozen=True)
 class YieldingJoint(Deed):

@@ -19,8 +19,6 @@ from .deed import Deed, Solved
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["YieldingBase", "base_motion", "carried_along"]
-
 
 @dataclass(frozen=True)
 class YieldingBase(Deed):

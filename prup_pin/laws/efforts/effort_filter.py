@@ -16,8 +16,6 @@ from ..law import Place
 from .delay import Lagging, of_all_drives
 from .effort_law import DrivenEffortLaw
 
-__all__ = ["EffortFilter", "EffortsFilter", "low_passed"]
-
 
 def low_passed(values: Array, time_constant: float, step: float) -> Array:
     """Return values (n, ...) at even steps [s] behind T dy/dt + y = u, settled at the first of them.

@@ -18,8 +18,6 @@ from ...spatial import Array
 from ..law import Law, Place
 from ..setup import Setup
 
-__all__ = ["EFFORT", "Body", "EffortLaw", "driven_places", "motor_pairs", "moving_places"]
-
 #: Aspect of the places of these laws, which tells them from those of the pose channel.
 EFFORT = "effort"
 

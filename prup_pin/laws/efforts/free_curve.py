@@ -16,8 +16,6 @@ from ..law import Place
 from .effort_law import EffortLaw, columns_along, joint_unit, usual_way
 from .variables import SINCE_TURNING, VARIABLES, variable_of
 
-__all__ = ["CURVES", "ROUGH_CURVES", "FreeCurve", "curve_by_position"]
-
 #: Shares of a joint's travel on which friction that builds up on its way turns round.
 _WAYS = (0.01, 0.03, 0.1, 0.3, 1.0)
 #: Knots of a curve, and of one of friction along the way: a rail that pinches does so in places.

@@ -25,8 +25,6 @@ from .effort_law import (
     usual_way,
 )
 
-__all__ = ["FeltMotion", "FeltPosition", "SpringAcross"]
-
 _OF, _BY_POSITION, _SPRING = f"{EFFORT} of ", f"{EFFORT} by the position of ", f"{EFFORT} of a spring with "
 
 

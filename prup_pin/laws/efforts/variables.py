@@ -8,8 +8,6 @@ from ...dynamics import InMotion
 from ...spatial import Array
 from .effort_law import usual_way
 
-__all__ = ["SINCE_TURNING", "VARIABLES", "load", "position", "speed", "time", "variable_of"]
-
 
 def position(at: InMotion, joint: str) -> Array:
     """Return a joint's position (N,) [m or rad]."""

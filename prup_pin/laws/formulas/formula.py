@@ -17,8 +17,6 @@ from .joint_formula import JointFormula
 from .known import KNOWN, composed
 from .shapes import SHAPES
 
-__all__ = ["Factor", "Formula", "Term", "library"]
-
 #: Beyond it no coefficient is one.
 _LARGEST = 1e12
 

@@ -24,8 +24,6 @@ from .known import KNOWN
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-__all__ = ["JointFormula", "Proposed"]
-
 #: A place moves by this part of the way between its bounds where a size becomes e times as large: about a third of the
 #: range in which it may lie.
 _STEPS = 9

@@ -20,8 +20,6 @@ from ..setup import Setup
 from .joint_formula import Proposed
 from .shapes import SHAPES, Shape
 
-__all__ = ["ModuleFormula", "StrainFormula", "strain_library"]
-
 #: Of the largest load: the step by which a slope is taken.
 _STEP = 1e-6
 #: Shapes that a deformation may follow a load by.

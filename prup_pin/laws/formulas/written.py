@@ -11,8 +11,6 @@ from .formula import Formula
 from .shapes import SHAPES
 from .strain_formula import ModuleFormula
 
-__all__ = ["law_file", "word_of"]
-
 
 def word_of(law: Formula | ModuleFormula) -> str:
     """Return the word of a formula in the vocabulary: its place and its variables, 'elbow_joint_by_speed'."""
