@@ -12,20 +12,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from ...errors import InputError, MissingExtraError
+from ...errors import InputError
 
 #: Binary ones are meshcat's commands, a text is JSON of what the page shows beside them; live.js reads both.
 Message = bytes | str
 
 
 def viewer_script() -> str:
-    """Return meshcat's viewer. Raises MissingExtraError."""
+    """Return meshcat's viewer, without loading meshcat."""
     spec = importlib.util.find_spec("meshcat")
-    for folder in (spec.submodule_search_locations or ()) if spec is not None else ():
-        path = Path(folder) / "viewer" / "dist" / "main.min.js"
-        if path.is_file():
-            return path.read_text(encoding="utf-8")
-    raise MissingExtraError("meshcat")
+    assert spec is not None
+    assert spec.origin is not None
+    return (Path(spec.origin).parent / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")
 
 
 def page_html(title: str, start: str, connect: str = "'none'") -> str:
@@ -62,7 +60,7 @@ class Served:
     def serve(self, port: int = 0) -> str:
         """Serve it to browsers on this machine (127.0.0.1) and return the address; 0 takes a free port.
 
-        Raises InputError where the port is taken, MissingExtraError.
+        Raises InputError where the port is taken.
         """
         if self.url is None:
             self._start(port)
@@ -82,12 +80,10 @@ class Served:
             self._thread.join(5)
 
     def _start(self, port: int) -> None:
-        try:
-            import tornado.httpserver
-            import tornado.web
-            import tornado.websocket
-        except ImportError as error:
-            raise MissingExtraError("meshcat") from error
+        import tornado.httpserver  # heavy; comes with meshcat
+        import tornado.web
+        import tornado.websocket
+
         listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
             listening.bind(("127.0.0.1", port))
