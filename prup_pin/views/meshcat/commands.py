@@ -11,7 +11,6 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-import umsgpack  # comes with meshcat
 
 from ...errors import InputError
 from ...spatial import Array
@@ -34,11 +33,15 @@ _Z_TO_Y = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
 
 def packed(command: Command) -> bytes:
     """Return a command as meshcat's viewer reads it."""
+    import umsgpack  # comes with meshcat
+
     return umsgpack.packb(command)
 
 
 def _array(values: np.ndarray) -> dict[str, Any]:
     """Return (n, k) numbers as three.js reads them."""
+    import umsgpack
+
     whole = values.dtype.kind in "iu"
     data = np.ascontiguousarray(values, np.uint32 if whole else np.float32)
     return {
