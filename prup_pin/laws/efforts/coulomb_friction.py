@@ -54,18 +54,15 @@ class SlidingFriction(DryFriction, JointEffortLaw):
         return columns_along(at, place.name, at.rubbing(place.name, values))
 
     def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return how_it_turns_round(place, values, mechanism)
+        # how it differs from a step at a reversal
+        way, speed = values.get("presliding", 0.0), values.get("smoothing", 0.0)
+        in_way, in_speed = (joint_unit(unit, place.name, mechanism) for unit in ("rad", "rad/s"))
+        told = [f"on a way of {quantity(way, in_way)}"] if way else []
+        told += [f"as a film shears below {quantity(speed, in_speed)}"] if speed else []
+        return f"at a reversal the dry friction of {place.name} turns round {' and '.join(told)}" if told else ""
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place.name} rubs: it takes {self.sized('limit', place, values, mechanism)} to slide"
-
-
-def how_it_turns_round(place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-    """Return in words how dry friction differs from a step at a reversal; '' where it does not."""
-    way, speed = values.get("presliding", 0.0), values.get("smoothing", 0.0)
-    told = [f"on a way of {quantity(way, joint_unit('rad', place.name, mechanism))}"] if way else []
-    told += [f"as a film shears below {quantity(speed, joint_unit('rad/s', place.name, mechanism))}"] if speed else []
-    return f"at a reversal the dry friction of {place.name} turns round {' and '.join(told)}" if told else ""
 
 
 class LoadedFriction(DryFriction, MovingEffortLaw):
@@ -138,12 +135,12 @@ class ColdFriction(DryFriction, MovingEffortLaw):
         return columns_along(at, place.name, direction, cold * direction)
 
     def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        cold = f"{self.sized('cold', place, values, mechanism)}"
-        return f"{place.name} rubs by {cold} more at the start, as it warms up in {number(values['time'], 3)} s"
+        return f"{place.name} rubs by {self._cold(place, values, mechanism)}"
+
+    def _cold(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        more = self.sized("cold", place, values, mechanism)
+        return f"{more} more at the start, as it warms up in {number(values['time'], 3)} s"
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = joint_unit("N m", place.name, mechanism)
-        return (
-            f"{place.name} rubs: it takes {number(values['limit'], 3)} {unit} to slide, and "
-            f"{number(values['cold'], 3)} {unit} more at the start, as it warms up in {number(values['time'], 3)} s"
-        )
+        limit, cold = self.sized("limit", place, values, mechanism), self._cold(place, values, mechanism)
+        return f"{place.name} rubs: it takes {limit} to slide, and {cold}"

@@ -310,6 +310,32 @@ class MovingEffortLaw(DrivenEffortLaw):
         return super().acts(place, at) and at.moves(place.name)
 
 
+class TwoJointLaw(EffortLaw):
+    """A law of two driven joints: its place is the one, its aspect says the other."""
+
+    #: What its aspect begins with, before the other joint.
+    beginning: ClassVar[str]
+
+    def is_named(self, place: Place) -> bool:
+        return place.aspect.startswith(self.beginning)
+
+    def other(self, place: Place) -> str:
+        """Return the other joint."""
+        return place.aspect.removeprefix(self.beginning)
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return [self.other(place)]
+
+    def acts(self, place: Place, at: InMotion) -> bool:
+        both = {place.name, self.other(place)}
+        return both <= set(at.driven) and all(at.moves(name) for name in both)
+
+    def along_both(self, at: InMotion, place: Place, ratio: float, parts: Sequence[Array]) -> Array:
+        """Return efforts (N,) along the joint, and `ratio` times as large along the other one, as columns (N, k, p)."""
+        other = self.other(place)
+        return np.stack([at.along(place.name, part) + at.along(other, ratio * part) for part in parts], axis=-1)
+
+
 class FrictionThatTurns(EffortLaw):
     """What rubs turns round on a short way after the motion has, and may have no step there: by these two, settled."""
 

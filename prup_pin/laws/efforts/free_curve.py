@@ -118,7 +118,7 @@ class FreeCurve(EffortLaw):
         x = variable_of(at, place.name, self.variable)
         knots = np.array([values[f"at {index}"] for index in range(self.count)])
         if self.variable == SINCE_TURNING:
-            return np.stack([at.along(place.name, at.dragged(place.name, way)) for way in knots.tolist()], axis=-1)
+            return columns_along(at, place.name, *(at.dragged(place.name, way) for way in knots.tolist()))
         hats = np.array([np.interp(x, knots, row) for row in np.eye(len(knots))]).T
         turning = at.dragged(place.name, usual_way(at, place.name))
         both = np.concatenate(([] if self.friction else [hats]) + [hats * turning[:, None]], axis=1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -16,8 +15,8 @@ from ..law import Place
 from .effort_law import (
     EFFORT,
     PRESLIDING,
-    EffortLaw,
     OneJointLaw,
+    TwoJointLaw,
     columns_along,
     driven_places,
     in_units,
@@ -36,8 +35,8 @@ def pairs(mechanism: Mechanism) -> list[tuple[str, str]]:
     return [(name, other) for name, other in before.items() if other is not None]
 
 
-class Coupled(EffortLaw):
-    """A law of two neighbours: its place is the one, its aspect says the other."""
+class Coupled(TwoJointLaw):
+    """A law of two neighbours."""
 
     physics = "transmission_coupling"
     remedy = (
@@ -45,25 +44,9 @@ class Coupled(EffortLaw):
         "the two joints together"
     )
     source = "Gautier and Khalil (1990); Khalil and Dombre, Modeling, Identification and Control of Robots, ch. 12"
-    #: What its aspect begins with, before the other joint.
-    beginning: ClassVar[str]
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(name, self.beginning + other) for pair in pairs(mechanism) for name, other in (pair, pair[::-1])]
-
-    def is_named(self, place: Place) -> bool:
-        return place.aspect.startswith(self.beginning)
-
-    def other(self, place: Place) -> str:
-        """Return the other joint."""
-        return place.aspect.removeprefix(self.beginning)
-
-    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
-        return [self.other(place)]
-
-    def acts(self, place: Place, at: InMotion) -> bool:
-        both = {place.name, self.other(place)}
-        return both <= set(at.driven) and all(at.moves(name) for name in both)
 
 
 class FeltMotion(Coupled):
@@ -191,10 +174,9 @@ class SpringAcross(Coupled, OneJointLaw):
         return {**values, "ratio": values["ratio"] * (factor if values["ratio"] > 0 else 1 / factor)}
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        other, ratio = self.other(place), values["ratio"]
-        length = at.position(place.name) + ratio * at.position(other)
-        parts = [length, np.ones(len(at))]
-        return np.stack([at.along(place.name, part) + at.along(other, ratio * part) for part in parts], axis=-1)
+        ratio = values["ratio"]
+        length = at.position(place.name) + ratio * at.position(self.other(place))
+        return self.along_both(at, place, ratio, [length, np.ones(len(at))])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         stiffness = quantity(values["stiffness"], self.quantities_at(place, mechanism)[0].unit)

@@ -60,8 +60,7 @@ class DirectedViscousFriction(JointEffortLaw):
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         speed = at.speed(place.name)
-        parts = [at.along(place.name, np.maximum(speed, 0.0)), at.along(place.name, np.minimum(speed, 0.0))]
-        return np.stack(parts, axis=-1)
+        return columns_along(at, place.name, np.maximum(speed, 0.0), np.minimum(speed, 0.0))
 
     def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
         return {place.name: JointDynamics(damping=(values["damping_forwards"] + values["damping_backwards"]) / 2)}
