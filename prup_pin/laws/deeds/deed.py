@@ -115,8 +115,10 @@ class Deed(ABC):
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:
         """Return what is watched (n, R) from the solved setup to another one, by deeds of this kind; None: nothing."""
-        parts = list(cls.changes(setup, at))
-        return sum(parts[1:], parts[0]) if parts else None
+        total: Array | None = None
+        for change in cls.changes(setup, at):
+            total = change if total is None else total + change
+        return total
 
     @classmethod
     def history(cls, setup: Setup, samples: np.ndarray, chain: Chain, before: Any) -> History | None:

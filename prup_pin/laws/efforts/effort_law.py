@@ -273,6 +273,8 @@ class OneJointLaw(EffortLaw):
     """A law of one joint, or of several of a kind. Its quantities have the units of joints that turn."""
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        if not mechanism.joint(place.name).slides:
+            return self.quantities
         return in_units(self.quantities, [joint_unit(q.unit, place.name, mechanism) for q in self.quantities])
 
     def sized(self, name: str, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:

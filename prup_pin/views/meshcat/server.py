@@ -10,7 +10,7 @@ import socket
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from ...errors import InputError
 
@@ -33,16 +33,6 @@ def page_html(title: str, start: str, connect: str = "'none'") -> str:
     return re.sub("__([A-Z]+)__", lambda match: fields[match[1]], template)
 
 
-class Session(Protocol):
-    """What one browser sees."""
-
-    def greeting(self) -> Sequence[Message]:
-        """Return what is sent to the browser first."""
-
-    def reply(self, message: str | bytes) -> Sequence[Message]:
-        """Return what is sent for a message of the browser's."""
-
-
 class Served:
     """What may be looked at through a server of its own: it has a title, and a session for every browser.
 
@@ -53,8 +43,8 @@ class Served:
     #: Address of the page, or None where nothing serves it.
     url: str | None = None
 
-    def session(self) -> Session:
-        """Return what a new browser sees."""
+    def session(self) -> Any:
+        """Return what a new browser sees: its `greeting()` is sent first, its `reply(message)` for each message."""
         raise NotImplementedError
 
     def serve(self, port: int = 0) -> str:
