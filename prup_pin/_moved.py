@@ -79,6 +79,7 @@ MOVED: dict[str, str] = {
     "imports.words": "imports.units",
     "imports.wrench_columns": "imports.columns",
     "imports.yaml_keys": "imports.map",
+    "laws.loop_places": "laws.joint_places",
     "recordings.tool_path": "recordings.recording",
     "views.drawing.drawing": "views.drawing.plotting",
     "views.drawing.effort_figures": "views.drawing.diagnosis_figures",

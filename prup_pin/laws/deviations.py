@@ -20,9 +20,8 @@ from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import ChangedValue, Deed, Moved, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
 from .encoder import late
-from .joint_places import across, parts
+from .joint_places import SeatPosition, across, parts
 from .law import Law, Place, Sharing
-from .loop_places import SeatPosition
 from .setup import Setup
 
 _AXES = "xyz"
