@@ -195,14 +195,14 @@ class SimulationStoppedError(PrupPinError):
 class MissingExtraError(PrupPinError, ImportError):
     """A package is not installed; the message holds the command that installs it.
 
-    `extra`: the extra of prup_pin that brings it along; None where a plain installation does.
+    `extra`: the extra of prup_pin that brings it along.
     """
 
-    def __init__(self, package: str, extra: str | None = None):
+    def __init__(self, package: str, extra: str):
         self.package, self.extra = package, extra
-        where = f"prup_pin's extra '{extra}'" if extra else "what a plain installation brings"
         super().__init__(
-            f"this needs the package '{package}', which is not installed: pip install {package} (it is part of {where})"
+            f"this needs the package '{package}', which is not installed: pip install {package} (it is part of "
+            f"prup_pin's extra '{extra}')"
         )
 
 

@@ -351,7 +351,7 @@ class Robot:
         ellipsoids: 'beside' the robot, at the 'tool', or 'none'.
         serve: serve it on this machine; the address is `view.url`.
 
-        Raises InputError, MissingExtraError, and what `pose` and `compliance` raise.
+        Raises InputError, and what `pose` and `compliance` raise.
         """
         from .views.meshcat.view import view
 

@@ -3,8 +3,6 @@
 import csv
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -57,30 +55,6 @@ def test_it_writes_four_files_and_nothing_else(answer):
     assert {path.name for path in folder.iterdir()} == FILES
     for name in FILES:
         assert str(folder / name) in stdout.replace("\n         ", " ")
-
-
-def test_without_what_makes_the_report_the_verdict_is_written_and_the_gap_is_said(
-    answer, bench, run, monkeypatch, tmp_path
-):
-    monkeypatch.setattr("prup_pin.diagnosis.diagnose", lambda *_, **__: answer.diagnosis)
-    monkeypatch.setitem(sys.modules, "jinja2", None)
-    done = run("diagnose", bench.path, "--out", tmp_path)
-    assert done.exit_code == 0, done.output
-    assert "Left out: report.html: this needs the package 'jinja2'" in done.stdout
-    for name in FILES - {"report.html"}:
-        assert read_json(tmp_path / name) == read_json(answer.folder / name)
-    assert not (tmp_path / "report.html").exists()
-
-
-def test_what_keeps_the_report_from_being_made_is_known_before():
-    code = (
-        "import sys; sys.modules['jinja2'] = sys.modules['matplotlib'] = None\n"
-        "from prup_pin.views.report.diagnosis_files import missing_for_report\nprint(missing_for_report())\n"
-        "del sys.modules['matplotlib']; print(missing_for_report())"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    for package, said in zip(("matplotlib", "jinja2"), done.stdout.splitlines(), strict=True):
-        assert f"pip install {package} " in said
 
 
 def test_the_verdict_has_the_documented_keys(answer, bench):

@@ -209,17 +209,6 @@ def test_pyplot_stays_untouched():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_missing_matplotlib_says_what_to_install():
-    code = (
-        "import sys; sys.modules['matplotlib'] = None\n"
-        "try:\n    import prup_pin.views.drawing.figures\n"
-        "except ImportError as error:\n    print(type(error).__name__, error)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.startswith("MissingExtraError")
-    assert "pip install matplotlib" in done.stdout
-
-
 # -- the skeleton ----------------------------------------------------------------------------------------------------
 
 

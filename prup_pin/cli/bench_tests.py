@@ -276,7 +276,7 @@ def diagnose(
     from ..diagnosis import diagnose as diagnosed
     from ..diagnosis.proposal import proposed_files
     from ..recordings.writer import write_folder
-    from ..views.report.diagnosis_files import MODEL, REPORT, check_before, missing_for_report, write_diagnosis
+    from ..views.report.diagnosis_files import MODEL, check_before, write_diagnosis
     from ..views.text.bench_tests import print_diagnosis
 
     out = Path(f"{file_name(recordings[0].stem)}_diagnosis") if out is None else out
@@ -288,7 +288,6 @@ def diagnose(
         raise InputError(
             f"--out: '{out}' holds the earlier model, {against}, which would be written over; give another folder"
         )
-    missing = missing_for_report() if report else ""
     earlier = None if against is None else read_model(against)
     named = robot if earlier is None or robot is not None else earlier.robot
     read, name = recorded(recordings, tolerances, named, convention)
@@ -298,8 +297,7 @@ def diagnose(
         loaded, understood = reading.changed(name, set_parameters)
     with progress.stages() as tell:
         found = diagnosed(loaded, read, against=earlier, propose=propose is not None, tell=tell)
-    drawn = report and not missing
-    written = write_diagnosis(found, loaded, read, out, robot_name=name, reading=understood, report=drawn)
+    written = write_diagnosis(found, loaded, read, out, robot_name=name, reading=understood, report=report)
     print_diagnosis(terminal.console(), loaded, read, found)
     if propose is not None:
         laws = {f"{name}.py": (text,) for name, text in proposed_files(found.proposals, recordings)}
@@ -307,7 +305,7 @@ def diagnose(
         written += [propose / name for name in laws]
         if not laws:
             typer.echo("No formula is proposed: nothing unknown follows what a joint knows better than chance would.\n")
-    list_written(written, [f"{REPORT}: {missing}"] if missing else ())
+    list_written(written)
 
 
 #: A folder of which a command takes what it has answered before.

@@ -74,87 +74,111 @@ def triples_of(stream: Stream) -> list[dict[str, str]]:
     return out
 
 
+@dataclass
+class _Parts:
+    """Columns of a stream by the body that they are of: its place and turn by axis, its matrix by number.
+
+    vectors: bodies whose turn is a rotation vector by its name.
+    """
+
+    places: dict[str, dict[str, str]] = field(default_factory=dict)
+    turns: dict[str, dict[str, str]] = field(default_factory=dict)
+    matrices: dict[str, dict[int, str]] = field(default_factory=dict)
+    vectors: set[str] = field(default_factory=set)
+
+
 def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Body]:
     """Return the bodies of a stream in the order of their columns; those that are `taken` are something else."""
-    places: dict[str, dict[str, str]] = {}
-    turns: dict[str, dict[str, str]] = {}
-    matrices: dict[str, dict[int, str]] = {}
-    vectors: set[str] = set()
-    by_number = numbered_places(stream)
-    for name in stream.columns:
-        match = _NUMBERED.fullmatch(name)
-        if match is not None and match["number"] in by_number and name not in taken:
-            number, axis = match["number"], match["axis"].lower()
-            if match["kind"]:
-                turns.setdefault(number, {})[f"r{axis}"] = name
-            else:
-                places.setdefault(number, {})[axis] = name
-            continue
-        if name in taken or set(words_of(name)) & {*_NEITHER, *WISHED}:
-            continue
-        numbered = re.fullmatch(r"(.*?)[.\s_/]*(?:rot|R|rotation|matrix)[\[_ ]*(\d)\]?", name, re.I)
-        if numbered is not None:
-            matrices.setdefault(numbered[1], {})[int(numbered[2])] = name
-            continue
-        vector = _VECTOR.search(name) is not None
-        found = _AXIS.match(_VECTOR.sub("", name))
-        if found is None:
-            continue
-        kind, axis = (found["kind"] or "").lower(), found["axis"].lower()
-        said = stream.unit_of(name) or ""
-        spoken = set(words_of(found["body"]))
-        body = f"{_plain(found['body'])}{found['twice'] or ''}"
-        if vector:
-            turns.setdefault(body, {})[f"r{axis}"] = name
-            vectors.add(body)
-        elif kind == "q" or (spoken & set(_TURNED) and not spoken & set(_PLACE)):
-            turns.setdefault(body, {})[axis] = name
-        elif kind == "r":
-            if dimension_of(said) == "angle":
-                turns.setdefault(body, {})[f"r{axis}"] = name
-        elif axis != "w" and (
-            kind == "t"
-            or dimension_of(said) == "length"
-            or spoken & {*_PLACE, "tcp"}
-            or frame_of(body, frames)
-            or not body
-        ):
-            places.setdefault(body, {})[axis] = name
-    spoken_for = {name for each in (*places.values(), *turns.values()) for name in each.values()}
-    for triple in triples_of(stream):
-        names = set(triple.values())
-        lengths = all(dimension_of(stream.unit_of(name) or "") == "length" for name in names)
-        if (
-            lengths
-            and not names & (taken | spoken_for)
-            and not any({*words_of(n)} & {*_NEITHER, *WISHED} for n in names)
-        ):
-            places[_plain(_stem(triple))] = triple
+    parts = _by_name(stream, taken, frames)
+    _add_triples(stream, taken, parts)
     bodies = {}
-    for called, place in places.items():
+    for called, place in parts.places.items():
         if set(place) == set("xyz"):
             bodies[called] = Body(called, stream, {axis: place[axis] for axis in "xyz"})
-    for called, parts in turns.items():
-        home = bodies.setdefault(called, Body(called, stream))
-        if all(axis in parts for axis in "xyzw"):
-            home.turn, home.manner = tuple(parts[axis] for axis in "xyzw"), "quaternion_xyzw"
-        elif all(f"r{axis}" in parts for axis in "xyz"):
-            home.turn, home.manner = tuple(parts[f"r{axis}"] for axis in "xyz"), "rotation_vector"
-            home.doubt = "" if called in vectors else "rotation vectors, or Euler angles such as euler_XYZ?"
-        elif all(axis in parts for axis in "xyz"):
-            order = stream.labels.get("rotation type", "XYZ").upper()
-            home.turn, home.manner = tuple(parts[axis.lower()] for axis in order), f"euler_{order}"
-            home.doubt = "Euler angles in this order, and about the body's own axes?"
-        home.unit = stream.unit_of(home.turn[0]) or "" if home.turn else None
-        if home.manner.startswith("euler"):
-            home.unit = home.unit or "deg"
-    for called, cells in matrices.items():
+    for called, axes in parts.turns.items():
+        _turn(bodies.setdefault(called, Body(called, stream)), axes, called in parts.vectors)
+    for called, cells in parts.matrices.items():
         owner = bodies.get(_plain(called))
         if owner is not None and sorted(cells) == list(range(9)):
             owner.turn, owner.manner = tuple(cells[k] for k in range(9)), "matrix_columns"
             owner.doubt = "" if stream.labels.get("data_included") == "6D" else "column by column, or matrix_rows?"
             owner.unit = None
     return [body for body in bodies.values() if body.place or body.turn]
+
+
+def _by_name(stream: Stream, taken: set[str], frames: Sequence[str]) -> _Parts:
+    """Return the columns that say in their names of which body they are, and what of it."""
+    parts, by_number = _Parts(), numbered_places(stream)
+    for name in stream.columns:
+        match = _NUMBERED.fullmatch(name)
+        if match is not None and match["number"] in by_number and name not in taken:
+            number, axis = match["number"], match["axis"].lower()
+            if match["kind"]:
+                parts.turns.setdefault(number, {})[f"r{axis}"] = name
+            else:
+                parts.places.setdefault(number, {})[axis] = name
+            continue
+        if name in taken or _is_neither(name):
+            continue
+        cell = re.fullmatch(r"(.*?)[.\s_/]*(?:rot|R|rotation|matrix)[\[_ ]*(\d)\]?", name, re.I)
+        if cell is not None:
+            parts.matrices.setdefault(cell[1], {})[int(cell[2])] = name
+            continue
+        vector = _VECTOR.search(name) is not None
+        found = _AXIS.match(_VECTOR.sub("", name))
+        if found is None:
+            continue
+        kind, axis = (found["kind"] or "").lower(), found["axis"].lower()
+        dimension = dimension_of(stream.unit_of(name) or "")
+        spoken = set(words_of(found["body"]))
+        body = f"{_plain(found['body'])}{found['twice'] or ''}"
+        if vector:
+            parts.turns.setdefault(body, {})[f"r{axis}"] = name
+            parts.vectors.add(body)
+        elif kind == "q" or (spoken & set(_TURNED) and not spoken & set(_PLACE)):
+            parts.turns.setdefault(body, {})[axis] = name
+        elif kind == "r":
+            if dimension == "angle":
+                parts.turns.setdefault(body, {})[f"r{axis}"] = name
+        elif axis != "w" and (
+            kind == "t" or dimension == "length" or spoken & {*_PLACE, "tcp"} or frame_of(body, frames) or not body
+        ):
+            parts.places.setdefault(body, {})[axis] = name
+    return parts
+
+
+def _add_triples(stream: Stream, taken: set[str], parts: _Parts) -> None:
+    """Add what is left of three lengths whose names differ in x, y and z alone."""
+    spoken_for = {name for each in (*parts.places.values(), *parts.turns.values()) for name in each.values()}
+    for triple in triples_of(stream):
+        names = set(triple.values())
+        lengths = all(dimension_of(stream.unit_of(name) or "") == "length" for name in names)
+        if lengths and not names & (taken | spoken_for) and not any(map(_is_neither, names)):
+            parts.places[_plain(_stem(triple))] = triple
+
+
+def _is_neither(name: str) -> bool:
+    """Return whether a column is no place and no orientation that was measured."""
+    return bool({*words_of(name)} & {*_NEITHER, *WISHED})
+
+
+def _turn(body: Body, axes: dict[str, str], is_vector: bool) -> None:
+    """Give a body its orientation by columns, by axis: a quaternion, a rotation vector or Euler angles.
+
+    is_vector: a rotation vector by its name, and no doubt about it.
+    """
+    if all(axis in axes for axis in "xyzw"):
+        body.turn, body.manner = tuple(axes[axis] for axis in "xyzw"), "quaternion_xyzw"
+    elif all(f"r{axis}" in axes for axis in "xyz"):
+        body.turn, body.manner = tuple(axes[f"r{axis}"] for axis in "xyz"), "rotation_vector"
+        body.doubt = "" if is_vector else "rotation vectors, or Euler angles such as euler_XYZ?"
+    elif all(axis in axes for axis in "xyz"):
+        order = body.stream.labels.get("rotation type", "XYZ").upper()
+        body.turn, body.manner = tuple(axes[axis.lower()] for axis in order), f"euler_{order}"
+        body.doubt = "Euler angles in this order, and about the body's own axes?"
+    body.unit = body.stream.unit_of(body.turn[0]) or "" if body.turn else None
+    if body.manner.startswith("euler"):
+        body.unit = body.unit or "deg"
 
 
 def _stem(triple: dict[str, str]) -> str:

@@ -15,14 +15,14 @@ from scipy import special
 from scipy.optimize import least_squares, linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
-from ..mechanism.mechanism import Mechanism
+from ..mechanism import Mechanism
 from ..numbers import number
 from ..spatial import Array
 from .bodies import Body
+from .clocks import equations_of_marker
 from .columns import Clocks, place_lines
-from .draft import Guessing, Seen, in_si
+from .draft import Guessing, Seen, configurations, in_si
 from .log import Log, Stream
-from .map import NamedRobot
 from .units import UNITS
 
 #: Rows that are compared at most, and rows without which nine numbers fit anything.
@@ -78,7 +78,7 @@ class Carried:
         return float(np.median(np.linalg.norm(self.seen - there, axis=1)))
 
 
-def carry(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: NamedRobot | None) -> None:
+def carry(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: Mechanism | None) -> None:
     """Say of each marker without a name, in the same rows as the joints, on which body it sits: lines of p.<frame>.
 
     Several markers on a body each take a frame of it, the nearest one. Where all move as bodies of the robot do, the
@@ -86,7 +86,7 @@ def carry(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: Name
     """
     joints = {line.target[2:]: line for line in found.lines if line.target.startswith("q.")}
     homes = {log.stream_of(line.source).name for line in joints.values()}
-    if not isinstance(mechanism, Mechanism) or mechanism.loops or len(homes) != 1:
+    if mechanism is None or mechanism.loops or len(homes) != 1:
         return
     home = next(stream for stream in log.streams if stream.name in homes)
     values = {name: in_si(log, line) for name, line in joints.items()}
@@ -223,12 +223,9 @@ def _points(body: Body) -> Array:
 
 def _paths(mechanism: Mechanism, joints: Sequence[str], values: Array) -> dict[str, _Path]:
     """Return the path of the body behind each joint by their values (n, joints) [m, rad]; others stand at home."""
-    data, q = mechanism.model.createData(), mechanism.home_configuration()
+    data, positions = mechanism.model.createData(), dict(zip(joints, values.T, strict=True))
     out = {name: _Path(np.empty((len(values), 3)), np.empty((len(values), 3, 3))) for name in joints}
-    for row, here in enumerate(values):
-        for name, value in zip(joints, here, strict=True):
-            mechanism.set_joint(q, name, float(value))
-        mechanism.coupling.place(q)
+    for row, q in enumerate(configurations(mechanism, positions, range(len(values)))):
         pin.forwardKinematics(mechanism.model, data, q)
         for name, path in out.items():
             placed = data.oMi[mechanism.joint_id(name)]
@@ -260,10 +257,8 @@ def _rigid(position: Array, rotation: Array, seen: Array) -> tuple[Array, Array,
     It starts from B^-1 s = t + R o + B^-1 b, which is linear where B may be any matrix. Along what no row tells, as
     along the axes of a robot whose axes are all parallel, the marker sits as near to its body's joint as it can.
     """
-    rows = np.zeros((len(seen), 3, 15))
-    for k in range(3):
-        rows[:, k, 3 * k : 3 * k + 3], rows[:, k, 9 + k], rows[:, k, 12:] = seen - seen.mean(axis=0), 1, -rotation[:, k]
-    start = np.linalg.lstsq(rows.reshape(-1, 15), position.ravel(), rcond=None)[0]
+    equations = equations_of_marker(seen - seen.mean(axis=0), rotation)
+    start = np.linalg.lstsq(equations, position.ravel(), rcond=None)[0]
     u, _, vt = np.linalg.svd(start[:9].reshape(3, 3))
     turned = Rotation.from_matrix((u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt).T)
 

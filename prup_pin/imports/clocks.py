@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ..mechanism.mechanism import Mechanism
+from ..mechanism import Mechanism
 from ..spatial import Array
 from .bodies import Body
 from .columns import Clocks
 from .convert import at_rest, rests, turns_of
-from .draft import Guessing, Line, Seen, in_si
+from .draft import Guessing, Line, Seen, configurations, in_si
 from .log import Log, Stream
-from .map import NamedRobot, Rotation, driven
+from .map import Rotation, driven
 from .units import UNITS, Unit
 
 #: Poses that are calculated at most, and samples that are compared.
@@ -51,12 +51,8 @@ def path_of(mechanism: Mechanism, time: Array, joints: dict[str, Array], frame: 
     known = np.isfinite(time) & np.isfinite(np.column_stack(list(joints.values()))).all(axis=1)
     rows = np.flatnonzero(known)[:: max(1, int(known.sum()) // _POSES)]
     data, identity = mechanism.model.createData(), mechanism.model.getFrameId(frame)
-    q = mechanism.home_configuration()
     position, rotation = np.empty((len(rows), 3)), np.empty((len(rows), 3, 3))
-    for k, row in enumerate(rows):
-        for name, values in joints.items():
-            mechanism.set_joint(q, name, float(values[row]))
-        mechanism.coupling.place(q)
+    for k, q in enumerate(configurations(mechanism, joints, rows)):
         pin.forwardKinematics(mechanism.model, data, q)
         placed = pin.updateFramePlacement(mechanism.model, data, identity)
         position[k], rotation[k] = placed.translation, placed.rotation
@@ -135,6 +131,17 @@ def askew(path: Motion, time: Array, seen: Array, turned: Array) -> float:
     return float(np.arccos(np.clip(0.5 * (np.trace(u @ vt) - 1), -1.0, 1.0)))
 
 
+def equations_of_marker(seen: Array, rotation: Array) -> Array:
+    """Return the matrix (3 n, 15) of a marker that sits on a body, position + rotation @ offset = map @ seen + shift.
+
+    Its unknowns are the map (3, 3), which may be any matrix, the shift and the offset.
+    """
+    rows = np.zeros((len(seen), 3, 15))
+    for k in range(3):
+        rows[:, k, 3 * k : 3 * k + 3], rows[:, k, 9 + k], rows[:, k, 12:] = seen, 1.0, -rotation[:, k]
+    return rows.reshape(-1, 15)
+
+
 def _left(path: Motion, time: Array, seen: Array) -> float:
     """Return what an affine map of places that were seen leaves of a path, as a share of its spread."""
     return _brought(path, time, seen)[0]
@@ -145,20 +152,14 @@ def _rotations(path: Motion, at: Array) -> Array:
 
 
 def _brought(path: Motion, time: Array, seen: Array) -> tuple[float, Array, np.ndarray]:
-    """Return what is left of a path, the map (3, 3) that brings what was seen to it, and which samples it covers.
-
-    The marker sits anywhere on its link: position + rotation @ offset = map @ seen + shift, linear in all of them.
-    """
+    """Return what is left of a path, the map (3, 3) that brings what was seen to it, and which samples it covers."""
     inside = (time >= path.time[0]) & (time <= path.time[-1])
     if inside.sum() < max(_FEWEST, _OVERLAP * min(len(time), len(path.time))):
         return np.inf, np.eye(3), inside
     at, there = time[inside], seen[inside] - seen[inside].mean(axis=0)
     position = np.column_stack([np.interp(at, path.time, path.position[:, k]) for k in range(3)])
     rotation = _rotations(path, at)
-    rows = np.zeros((len(at), 3, 15))
-    for k in range(3):
-        rows[:, k, 3 * k : 3 * k + 3], rows[:, k, 9 + k], rows[:, k, 12:] = there, 1.0, -rotation[:, k]
-    matrix, wanted = rows.reshape(-1, 15), (position - position.mean(axis=0)).ravel()
+    matrix, wanted = equations_of_marker(there, rotation), (position - position.mean(axis=0)).ravel()
     found = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
     left = float(np.linalg.norm(wanted - matrix @ found) / max(np.linalg.norm(wanted), 1e-300))
     return left, found[:9].reshape(3, 3), inside
@@ -171,7 +172,7 @@ def _brought(path: Motion, time: Array, seen: Array) -> tuple[float, Array, np.n
 _RESTS = 10
 
 
-def set_beside(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: NamedRobot | None) -> None:
+def set_beside(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: Mechanism | None) -> None:
     """Note of each stream of bodies how it goes with the joints, where these are two devices.
 
     Where the places agree with what the joints' positions make of the robot, these positions, their units and their
@@ -217,11 +218,11 @@ def set_beside(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism:
 
 
 def _path(
-    log: Log, mechanism: NamedRobot | None, home: Stream, time: Array, joints: Mapping[str, Line], frame: str
+    log: Log, mechanism: Mechanism | None, home: Stream, time: Array, joints: Mapping[str, Line], frame: str
 ) -> Motion | None:
     """Return the path of a frame, of the tip where it is not named; None where the robot or a joint is not known."""
     whole = all(log.stream_of(line.source) is home for line in joints.values())
-    if not (isinstance(mechanism, Mechanism) and whole):
+    if not (mechanism is not None and whole):
         return None
     positions = {name: in_si(log, line) for name, line in joints.items()}
     return path_of(mechanism, time, positions, frame or mechanism.tip.name)

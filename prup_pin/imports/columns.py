@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 import numpy as np
 
+from ..mechanism import Mechanism
 from ..spatial import Array
 from .bodies import Body, bodies_of, frame_of, numbered_places, triples_of
 from .draft import Guessing, Line, Seen
 from .log import Log, Stream
-from .map import JOINT_DIMENSIONS, NamedRobot, driven
+from .map import JOINT_DIMENSIONS, driven
 from .units import CURRENT, DRIVING, IN_OUT, KIND, MEASURED, TIME, UNITS, WISHED, dimension_of, without_unit, words_of
 
 # -- the time ----------------------------------------------------------------------------------------------------------
@@ -93,7 +94,7 @@ _PLAIN = ("joint", "joints", "j", "axis", "axes", "a", "value", "val", "robot", 
 _BLOCKS = {1: ("q",), 2: ("q", "tau"), 3: ("q", "qd", "tau"), 4: ("q", "qd", "qdd", "tau")}
 
 
-def add_joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, found: Guessing) -> None:
+def add_joints(stream: Stream, times: set[str], mechanism: Mechanism | None, found: Guessing) -> None:
     """Add the columns of joints that a stream holds: by the joints' names, else by numbers in their order."""
     groups: dict[tuple[str, str], list[tuple[int, str, str]]] = {}
     labels = _labels(stream, mechanism)
@@ -163,7 +164,7 @@ def add_joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, fo
         found.lines += [line for line in named.values() if line.target not in already]
 
 
-def measured_by(unit: str | None, mechanism: NamedRobot | None) -> str | None:
+def measured_by(unit: str | None, mechanism: Mechanism | None) -> str | None:
     """Return what of a joint is measured in a unit: q, qd, qdd or tau; '' in one of no joint that the robot drives.
 
     None where the unit leaves it open: there is none, or it takes a scale.
@@ -190,9 +191,7 @@ def _doubt_rivals(lines: Sequence[Line], rivals: Sequence[Sequence[tuple[int, st
             lines[0].rival = lines[0].rival or f"or {other[0]} and those like it: which were measured?"
 
 
-def _spoken(
-    stream: Stream, times: set[str], mechanism: NamedRobot
-) -> dict[tuple[str, str], list[tuple[int, str, str]]]:
+def _spoken(stream: Stream, times: set[str], mechanism: Mechanism) -> dict[tuple[str, str], list[tuple[int, str, str]]]:
     """Return groups of as many columns of one kind as there are joints, with names of their own instead of numbers.
 
     Controllers call joints base, shoulder, elbow, and not as the robot file does.
@@ -211,7 +210,7 @@ def _spoken(
     return {key: group for key, group in groups.items() if len(group) == many > 1}
 
 
-def _blocks(stream: Stream, times: set[str], mechanism: NamedRobot) -> list[Line]:
+def _blocks(stream: Stream, times: set[str], mechanism: Mechanism) -> list[Line]:
     """Return the lines of a table without names: blocks of as many columns as there are joints."""
     names = [name for name in stream.columns if name not in times]
     turning = {joint.name for joint in mechanism.joints if not joint.slides}
@@ -226,7 +225,7 @@ def _blocks(stream: Stream, times: set[str], mechanism: NamedRobot) -> list[Line
     return [Line(target, name, None, doubt=doubt) for target, name in zip(targets, names, strict=True)]
 
 
-def _labels(stream: Stream, mechanism: NamedRobot | None) -> dict[int, str]:
+def _labels(stream: Stream, mechanism: Mechanism | None) -> dict[int, str]:
     """Return the joints that columns of words call by number: name_0 is elbow_joint in every row."""
     found: dict[int, str] = {}
     for name, label in stream.labels.items():
@@ -238,7 +237,7 @@ def _labels(stream: Stream, mechanism: NamedRobot | None) -> dict[int, str]:
     return found if len(set(found.values())) == len(found) else {}
 
 
-def _joint_in(name: str, mechanism: NamedRobot | None) -> str:
+def _joint_in(name: str, mechanism: Mechanism | None) -> str:
     """Return the joint of the robot whose name stands in a column's name, the longest one."""
     if mechanism is None:
         parts = name.split(".")
@@ -280,13 +279,71 @@ def _named(kind: str, members: Sequence[tuple[int, str, str]], mechanism, stream
     return lines
 
 
-def _in_order(mechanism: NamedRobot | None, count: int) -> list[str]:
+def _in_order(mechanism: Mechanism | None, count: int) -> list[str]:
     """Return the joints that `count` columns without names may be: all with motors, or those of them that turn."""
     if mechanism is None:
         return []
     slides = {joint.name: joint.slides for joint in mechanism.joints}
     turning = [joint for joint in driven(mechanism) if not slides.get(joint, False)]
     return turning if len(turning) == count else driven(mechanism)
+
+
+# -- joints that no name led to: columns that are left, in a unit that such joints have --------------------------------
+
+
+def add_by_unit(log: Log, taken: set[str], mechanism: Mechanism, found: Guessing) -> None:
+    """Add, with a doubt, the columns of driven joints that have none yet.
+
+    Where as many columns are left in a unit of length as joints that slide are without a position, they are these
+    joints'; where the numbers differ the joints are told as open. A joint without any position stands at home.
+    """
+    slides = {joint.name: joint.slides for joint in mechanism.joints}
+    placed = {line.target for line in found.lines}
+    joints = [joint for joint in driven(mechanism) if f"q.{joint}" not in placed]
+    for sliding in (False, True):
+        alike = [joint for joint in joints if slides[joint] is sliding]
+        places = _in(log, taken, JOINT_DIMENSIONS["q"][sliding])
+        if alike and places and len(places) != len(alike):
+            found.open |= dict.fromkeys(alike, tuple(places))
+        if not places or len(places) != len(alike):
+            continue
+        doubt = "by its unit" + ", in the order of the robot's joints" * (len(alike) > 1) + ": is it this joint's?"
+        for kind, dimensions in JOINT_DIMENSIONS.items():
+            open_ = [joint for joint in alike if f"{kind}.{joint}" not in placed]
+            columns = _in(log, taken, dimensions[sliding])
+            if len(columns) == len(open_):
+                pairs = zip(open_, columns.items(), strict=True)
+                found.lines += [Line(f"{kind}.{joint}", name, unit, doubt=doubt) for joint, (name, unit) in pairs]
+    placed = {line.target for line in found.lines}
+    found.open |= {joint: () for joint in joints if f"q.{joint}" not in placed and joint not in found.open}
+
+
+def _in(log: Log, taken: set[str], dimension: str) -> dict[str, str]:
+    """Return the columns that nothing has taken yet, and that are in a unit of some dimension, with that unit.
+
+    Left out are the tool's, and what is called as an axis beside others: x and y of a camera, A, B and C.
+    """
+    found = {}
+    for stream in log.streams:
+        called = {without_unit(name).lower() for name in stream.columns}
+        for name in stream.columns:
+            unit = stream.unit_of(name)
+            if name in taken or {*words_of(name)} & {*WISHED, *OF_THE_TOOL} or _has_siblings(name, called):
+                continue
+            if unit is not None and dimension_of(unit) == dimension:
+                found[name] = unit
+    return found
+
+
+def _has_siblings(name: str, called: Set[str]) -> bool:
+    """Return whether another column is called like this one, but for x, y, z or a, b, c at its end.
+
+    called: names of all of them, in small letters and without units.
+    """
+    plain = without_unit(name).lower()
+    axes = next((axes for axes in ("xyz", "abc") if plain and plain[-1] in axes), "")
+    alike = {plain[:-1] + axis for axis in axes} - {plain}
+    return not alike.isdisjoint(called)
 
 
 # -- a wrench: fx … mz, or force.x … torque.z --------------------------------------------------------------------------
@@ -344,7 +401,7 @@ def wrench_lines(log: Log, taken: set[str]) -> list[Line]:
 # -- places and orientations -------------------------------------------------------------------------------------------
 
 
-def seen_poses(log: Log, taken: set[str], mechanism: NamedRobot | None) -> Seen:
+def seen_poses(log: Log, taken: set[str], mechanism: Mechanism | None) -> Seen:
     """Return the lines of positions and orientations of bodies: of those called like a frame, else of the tool."""
     seen = Seen()
     frames = mechanism.frame_names if mechanism is not None else ()

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import Problem, RecordingFileError
+from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import Recording
 from ..recordings.columns import AXES, JOINT_GROUPS, fields_of, largest
 from ..spatial import Array
 from .log import Log, Stream
-from .map import Clock, Column, LogMap, Motors, NamedRobot, Rotation
+from .map import Clock, Column, LogMap, Motors, Rotation
 
 #: Where a stream is silent for longer than so many of its periods, nothing is made up.
 GAP = 5.0
@@ -54,7 +55,7 @@ class _Told:
     runs: np.ndarray | None = None
 
 
-def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conversion:
+def convert(log: Log, plan: LogMap, mechanism: Mechanism | None = None) -> Conversion:
     """Return the recording that a map makes of its log. Time begins at 0 s.
 
     Raises RecordingFileError where a clock runs backwards or streams do not overlap.
@@ -361,7 +362,7 @@ def _to_joints(columns: dict[str, Array], group: Motors) -> None:
 
 
 def _recording(
-    time: Array, columns: Mapping[str, Array], log: Log, plan: LogMap, mechanism: NamedRobot | None
+    time: Array, columns: Mapping[str, Array], log: Log, plan: LogMap, mechanism: Mechanism | None
 ) -> Recording:
     """Return the recording of columns by their names."""
     n = len(time)

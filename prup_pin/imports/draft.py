@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from ..mechanism import Mechanism
 from ..spatial import Array
 from .bodies import Body
 from .log import Log
@@ -61,6 +63,16 @@ class Guessing:
 
     lines: list[Line] = field(default_factory=list)
     open: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+def configurations(mechanism: Mechanism, joints: Mapping[str, Array], rows: Iterable[int]) -> Iterator[Array]:
+    """Yield the robot's configuration in some rows of its joints' positions (N,) [m, rad]; others stand at home."""
+    q = mechanism.home_configuration()
+    for row in rows:
+        for name, values in joints.items():
+            mechanism.set_joint(q, name, float(values[row]))
+        mechanism.coupling.place(q)
+        yield q
 
 
 def values_of(log: Log, line: Line) -> Array:

@@ -10,32 +10,31 @@ proof is a doubt, and says so in the map.
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import yaml
 
 from ..errors import InputError
-from ..mechanism.mechanism import Mechanism
+from ..mechanism import Mechanism
 from ..numbers import some
 from ..recordings.columns import is_known, joint_of, unit_of
 from ..recordings.problems import shown
 from ..recordings.writer import write_whole
-from .by_unit import add_by_unit
 from .carriers import carry
 from .clocks import set_beside
-from .columns import Clocks, add_joints, place_lines, seen_poses, time_column, wrench_lines
+from .columns import Clocks, add_by_unit, add_joints, place_lines, seen_poses, time_column, wrench_lines
 from .draft import Guessing, Line, Seen
 from .log import Log
-from .map import CHECK, NamedRobot, driven
-from .unit_by_numbers import settle_units
+from .map import CHECK, driven
+from .unit_by_numbers import doubt_efforts, settle_units
 from .units import DRIVING, UNSCALED, WISHED, dimension_of, words_of
-from .weight import doubt_efforts
 
 
-def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = None) -> Guess:
+def guess(log: Log, mechanism: Mechanism | None = None, robot: str | None = None) -> Guess:
     """Return a first map of a log. mechanism and robot: the robot and its name, where they are known."""
     if len(log.streams) == 1 and "time" in log.names and all(map(is_known, log.names)):
         lines = [Line(name, name, _si(name, mechanism)) for name in log.names if name not in ("time", "run")]
@@ -62,7 +61,7 @@ def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = Non
     return written(log, clocks, found, seen, mechanism, robot)
 
 
-def _si(name: str, mechanism: NamedRobot | None) -> str:
+def _si(name: str, mechanism: Mechanism | None) -> str:
     """Return the unit of a column that is called as in a recording; joints that nobody knows turn."""
     if name == "temperature":
         return "degC"
@@ -74,6 +73,7 @@ def _si(name: str, mechanism: NamedRobot | None) -> str:
 # -- the map as YAML, with CHECK on each line that is not sure ---------------------------------------------------------
 
 
+_FOUND_BY_MASSES = "diagnose finds it against the masses; no `scale` then:"
 #: A body whose axes are turned further against its frame's was drawn without regard to the frame [rad].
 _ASKEW = 0.2
 
@@ -87,111 +87,142 @@ class Guess:
 
 
 def written(
-    log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: NamedRobot | None, robot: str | None
+    log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: Mechanism | None, robot: str | None
 ) -> Guess:
     """Return the map as YAML with a word on every line that was guessed."""
-    doubts: list[str] = []
-
-    def told(text: str, doubt: str, what: str) -> str:
-        if doubt:
-            doubts.append(f"{what}: {doubt}")
-            return f"{text}  {CHECK}{doubt}"
-        return text
-
+    page = _Page(log, clocks, found, seen, mechanism)
+    unknown = "# robot: NAME or FILE.urdf, which also tells the joints' names" if mechanism is None else ""
     lines = [
         f"# Map from {shown(Path(log.path).name)} to a recording, guessed by prup-pin import. "
         "Lines with CHECK are not sure.",
         "# SI = sign x scale x (value in unit) + offset; docs/import.md says what may stand here.",
+        *filter(None, [f"robot: {_text(robot)}" if robot is not None else unknown]),
+        *page.times(),
+        *page.columns(),
+        *_of_others(seen, mechanism, page.doubts),
+        *page.rotations(),
+        *page.resampling(),
+        *page.tolerances(),
+        *page.unused(),
     ]
-    if robot is not None:
-        lines.append(f"robot: {_text(robot)}")
-    elif mechanism is None:
-        lines.append("# robot: NAME or FILE.urdf, which also tells the joints' names")
-    used = {log.stream_of(line.source).name for line in found.lines}
-    used |= {body.stream.name for body in seen.turns.values()}
-    lines += ["", "time:"]
-    for stream in log.streams:
-        name, unit, doubt = clocks[stream.name]
-        inside = [] if name is None else [f"from: {_text(name)}", f"unit: {unit}"] if name else ["rate: 1"]
-        if stream.name in seen.alike:
-            inside, doubt = [f"like: {_text(seen.alike[stream.name])}"], ""
-        delay, known, unsure = seen.delays.get(stream.name, (0.0, "", ""))
-        entry = f"{{{', '.join([*inside, *[f'delay: {delay:.9g}'] * (delay != 0)])}}}"
-        doubt = unsure or doubt
-        what = f"time of {stream.name}" if len(log.streams) > 1 else "time"
-        if stream.name in used or len(log.streams) == 1:
-            reason = f"  # {known}" if known and not doubt else ""
-            lines.append(told(f"  {_text(stream.name)}: {entry}", doubt, what) + reason)
-    lines += ["", "columns:"]
-    order = {prefix: k for k, prefix in enumerate(("q", "qd", "qdd", "tau", "w", "p"))}
-    chosen = sorted(found.lines, key=lambda line: order.get(line.target.partition(".")[0], 9))
-    for line in chosen:
-        parts = [f"from: {_text(line.source)}", f"unit: {_text(line.unit or 'SI')}"]
-        parts += [f"sign: {line.sign}"] * (line.sign != 1) + ["unwrap: true"] * line.unwrap
-        parts += [f"offset: {line.offset:.12g}"] * (line.offset != 0)
-        text = f"  {_text(line.target)}: {{{', '.join(parts)}}}"
-        doubt = "; ".join(filter(None, (line.doubt, line.rival)))
-        reason = f"  # {line.reason}" if line.reason and not doubt else ""
-        lines.append(told(text, doubt, line.target) + reason)
-    if not any(line.target.startswith("q.") for line in chosen):
-        none = "no column was found that is the position of a joint; write lines q.<joint>"
-        lines.append(told("  # q.<joint>: {from: NAME, unit: rad}", none, "columns"))
-    if any(line.target.startswith("q.") for line in chosen):
-        lines += _without(found, mechanism, told)
-    lines += _of_others(seen, mechanism, doubts)
-    if seen.turns:
-        lines += ["", "rotations:"]
-        for target, body in seen.turns.items():
+    return Guess("\n".join(lines) + "\n", tuple(page.doubts))
+
+
+@dataclass
+class _Page:
+    """The parts of a map, as lines, and the doubts that stand on them, in their order."""
+
+    log: Log
+    clocks: Clocks
+    found: Guessing
+    seen: Seen
+    mechanism: Mechanism | None
+    doubts: list[str] = field(default_factory=list)
+
+    def told(self, text: str, doubt: str, what: str, reason: str = "") -> str:
+        """Return a line with what is not sure of it, which is noted, or else with what it was guessed by."""
+        if doubt:
+            self.doubts.append(f"{what}: {doubt}")
+            return f"{text}  {CHECK}{doubt}"
+        return f"{text}  # {reason}" if reason else text
+
+    @cached_property
+    def chosen(self) -> list[Line]:
+        """The lines of columns in the order in which they are written."""
+        order = {prefix: k for k, prefix in enumerate(("q", "qd", "qdd", "tau", "w", "p"))}
+        return sorted(self.found.lines, key=lambda line: order.get(line.target.partition(".")[0], 9))
+
+    def of(self, kind: str) -> list[Line]:
+        """Return the lines of columns whose names begin so."""
+        return [line for line in self.chosen if line.target.startswith(kind)]
+
+    @cached_property
+    def streams(self) -> set[str]:
+        """The streams of which columns are used."""
+        used = {self.log.stream_of(line.source).name for line in self.found.lines}
+        return used | {body.stream.name for body in self.seen.turns.values()}
+
+    def times(self) -> Iterator[str]:
+        yield from ("", "time:")
+        alone = len(self.log.streams) == 1
+        for stream in self.log.streams:
+            name, unit, doubt = self.clocks[stream.name]
+            inside = [] if name is None else [f"from: {_text(name)}", f"unit: {unit}"] if name else ["rate: 1"]
+            if stream.name in self.seen.alike:
+                inside, doubt = [f"like: {_text(self.seen.alike[stream.name])}"], ""
+            delay, known, unsure = self.seen.delays.get(stream.name, (0.0, "", ""))
+            entry = ", ".join([*inside, *[f"delay: {delay:.9g}"] * (delay != 0)])
+            if stream.name in self.streams or alone:
+                what = "time" if alone else f"time of {stream.name}"
+                yield self.told(f"  {_text(stream.name)}: {{{entry}}}", unsure or doubt, what, known)
+
+    def columns(self) -> Iterator[str]:
+        yield from ("", "columns:")
+        for line in self.chosen:
+            parts = [f"from: {_text(line.source)}", f"unit: {_text(line.unit or 'SI')}"]
+            parts += [f"sign: {line.sign}"] * (line.sign != 1) + ["unwrap: true"] * line.unwrap
+            parts += [f"offset: {line.offset:.12g}"] * (line.offset != 0)
+            doubt = "; ".join(filter(None, (line.doubt, line.rival)))
+            yield self.told(f"  {_text(line.target)}: {{{', '.join(parts)}}}", doubt, line.target, line.reason)
+        if self.of("q."):
+            yield from _without(self.found, self.mechanism, self.told)
+        else:
+            none = "no column was found that is the position of a joint; write lines q.<joint>"
+            yield self.told("  # q.<joint>: {from: NAME, unit: rad}", none, "columns")
+
+    def rotations(self) -> Iterator[str]:
+        if self.seen.turns:
+            yield from ("", "rotations:")
+        for target, body in self.seen.turns.items():
             unit = f", unit: {_text(body.unit)}" if body.unit else ""
             text = f"{target}: {{from: [{', '.join(map(_text, body.turn))}], as: {body.manner}{unit}}}"
             if body.askew is not None and body.askew > _ASKEW:
                 angle = f"{np.degrees(body.askew):.0f} deg"
-                lines.append(f"  # {text}  # not used: the body's axes are turned by {angle} against the frame's")
+                yield f"  # {text}  # not used: the body's axes are turned by {angle} against the frame's"
             else:
-                lines.append(told(f"  {text}", body.doubt, target))
-    if len(used) > 1:
-        kinds = ("tau.", "q.") if any(line.target.startswith("tau.") for line in chosen) else ("p", "q.")
-        first = next((line for kind in kinds for line in chosen if line.target.startswith(kind)), None)
-        home = log.stream_of(first.source).name if first is not None else min(used)
-        lines += ["", f"resample: {{clock: {_text(home)}}}  # or {{rate: 250}}, in samples a second"]
-    if seen.rests:
-        lines += [
-            "",
-            f"at_rest: true  # {seen.rests} rests: while joints move, a delay between clocks would look like an error "
-            "of position",
-        ]
-    if any(line.unit in UNSCALED for line in chosen if line.target.startswith("tau.")):
-        lines += [
-            "",
-            "# Where nobody knows the scale of the efforts, diagnose finds it against the masses; no `scale` then:",
-        ]
-        lines.append("# tolerances: {effort_gain: 1, mass: 0.1, inertia: 0.1}")
-    reach = max(seen.carried.values(), default=0.0)
-    if any(log.stream_of(line.source).name in seen.delays for line in chosen if line.target.startswith("p.")):
-        reach = max(reach, 0.05)
-    if reach:
-        lines += [
-            "",
-            f"# The camera may stand anywhere; the point it saw may be {100 * reach:g} cm away from its frame:",
-        ]
-        lines.append(f"tolerances: {{frame_position: 10, frame_rotation: 3, target_position: {reach:g}}}")
-    sources = {line.source for line in chosen} | {name for body in seen.turns.values() for name in body.turn}
-    sources |= {name for name, _, _ in clocks.values() if name}
-    unused = [name for name in log.names if name not in sources]
-    asked = _left(log, unused, found, mechanism)
-    for unit, names in asked.items():
-        which = ", ".join(some(names, 6))
-        doubt = f"in {unit}, and nothing is made of it: {which}. tau.<joint>, or w.fx … w.mz at the tool? Else none"
-        lines.append(told("", doubt, unit).strip())
-    if unused or log.left_out:
-        lines += ["", "# Not used:", *(f"#   {name}" for name in (*unused, *log.left_out))]
-    angles = [name for name in unused if dimension_of(log.stream_of(name).unit_of(name) or "") == "angle"]
-    if len(angles) == 3 and not seen.turns and any(line.target == "p.x" for line in chosen):
-        unit = log.stream_of(angles[0]).unit_of(angles[0]) or "rad"
-        turn = f"r: {{from: [{', '.join(map(_text, angles))}], as: euler_ZYX, unit: {unit}}}"
-        lines += ["# Where these angles turn the tool, in the order in which your log turns it:"]
-        lines += [f"# rotations: {{{turn}}}  # or euler_XYZ, euler_xyz, rotation_vector"]
-    return Guess("\n".join(lines) + "\n", tuple(doubts))
+                yield self.told(f"  {text}", body.doubt, target)
+
+    def resampling(self) -> Iterator[str]:
+        """Yield the clock that streams are put on, and whether rests alone are kept."""
+        if len(self.streams) > 1:
+            first = next(iter(self.of("tau.") or self.of("p") or self.of("q.")), None)
+            home = self.log.stream_of(first.source).name if first is not None else min(self.streams)
+            yield from ("", f"resample: {{clock: {_text(home)}}}  # or {{rate: 250}}, in samples a second")
+        if self.seen.rests:
+            why = "while joints move, a delay between clocks would look like an error of position"
+            yield from ("", f"at_rest: true  # {self.seen.rests} rests: {why}")
+
+    def tolerances(self) -> Iterator[str]:
+        """Yield what may be off of which the log tells nothing: scales of efforts, where a camera stands."""
+        if any(line.unit in UNSCALED for line in self.of("tau.")):
+            yield from ("", f"# Where nobody knows the scale of the efforts, {_FOUND_BY_MASSES}")
+            yield "# tolerances: {effort_gain: 1, mass: 0.1, inertia: 0.1}"
+        reach = max(self.seen.carried.values(), default=0.0)
+        if any(self.log.stream_of(line.source).name in self.seen.delays for line in self.of("p.")):
+            reach = max(reach, 0.05)
+        if reach:
+            yield ""
+            yield f"# The camera may stand anywhere; the point it saw may be {100 * reach:g} cm away from its frame:"
+            yield f"tolerances: {{frame_position: 10, frame_rotation: 3, target_position: {reach:g}}}"
+
+    def unused(self) -> Iterator[str]:
+        """Yield the columns of which nothing is made, with doubts where something might be."""
+        sources = {line.source for line in self.chosen}
+        sources |= {name for body in self.seen.turns.values() for name in body.turn}
+        sources |= {name for name, _, _ in self.clocks.values() if name}
+        unused = [name for name in self.log.names if name not in sources]
+        for unit, names in _left(self.log, unused, self.found, self.mechanism).items():
+            which = ", ".join(some(names, 6))
+            doubt = f"in {unit}, and nothing is made of it: {which}. tau.<joint>, or w.fx … w.mz at the tool? Else none"
+            yield self.told("", doubt, unit).strip()
+        if unused or self.log.left_out:
+            yield from ("", "# Not used:", *(f"#   {name}" for name in (*unused, *self.log.left_out)))
+        units = {name: self.log.stream_of(name).unit_of(name) or "" for name in unused}
+        angles = [name for name, unit in units.items() if dimension_of(unit) == "angle"]
+        if len(angles) == 3 and not self.seen.turns and any(line.target == "p.x" for line in self.chosen):
+            turn = f"r: {{from: [{', '.join(map(_text, angles))}], as: euler_ZYX, unit: {units[angles[0]]}}}"
+            yield "# Where these angles turn the tool, in the order in which your log turns it:"
+            yield f"# rotations: {{{turn}}}  # or euler_XYZ, euler_xyz, rotation_vector"
 
 
 #: Joints without a column that have a line each; of more, such as a hand's, the names are listed.
@@ -199,7 +230,7 @@ _LISTED = 4
 _AT_HOME = "no column is its position; it is taken to stand at home"
 
 
-def _without(found: Guessing, mechanism: NamedRobot | None, told: Callable[[str, str, str], str]) -> list[str]:
+def _without(found: Guessing, mechanism: Mechanism | None, told: Callable[[str, str, str], str]) -> list[str]:
     """Return lines of comment for driven joints whose position no column is; `told` notes what is not sure of one.
 
     Where such a joint stood decides where the tool is, but for one that carries no tool, such as a finger.
@@ -232,14 +263,14 @@ def _is_it(columns: Sequence[str]) -> str:
     return f". Is it {' or '.join(columns[:6])}?" if columns else ""
 
 
-def _carries_the_tool(joint: str, mechanism: NamedRobot | None) -> bool:
+def _carries_the_tool(joint: str, mechanism: Mechanism | None) -> bool:
     """Return whether a joint may be on the way from the base to the tool."""
-    if not isinstance(mechanism, Mechanism) or mechanism.tool is None:
+    if mechanism is None or mechanism.tool is None:
         return True
     return mechanism.joint_id(joint) not in mechanism.load_paths.idle
 
 
-def _left(log: Log, unused: Sequence[str], found: Guessing, mechanism: NamedRobot | None) -> dict[str, list[str]]:
+def _left(log: Log, unused: Sequence[str], found: Guessing, mechanism: Mechanism | None) -> dict[str, list[str]]:
     """Return columns of forces, moments and currents that nothing is made of, by their unit.
 
     Currents are asked for where a drive is without an effort. What a controller wishes was not measured.
@@ -255,7 +286,7 @@ def _left(log: Log, unused: Sequence[str], found: Guessing, mechanism: NamedRobo
     return left
 
 
-def _of_others(seen: Seen, mechanism: NamedRobot | None, doubts: list[str]) -> list[str]:
+def _of_others(seen: Seen, mechanism: Mechanism | None, doubts: list[str]) -> list[str]:
     """Return a line of comment for each body that no frame is called like, to be completed."""
     lines = [f"  # marker {again} is marker {first} again, number by number" for again, first in seen.copies.items()]
     for called, moves in seen.movers.items():

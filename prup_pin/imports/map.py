@@ -9,18 +9,18 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import yaml
 
 from ..errors import Problem, nearest_names
+from ..mechanism import Mechanism
 from ..recordings import Noise, Tolerances
 from ..recordings.columns import NOISE_KEYS, joint_of, marker_of
 from ..recordings.columns import UNITS as COLUMNS
-from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_bytes, shown
-from ..recordings.reader import noise_value, tolerances_value
-from ..spatial import Array
+from ..recordings.problems import KeyProblem, KeyReader, Problems, is_number, json_kind, read_bytes, shown
+from ..recordings.reader import noise_of, tolerances_of
 from .log import Log
 from .units import Unit, unit_for, units_in_words
 
@@ -117,47 +117,7 @@ class LogMap:
 # -- the robot ---------------------------------------------------------------------------------------------------------
 
 
-class NamedJoint(Protocol):
-    """A joint: whether it slides, and where its coordinates stand among all."""
-
-    @property
-    def name(self) -> str:
-        """Its name in the robot file."""
-
-    @property
-    def slides(self) -> bool:
-        """Whether it moves by metres, not radians."""
-
-    @property
-    def first_q(self) -> int:
-        """Where its coordinates begin."""
-
-    @property
-    def nq(self) -> int:
-        """How many there are."""
-
-
-class NamedRobot(Protocol):
-    """A robot's names; a `Mechanism` is one."""
-
-    @property
-    def actuated(self) -> Sequence[str]:
-        """The joints that have motors, in order."""
-
-    @property
-    def joints(self) -> Sequence[NamedJoint]:
-        """All joints that move."""
-
-    @property
-    def frame_names(self) -> Sequence[str]:
-        """All frames."""
-
-    @property
-    def limits(self) -> tuple[Array, Array]:
-        """Lower and upper limits of all coordinates, infinite where there is none."""
-
-
-def driven(robot: NamedRobot) -> list[str]:
+def driven(robot: Mechanism) -> list[str]:
     """Return the joints that have motors and one coordinate: no floating base."""
     several = {joint.name for joint in robot.joints if joint.nq > 2}  # an endless one has cosine and sine
     return [name for name in robot.actuated if name not in several]
@@ -233,37 +193,6 @@ def load_yaml(path: Path, problems: Problems, keys: Sequence[str]) -> tuple[dict
     return content, lines
 
 
-class KeyReader:
-    """Reads keys and values of a file; what is wrong is collected, each with its line."""
-
-    def __init__(self, problems: Problems, lines: Mapping[tuple, int]):
-        self.problems, self.lines = problems, lines
-
-    def wrong(self, message: str, *place: str) -> None:
-        """Note what is wrong with a key, or with its value."""
-        self.problems.add(KeyProblem(message, self.lines.get(place), key=": ".join(map(str, place))))
-
-    def known(self, given: Any, keys: Sequence[str], *place: str) -> dict[str, Any]:
-        """Return an object whose keys are known ones; what is none is a problem and gives {}."""
-        if given is None:
-            return {}
-        if not isinstance(given, dict):
-            self.wrong(f"is {json_kind(given)}; expected keys: {', '.join(keys)}", *place)
-            return {}
-        for key in given:
-            if key not in keys:
-                self.wrong(f"is no key here. {nearest_names(str(key), list(keys))}", *place, str(key))
-        return given
-
-    def number(self, given: Mapping[str, Any], key: str, fallback: float, *place: str) -> float:
-        """Return a number, the fallback where there is none; a value that is no number is a problem."""
-        value = given.get(key, fallback)
-        if not is_number(value):
-            self.wrong(f"is {json_kind(value)}; expected a number", *place, key)
-            return fallback
-        return float(value)
-
-
 # -- the file ----------------------------------------------------------------------------------------------------------
 
 
@@ -315,7 +244,7 @@ def unanswered(path: str | Path) -> list[Problem]:
     return found
 
 
-def read_map(path: str | Path, log: Log, mechanism: NamedRobot | None = None) -> LogMap:
+def read_map(path: str | Path, log: Log, mechanism: Mechanism | None = None) -> LogMap:
     """Return a map for a log. Raises RecordingFileError with all that is wrong with it, each with its line and key.
 
     mechanism: the robot whose joints and frames the names have to be; None where it is not known.
@@ -330,13 +259,37 @@ def read_map(path: str | Path, log: Log, mechanism: NamedRobot | None = None) ->
     return found
 
 
-class _Reader(KeyReader):
-    """Reads a map; what is wrong is collected."""
+class _Reader:
+    """Reads a map; what is wrong is collected, each with its line."""
 
-    def __init__(self, problems: Problems, lines: Mapping[tuple, int], log: Log, mechanism: NamedRobot | None):
-        super().__init__(problems, lines)
+    def __init__(self, problems: Problems, lines: Mapping[tuple, int], log: Log, mechanism: Mechanism | None):
+        self.problems, self.lines = problems, lines
         self.log, self.mechanism = log, mechanism
         self.gains_open = False
+
+    def wrong(self, message: str, *place: str) -> None:
+        """Note what is wrong with a key, or with its value."""
+        self.problems.add(KeyProblem(message, self.lines.get(place), key=": ".join(map(str, place))))
+
+    def known(self, given: Any, keys: Sequence[str], *place: str) -> dict[str, Any]:
+        """Return an object whose keys are known ones; what is none is a problem and gives {}."""
+        if given is None:
+            return {}
+        if not isinstance(given, dict):
+            self.wrong(f"is {json_kind(given)}; expected keys: {', '.join(keys)}", *place)
+            return {}
+        for key in given:
+            if key not in keys:
+                self.wrong(f"is no key here. {nearest_names(str(key), list(keys))}", *place, str(key))
+        return given
+
+    def number(self, given: Mapping[str, Any], key: str, fallback: float, *place: str) -> float:
+        """Return a number, the fallback where there is none; a value that is no number is a problem."""
+        value = given.get(key, fallback)
+        if not is_number(value):
+            self.wrong(f"is {json_kind(value)}; expected a number", *place, key)
+            return fallback
+        return float(value)
 
     def source(self, name: Any, *place: str) -> str | None:
         """Return a name of one of the log's columns."""
@@ -358,13 +311,10 @@ class _Reader(KeyReader):
 
     def whole(self, content: Mapping[str, Any]) -> LogMap:
         given = self.known(content, KEYS)
-        tolerances = Tolerances()
+        keys, tolerances = KeyReader(self.problems), Tolerances()
         if given.get("tolerances") is not None:
-            tolerances = tolerances_value(given["tolerances"], self.problems, self.problems.path.name, "tolerances.")
-        deviations = {}
-        for key, value in self.known(given.get("noise"), tuple(NOISE_KEYS), "noise").items():
-            if key in NOISE_KEYS:
-                deviations[NOISE_KEYS[key]] = noise_value(key, value, self.problems, self.problems.path.name, "noise.")
+            tolerances = tolerances_of(keys, given["tolerances"], "tolerances")
+        noise = noise_of(keys, self.known(given.get("noise"), tuple(NOISE_KEYS), "noise"))
         self.gains_open = tolerances.effort_gain is not None
         clocks = self.clocks(given.get("time"))
         raw = given.get("motors") or []
@@ -402,7 +352,7 @@ class _Reader(KeyReader):
             self.wrong(f"is {json_kind(rest)}; expected true or false", "at_rest")
         return LogMap(
             columns, clocks, rotations, motors, resampling, texts["robot"], texts["notes"] or "", tolerances, rest,
-            Noise(**deviations),
+            noise,
         )  # fmt: skip
 
     def clocks(self, given: Any) -> dict[str, Clock]:

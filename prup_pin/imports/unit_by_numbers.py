@@ -1,6 +1,6 @@
 """Units that nobody told, by numbers: positions are the integral of velocities, and within the reach of joints.
 
-Whatever is settled without proof is a doubt.
+Efforts carry the robot's weight at least. Whatever is settled without proof is a doubt.
 """
 
 from __future__ import annotations
@@ -9,12 +9,14 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 
 import numpy as np
+import pinocchio as pin
 
+from ..mechanism import Mechanism
+from ..numbers import quantity
 from ..spatial import Array
 from .columns import Clocks
-from .draft import Guessing, Line, in_si, values_of
+from .draft import Guessing, Line, configurations, in_si, values_of
 from .log import Log
-from .map import NamedRobot
 from .units import UNITS, UNSCALED, dimension_of, unit_in_name
 
 TURN = 2 * np.pi
@@ -34,7 +36,7 @@ def from_nearest_turn(log: Log, line: Line, reach: float, slides: bool) -> dict[
     }
 
 
-def turns_too_many(log: Log, line: Line, joint: str, mechanism: NamedRobot) -> int:
+def turns_too_many(log: Log, line: Line, joint: str, mechanism: Mechanism) -> int:
     """Return by how many whole turns an angle is beyond its limits: some drives count from 0 to 360 degrees."""
     known = {item.name: item for item in mechanism.joints}
     if joint not in known or known[joint].nq != 1 or known[joint].slides:
@@ -72,7 +74,7 @@ _NEAR = 0.1
 _AGREE = 0.04
 
 
-def settle_units(log: Log, clocks: Clocks, found: Guessing, mechanism: NamedRobot | None) -> None:
+def settle_units(log: Log, clocks: Clocks, found: Guessing, mechanism: Mechanism | None) -> None:
     """Give a unit to positions and velocities: what makes positions the integral of velocities."""
     by_target = {line.target: line for line in found.lines}
     joints = [target[2:] for target in by_target if target.startswith("q.")]
@@ -99,7 +101,7 @@ def settle_units(log: Log, clocks: Clocks, found: Guessing, mechanism: NamedRobo
             )
 
 
-def _slides(joint: str, mechanism: NamedRobot | None, unit: str | None) -> bool:
+def _slides(joint: str, mechanism: Mechanism | None, unit: str | None) -> bool:
     if mechanism is not None:
         known = {item.name: item for item in mechanism.joints}
         if joint in known:
@@ -107,7 +109,7 @@ def _slides(joint: str, mechanism: NamedRobot | None, unit: str | None) -> bool:
     return unit is not None and dimension_of(unit) == "length"
 
 
-def _room(joint: str, mechanism: NamedRobot | None, slides: bool) -> float:
+def _room(joint: str, mechanism: Mechanism | None, slides: bool) -> float:
     """Return how far from zero a joint may be [rad, m]: as its robot allows, where that is known."""
     far = _LONG if slides else _FAR
     known = {item.name: item for item in mechanism.joints} if mechanism is not None else {}
@@ -124,7 +126,7 @@ def _settle_alike(
     lines: Mapping[str, Line],
     joints: Sequence[str],
     slides: bool,
-    mechanism: NamedRobot | None,
+    mechanism: Mechanism | None,
 ) -> None:
     """Give units to the positions and velocities of joints that all turn or all slide."""
     first = lines[f"q.{joints[0]}"]
@@ -209,3 +211,48 @@ def _slope(time: Array | None, q: Array, qd: Array) -> float | None:
     if alike < 0.98:
         return None if alike > 0.9 else float("nan")
     return float(moved @ driven / (driven @ driven))
+
+
+# -- efforts beside what the robot's weight takes: amperes and per cent are often logged as 'effort' -------------------
+
+
+#: Rows that are compared at most.
+_ROWS = 200
+#: No robot file's masses are so many times too large.
+_LESS = 10.0
+
+
+def doubt_efforts(log: Log, found: Guessing, unsaid: set[str], mechanism: Mechanism | None) -> None:
+    """Note on the first effort that is far less than its joint's weight takes that it may be in another unit.
+
+    unsaid: targets of efforts whose unit nothing tells, so that they were taken as N or N m.
+    """
+    joints = {line.target[2:]: line for line in found.lines if line.target.startswith("q.")}
+    efforts = {line.target[4:]: line for line in found.lines if line.target in unsaid and not line.doubt}
+    if mechanism is None or mechanism.loops or not efforts.keys() <= joints.keys():
+        return
+    if len({len(log.stream_of(line.source)) for line in joints.values()}) != 1:
+        return
+    weight = _weight(log, joints, mechanism)
+    for name, line in efforts.items():
+        most, taken = float(np.nanmax(np.abs(in_si(log, line)), initial=0.0)), weight.get(name, 0.0)
+        if 0 < _LESS * most < taken:
+            unit = mechanism.joint(name).effort_unit
+            line.doubt = (
+                f"no unit is given, and its weight alone takes up to {quantity(taken, unit)} where the log has "
+                f"{quantity(most, unit)}: if these are A, % or counts, write that unit on all tau lines, with `scale` "
+                "or the tolerances effort_gain, mass, inertia (docs/import.md)"
+            )
+            return
+
+
+def _weight(log: Log, joints: dict[str, Line], mechanism: Mechanism) -> dict[str, float]:
+    """Return the largest effort [N or N m] of each joint that holds the robot file's masses where the log has it."""
+    positions = {name: in_si(log, line) for name, line in joints.items()}
+    known = np.flatnonzero(np.isfinite(list(positions.values())).all(axis=0))
+    data, most = mechanism.model.createData(), dict.fromkeys(joints, 0.0)
+    for q in configurations(mechanism, positions, known[:: max(1, -(-len(known) // _ROWS))]):
+        held = pin.computeGeneralizedGravity(mechanism.model, data, q)
+        for name in joints:
+            most[name] = max(most[name], float(np.abs(held[mechanism.joint(name).dofs]).max(initial=0.0)))
+    return most

@@ -23,10 +23,9 @@ from .hertzian_contact import HertzianContact
 from .in_recording import in_groups, lasting
 from .inputs import Inputs, Trajectory
 from .joint_compliance import EveryJointCompliance, JointCompliance, UnevenJointCompliance
-from .joint_places import JointDirection, JointPosition
+from .joint_places import JointDirection, JointPosition, LoopEndPosition, SeatPosition
 from .law import Effect, Law, Place, Sharing, defects
 from .lead_error import LeadError, PeriodicLeadError
-from .loop_places import LoopEndPosition, SeatPosition
 from .model_equation_error import ModelEquationError
 from .payload import OffCentrePayload, Payload
 from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, stands_elsewhere

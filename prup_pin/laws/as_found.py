@@ -19,8 +19,6 @@ from .law import Effect, Law, Place
 from .of_another import OfAnother
 from .setup import Setup
 
-__all__ = ["AsFound", "ChangedEffect", "said_of_change", "value_name"]
-
 
 def value_name(effect: Effect, parameter: str) -> str:
     """Return the name that a value of an effect has among those of all effects."""

@@ -14,7 +14,17 @@ from .modules_at import bush_of, joint_at, joint_places, twisting_beams
 from .setup import Setup
 
 
-class CoulombFriction(Law):
+class FreeJointLaw(Law):
+    """A law of a joint that should be free: a bush that slides and turns is one part."""
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place(name) for name in joint_places(mechanism)]
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return bush_of(joint_at(place.name, mechanism), mechanism)
+
+
+class CoulombFriction(FreeJointLaw):
     """A spring that yields at the friction limit, in a joint that should be free (Prandtl's elastoplastic element).
 
     The joint sticks, giving a little before it slides; it remembers where it slid to. A move of the actuators
@@ -34,9 +44,6 @@ class CoulombFriction(Law):
     neutral: ClassVar = {"limit": 0.0}
     strong = 5.0
 
-    def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return [Place(name) for name in joint_places(mechanism)]
-
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         if not joint_at(place.name, mechanism).slides:
             return self.quantities
@@ -48,9 +55,6 @@ class CoulombFriction(Law):
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
         base = {quantity.name: float(quantity.default) for quantity in self.quantities_at(place, mechanism)}  # type: ignore[arg-type]
         return [base, {**base, "limit": 4 * base["limit"]}]
-
-    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
-        return bush_of(joint_at(place.name, mechanism), mechanism)
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         joint = joint_at(place.name, setup.mechanism)

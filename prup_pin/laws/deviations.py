@@ -20,12 +20,9 @@ from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import ChangedValue, Deed, Moved, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
 from .encoder import late
-from .joint_places import across, parts
+from .joint_places import SeatPosition, across, parts
 from .law import Law, Place, Sharing
-from .loop_places import SeatPosition
 from .setup import Setup
-
-__all__ = ["Calibration", "Deviation", "amounts_of", "calibration_of", "deviations_of"]
 
 _AXES = "xyz"
 #: A direction shorter than this is none.

@@ -11,8 +11,6 @@ from ..modules import DriveModule
 from ..spatial import Array
 from .deeds import Solved
 
-__all__ = ["Drawn", "against_component", "against_load", "against_motion", "drive_turns", "load_units"]
-
 _COMPONENTS = {
     "fx": "force across, along x",
     "fy": "force across, along y",

@@ -13,8 +13,6 @@ from .law import Law, Place
 from .of_another import OfAnother
 from .setup import Setup
 
-__all__ = ["ROBOT", "Everywhere"]
-
 #: The place of what is everywhere alike.
 ROBOT = "robot"
 #: What tells legs apart in names: 'leg1/ball_nut', 'motor2', 'left_elbow'.

@@ -10,8 +10,6 @@ from ..mechanism import Joint, Mechanism
 from ..modules import WrenchModule
 from ..spatial import Array
 
-__all__ = ["Followed"]
-
 #: Share of a gap that rounding may leave open.
 _ASKEW = 1e-6
 

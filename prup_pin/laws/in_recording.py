@@ -11,8 +11,6 @@ from .law import Effect, Law, Place, Sharing
 from .of_another import OfAnother
 from .setup import Setup
 
-__all__ = ["InRecording", "in_groups", "lasting"]
-
 
 class InRecording(OfAnother):
     """A law of a sensor at the samples of those recordings alone that share it.

@@ -16,8 +16,6 @@ from ..spatial import Array
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline, CubicSpline
 
-__all__ = ["Inputs", "Trajectory"]
-
 #: Temperature [deg C] at which lengths are nominal.
 REFERENCE_TEMPERATURE = 20.0
 #: Samples without which a run shows no motion, and the share of a sample's step by which its neighbours may miss it: a

@@ -1,4 +1,4 @@
-"""Joints that do not sit, or do not point, where the drawing has them."""
+"""Joints and ends of loops that do not sit, or do not point, where the drawing has them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..mechanism import Joint, Mechanism
+from ..mechanism import Joint, LoopClosure, Mechanism
 from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import Array, axis_as_z
-from .deeds import Deed, MovedJoint
+from .deeds import Deed, Moved, MovedJoint, MovedLoopEnd, PoseReport
 from .follows import Followed
 from .law import Law, Place
 from .setup import Setup
@@ -75,12 +75,12 @@ class JointPosition(Displaced):
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         joint = parts(setup.mechanism)[place.name]
-        yield MovedJoint(joint.name, (*shift_of(values).tolist(), 0.0, 0.0, 0.0))
+        yield MovedJoint(joint.name, (*_shift_of(values).tolist(), 0.0, 0.0, 0.0))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         parent = int(mechanism.model.parents[parts(mechanism)[place.name].id])
         whose = "of the part that carries it" if parent else "of the base"
-        return f"the joint at {place.name} is not where the drawing has it, in the axes {whose}: {listed(values)}"
+        return f"the joint at {place.name} is not where the drawing has it, in the axes {whose}: {_listed(values)}"
 
 
 class JointDirection(Law):
@@ -127,6 +127,72 @@ class JointDirection(Law):
         return f"the axis at {place.name} does not point where the drawing has it: turned by {turns}"
 
 
+class LoopEndPosition(Displaced):
+    """A frame at which a loop closes sits beside its place on its body: a ball joint's seat on a platform.
+
+    In the axes of the body that carries it. Not where a slide carries nothing else, whose own place it is just as well.
+    """
+
+    summary = "a joint that closes a loop is not where the drawing has it"
+    remedy = "measure where {place} is, then enter it in the robot file"
+    variant = "loop end"
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        followed = Followed(mechanism)
+        return [Place(name, self.variant) for name, ends in _ends(mechanism).items() if any(_end_ways(ends, followed))]
+
+    def ways(self, place: Place, mechanism: Mechanism) -> Sequence[bool]:
+        return _end_ways(_ends(mechanism)[place.name], Followed(mechanism))
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        for loop, end in _ends(setup.mechanism)[place.name]:
+            yield MovedLoopEnd(setup.mechanism.loops[loop].name, end, (*_shift_of(values).tolist(), 0.0, 0.0, 0.0))
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        return f"{place.name}, where a loop closes, is not where the drawing has it: {_listed(values)}"
+
+
+class SeatPosition(Displaced):
+    """The joint that carries a platform sits beside its place on it, in the platform's axes.
+
+    A platform is a body that loops hold too, beside the joint that carries it in the tree.
+    """
+
+    summary = "a joint is off its place on the platform that it carries"
+    remedy = "measure where {place} sits on the platform, then enter it in the robot file"
+    variant = "seat"
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        followed = Followed(mechanism)
+        return [
+            Place(joint.name, self.variant)
+            for joint in mechanism.joints
+            if not joint.slides and _held_elsewhere(mechanism, joint) and any(_body_ways(joint, followed))
+        ]
+
+    def ways(self, place: Place, mechanism: Mechanism) -> Sequence[bool]:
+        return _body_ways(mechanism.joint(place.name), Followed(mechanism))
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        mechanism = setup.mechanism
+        joint = mechanism.joint(place.name)
+        # what else is on the body is off the other way, as seen from the joint
+        shift = -_shift_of(values)
+        displacement = (*shift.tolist(), 0.0, 0.0, 0.0)
+        for other in _children(mechanism, joint):
+            yield MovedJoint(other.name, displacement)
+        for loop in mechanism.loops:
+            for end in _on(loop, joint):
+                yield MovedLoopEnd(loop.name, end, displacement)
+        for name in mechanism.frame_names:
+            frame = mechanism.frame(name)
+            if frame.joint == joint.id:
+                yield PoseReport(Moved.on_body(frame.placement[:3, :3].T @ shift, np.eye(3)), name)
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        return f"{place.name} is not where the drawing has it on the platform that it carries: {_listed(values)}"
+
+
 def across(axis: Array) -> dict[str, Array]:
     """Return two rotations (3,) that tilt an axis, by name: about the frame's own axes where these are across it."""
     drawn = np.flatnonzero(np.abs(axis) > 1 - 1e-9)
@@ -163,12 +229,12 @@ def _ways(joint: Joint, followed: Followed) -> list[bool]:
     return [followed.joint(joint, np.eye(6)[axis : axis + 1]) for axis in range(3)]
 
 
-def shift_of(values: Mapping[str, float]) -> Array:
+def _shift_of(values: Mapping[str, float]) -> Array:
     """Return a displacement (3,) [m], zero along axes that have no value."""
     return np.array([values.get(axis, 0.0) for axis in _AXES])
 
 
-def listed(values: Mapping[str, float]) -> str:
+def _listed(values: Mapping[str, float]) -> str:
     """Return displacements along axes in words."""
     return ", ".join(f"{axis} {quantity(value, 'm', 3, signed=True)}" for axis, value in values.items())
 
@@ -185,3 +251,50 @@ def parts(mechanism: Mechanism) -> dict[str, Joint]:
         beams = [module for module in own if module.kind.bends_exactly]
         found[(beams or own)[0].name if own else joint.name] = joint
     return found
+
+
+def _on(loop: LoopClosure, joint: Joint) -> list[int]:
+    """Return which ends of a loop are on a joint's body."""
+    return [end for end, frame in enumerate((loop.first, loop.second)) if frame.joint == joint.id]
+
+
+def _children(mechanism: Mechanism, joint: Joint) -> list[Joint]:
+    return [other for other in mechanism.joints if int(mechanism.model.parents[other.id]) == joint.id]
+
+
+def _held_elsewhere(mechanism: Mechanism, joint: Joint) -> bool:
+    """Return True for a joint whose body other joints or loops hold too, where more than one place matters."""
+    loops = sum(len(_on(loop, joint)) for loop in mechanism.loops)
+    tool = mechanism.tool is not None and mechanism.tool.joint == joint.id
+    return loops > 0 and loops + len(_children(mechanism, joint)) + tool > 1
+
+
+def _ends(mechanism: Mechanism) -> dict[str, list[tuple[int, int]]]:
+    """Return the ends of loops that no joint's own place stands for, by the name of their frame."""
+    found: dict[str, list[tuple[int, int]]] = {}
+    for index, loop in enumerate(mechanism.loops):
+        stood_for = [_slides_alone(mechanism, frame.joint) for frame in (loop.first, loop.second)]
+        if any(stood_for) and not loop.free:  # two bodies that are welded turn alike
+            continue
+        for end, frame in enumerate((loop.first, loop.second)):
+            if not stood_for[end]:
+                found.setdefault(frame.name, []).append((index, end))
+    return found
+
+
+def _slides_alone(mechanism: Mechanism, joint: int) -> bool:
+    """Return True for a body on a slide, or on the base, that nothing but one loop's end is on."""
+    if not joint or not mechanism.joint(joint).slides:
+        return False
+    own = mechanism.joint(joint)
+    held = sum(len(_on(loop, own)) for loop in mechanism.loops) + len(_children(mechanism, own))
+    return held == 1 and (mechanism.tool is None or mechanism.tool.joint != joint)
+
+
+def _end_ways(ends: Sequence[tuple[int, int]], followed: Followed) -> list[bool]:
+    """Return along which axes of its body a frame can be displaced that is an end of loops."""
+    return [all(followed.loop_end(*end, np.eye(3)[axis]) for end in ends) for axis in range(3)]
+
+
+def _body_ways(joint: Joint, followed: Followed) -> list[bool]:
+    return [followed.body(joint, np.eye(3)[axis]) for axis in range(3)]

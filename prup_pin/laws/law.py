@@ -23,8 +23,6 @@ from .drawn import Drawn, against_load, against_motion
 from .inputs import Inputs
 from .setup import Setup
 
-__all__ = ["ASPECTS", "Effect", "Law", "Place", "Sharing", "defects"]
-
 
 class Sharing(Protocol):
     """Recordings that share a sensor, by their places, and its tolerances by kind; `label` names one that is alone."""

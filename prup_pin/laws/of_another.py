@@ -12,8 +12,6 @@ from .deeds import Solved
 from .drawn import Drawn
 from .law import Law, Place
 
-__all__ = ["OfAnother"]
-
 _SAME = (
     *("physics", "summary", "remedy", "source", "neutral", "needs", "spread", "cost", "likely", "strong", "lasts"),
     *("called", "weighs", "of_stiffness", "sensor"),

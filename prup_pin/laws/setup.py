@@ -15,9 +15,6 @@ from ..spatial import Array
 from .deeds import Deed, JointResistance, Moment, Moved, PoseReport, RememberedStrain, Strain, Strains, ToolSpring
 from .inputs import Inputs
 
-__all__ = ["Setup"]
-
-
 #: What deeds are added to, beside strains; what else they change they replace.
 _GROWING = (
     "deeds",

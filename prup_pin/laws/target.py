@@ -35,30 +35,30 @@ class TargetMisalignment(Law):
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("target")] if mechanism.tool is not None else []
 
+    def on(self, mechanism: Mechanism) -> str:
+        """Return the frame that the target is on."""
+        return mechanism.need_tool().name
+
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
-        return [mechanism.need_tool().name]
+        return [self.on(mechanism)]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         shift = np.array([values[name] for name in ("x", "y", "z")])
         turn = rotation_exp(np.array([values[name] for name in ("rx", "ry", "rz")]))
-        yield PoseReport(Moved.on_body(shift, turn), setup.mechanism.need_tool().name)
+        yield PoseReport(Moved.on_body(shift, turn), self.on(setup.mechanism))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the measured target {_beside(values, 'the tool frame')}"
 
 
-class MarkerMisalignment(Law):
+class MarkerMisalignment(TargetMisalignment):
     """The same of a marker on another frame. Which frames have one is the recording's to say."""
 
-    physics = TargetMisalignment.physics
     summary = "a marker that is turned or shifted on its frame"
-    sensor = "target"
     remedy = (
         "measure where the marker sits, or declare that it is not known (tolerances target_position and "
         "target_rotation)"
     )
-    quantities = TargetMisalignment.quantities
-    neutral: ClassVar = TargetMisalignment.neutral
 
     def __init__(self, frame: str):
         self.frame = frame
@@ -67,13 +67,8 @@ class MarkerMisalignment(Law):
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("target", self.variant)] if self.frame in mechanism.frame_names else []
 
-    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
-        return [self.frame]
-
-    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        shift = np.array([values[name] for name in ("x", "y", "z")])
-        turn = rotation_exp(np.array([values[name] for name in ("rx", "ry", "rz")]))
-        yield PoseReport(Moved.on_body(shift, turn), self.frame)
+    def on(self, mechanism: Mechanism) -> str:
+        return self.frame
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the marker {_beside(values, f'the frame {self.frame}')}"

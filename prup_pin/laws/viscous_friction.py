@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import ClassVar
 
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..parameters import Quantity
+from .coulomb_friction import FreeJointLaw
 from .deeds import Deed, JointResistance
-from .law import Law, Place
-from .modules_at import bush_of, joint_at, joint_places, twisting_beams
+from .law import Place
+from .modules_at import joint_at, twisting_beams
 from .setup import Setup
 
 
-class ViscousFriction(Law):
+class ViscousFriction(FreeJointLaw):
     """A damper in a joint that should be free; its speed is that between samples in one pose."""
 
     physics = "viscous_friction"
@@ -24,16 +25,10 @@ class ViscousFriction(Law):
     quantities = (Quantity("damping", "N m s/rad", "torque per speed", 100.0, upper=1e7),)
     neutral: ClassVar = {"damping": 0.0}
 
-    def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return [Place(name) for name in joint_places(mechanism)]
-
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         if not joint_at(place.name, mechanism).slides:
             return self.quantities
         return (Quantity("damping", "N s/m", "force per speed", 1e4, upper=1e9),)
-
-    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
-        return bush_of(joint_at(place.name, mechanism), mechanism)
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         yield from twisting_beams(setup)

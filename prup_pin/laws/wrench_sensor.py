@@ -21,19 +21,24 @@ def _small(name: str, unit: str, description: str, start: float, bound: float) -
     return Quantity(name, unit, description, start, lower=-bound, upper=bound)
 
 
-class WrenchSensorMisalignment(Law):
+class _OfWrenchSensor(Law):
+    """A law of the one wrench sensor."""
+
+    sensor = "wrench_sensor"
+    needs = ("wrench",)
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("wrench_sensor", self.variant)]
+
+
+class WrenchSensorMisalignment(_OfWrenchSensor):
     """The sensor is turned: the true wrench is the reported one turned by a small rotation vector."""
 
     physics = "wrench_sensor_misalignment"
     summary = "a wrench sensor that is turned"
-    sensor = "wrench_sensor"
     remedy = "measure how the wrench sensor is turned on the tool, and turn its readings by this"
-    needs = ("wrench",)
     quantities = tuple(_small(f"r{axis}", "rad", f"rotation about {axis}", 0.01, 0.6) for axis in "xyz")
     neutral: ClassVar = {"rx": 0.0, "ry": 0.0, "rz": 0.0}
-
-    def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return [Place("wrench_sensor")]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         turn = rotation_exp(np.array([values[f"r{axis}"] for axis in "xyz"]))
@@ -44,21 +49,16 @@ class WrenchSensorMisalignment(Law):
         return f"the wrench sensor is turned by {quantity(turn, 'rad')} against the base frame"
 
 
-class WrenchSensorGain(Law):
+class WrenchSensorGain(_OfWrenchSensor):
     """The true wrench is gain times the reported one, channel by channel."""
 
     physics = "wrench_sensor_gain"
     summary = "a wrench sensor with another gain"
-    sensor = "wrench_sensor"
     remedy = "calibrate the wrench sensor with a known weight"
-    needs = ("wrench",)
     quantities = tuple(
         Quantity(name, "1", f"true over reported {name}", 1.05, lower=0.2, upper=5.0) for name in WRENCH_NAMES
     )
     neutral: ClassVar = dict.fromkeys(WRENCH_NAMES, 1.0)
-
-    def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return [Place("wrench_sensor")]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         yield WrenchReading(partial(np.multiply, np.array([values[name] for name in WRENCH_NAMES])))
@@ -68,14 +68,12 @@ class WrenchSensorGain(Law):
         return f"the true wrench differs from the sensor's by {off}"
 
 
-class WrenchSensorCommonGain(Law):
+class WrenchSensorCommonGain(_OfWrenchSensor):
     """The true wrench is gain times the reported one, all channels alike: a wrong amplifier setting."""
 
     physics = "wrench_sensor_gain"
     summary = "a wrench sensor with another gain"
-    sensor = "wrench_sensor"
     remedy = "calibrate the wrench sensor with a known weight, and check the unit that it reports"
-    needs = ("wrench",)
     quantities = (Quantity("gain", "1", "true over reported", 1.05, lower=0.2, upper=5.0),)
     neutral: ClassVar = {"gain": 1.0}
     variant = "all channels"
@@ -86,9 +84,6 @@ class WrenchSensorCommonGain(Law):
     def multiple(self, value: float, of: float) -> float:
         return (value - 1) / (of - 1)
 
-    def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return [Place("wrench_sensor", self.variant)]
-
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         yield WrenchReading(partial(np.multiply, values["gain"]))
 
@@ -96,22 +91,17 @@ class WrenchSensorCommonGain(Law):
         return f"the true wrench is {number(100 * values['gain'], 4)} % of what the sensor reports"
 
 
-class WrenchSensorBias(Law):
+class WrenchSensorBias(_OfWrenchSensor):
     """The sensor reports something at rest: the true wrench is the reported one less a bias."""
 
     physics = "wrench_sensor_bias"
     summary = "a wrench sensor that is not zeroed"
     called = "force sensor, load cell, tare"
-    sensor = "wrench_sensor"
     remedy = "zero the wrench sensor with nothing attached, at the start of each recording"
-    needs = ("wrench",)
     quantities = tuple(
         _small(name, "N" if name[0] == "f" else "N m", f"reported {name} at rest", 0.5, 1e3) for name in WRENCH_NAMES
     )
     neutral: ClassVar = dict.fromkeys(WRENCH_NAMES, 0.0)
-
-    def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return [Place("wrench_sensor")]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         yield WrenchReading(partial(np.add, -_bias(values)))
@@ -129,9 +119,6 @@ class WrenchSensorForceBias(WrenchSensorBias):
     neutral: ClassVar = dict.fromkeys(WRENCH_NAMES[:3], 0.0)
     variant = "forces"
     remedy = "zero the wrench sensor with nothing attached, at the start of each recording"
-
-    def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return [Place("wrench_sensor", self.variant)]
 
 
 def _bias(values: Mapping[str, float]) -> Array:

@@ -23,17 +23,6 @@ from .joint_compliance import (
 )
 from .law import Effect, Place
 
-__all__ = [
-    "ACROSS",
-    "OWN",
-    "UNEVEN",
-    "YieldingPart",
-    "effects_of_yielding",
-    "nearest_yielding",
-    "way_told",
-    "yielding_parts",
-]
-
 #: The ways in which a joint yields: along itself, alike across itself, and one way more than the other across.
 OWN, ACROSS, UNEVEN = "own", "across", UnevenJointCompliance.variant
 #: Compliance across in the axes of a joint, (xx, yy, xy), of each of its parts.

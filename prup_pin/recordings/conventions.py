@@ -74,21 +74,24 @@ class Word:
 # -- rotations -----------------------------------------------------------------------------------------------------
 
 
+def _rotation() -> Any:
+    """Return scipy's rotations, which are heavy to load."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation
+
+
 def _euler(order: str, by_axis: bool, unit: float) -> tuple[_Change, _Change]:
     """Return how angles in an order of axes (upper case: each about the turned axes) are read, and written."""
     places = ["xyz".index(axis) for axis in order.lower()] if by_axis else [0, 1, 2]
 
     def forth(values: Array, _: Argument, tool: Array) -> Array:
-        from scipy.spatial.transform import Rotation
-
-        return _known(values, lambda rows: Rotation.from_euler(order, unit * rows[:, places]).as_rotvec())
+        return _known(values, lambda rows: _rotation().from_euler(order, unit * rows[:, places]).as_rotvec())
 
     def back(values: Array, _: Argument, tool: Array) -> Array:
-        from scipy.spatial.transform import Rotation
-
         def written(rows: Array) -> Array:
             out = np.empty_like(rows)
-            out[:, places] = Rotation.from_rotvec(rows).as_euler(order, suppress_warnings=True) / unit
+            out[:, places] = _rotation().from_rotvec(rows).as_euler(order, suppress_warnings=True) / unit
             return out
 
         return _known(values, written)
@@ -105,34 +108,24 @@ def _known(values: Array, change: Callable[[Array], Array]) -> Array:
     return out
 
 
-def _quaternion(vector: Array) -> Array:
-    """Return quaternions x y z w (n, 4) of rotation vectors (n, 3)."""
-    angle = np.linalg.norm(vector, axis=1, keepdims=True)
-    return np.concatenate((0.5 * np.sinc(angle / (2 * np.pi)) * vector, np.cos(angle / 2)), axis=1)
-
-
-def _vector(quaternion: Array) -> Array:
-    """Return rotation vectors (n, 3) of quaternions x y z w (n, 4), with angles up to pi."""
-    own = quaternion * np.where(quaternion[:, 3:] < 0, -1.0, 1.0)
-    sine = np.linalg.norm(own[:, :3], axis=1, keepdims=True)
-    angle = 2 * np.arctan2(sine, own[:, 3:])
-    return own[:, :3] * np.where(sine > 1e-12, angle / np.where(sine > 1e-12, sine, 1.0), 2.0)
-
-
 def _of_vector_part(values: Array, _: Argument, tool: Array) -> Array:
     def change(rows: Array) -> Array:
         rest = np.sqrt(np.maximum(1 - (rows**2).sum(axis=1, keepdims=True), 0.0))
-        return _vector(np.concatenate((rows, rest), axis=1))
+        return np.asarray(_rotation().from_quat(np.concatenate((rows, rest), axis=1)).as_rotvec())
 
     return _known(values, change)
 
 
 def _to_vector_part(values: Array, _: Argument, tool: Array) -> Array:
-    return _known(values, lambda rows: _quaternion(_vector(_quaternion(rows)))[:, :3])
+    return _known(values, lambda rows: _rotation().from_rotvec(rows).as_quat(canonical=True)[:, :3])
 
 
 def _rolled(places: int) -> _Change:
-    return lambda values, _, tool: _known(values, lambda rows: _vector(np.roll(_quaternion(rows), places, axis=1)))
+    def change(rows: Array) -> Array:
+        quaternions = _rotation().from_rotvec(rows).as_quat()
+        return np.asarray(_rotation().from_quat(np.roll(quaternions, places, axis=1)).as_rotvec())
+
+    return lambda values, _, tool: _known(values, change)
 
 
 # -- axes, points, wrenches ----------------------------------------------------------------------------------------

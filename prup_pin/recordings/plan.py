@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, UnreachablePoseError, nearest_names
+from ..errors import InputError, UnreachablePoseError
 from ..spatial import WRENCH_NAMES, Array, as_wrench
 from .columns import LARGEST_GRAVITY, LARGEST_NUMBER, NOISE_KEYS
-from .problems import KeyProblem, Problems, is_number, json_kind, read_json_object, shown
-from .reader import noise_value, tolerances_value
+from .problems import KeyReader, Problems, is_number, joined, json_kind, read_json_object
+from .reader import noise_of, tolerances_of
 from .recording import Noise, Recording
 from .tolerances import Tolerances
 from .writer import json_lines, write_whole
@@ -300,7 +300,7 @@ def read_plan(path: str | Path) -> TestPlan:
     problems = Problems(path)
     values = read_json_object(path, "a test plan, a JSON object", problems)
     problems.raise_all()
-    plan = _PlanReader(path, problems).plan(values)
+    plan = _PlanReader(problems).plan(values)
     if plan is None:
         raise problems.error()
     return plan
@@ -349,27 +349,11 @@ def _load_json(load: LoadProgramme) -> dict[str, Any]:
     return value
 
 
-class _PlanReader:
-    """Turns JSON into a plan and adds whatever is wrong, with its place, to the problems."""
+class _PlanReader(KeyReader):
+    """Turns JSON into a plan."""
 
     KEYS = ("poses", "loads", "sample_interval", "temperature", "noise", "tolerances", "markers", "gravity",
             "encoder_resolution", "seed", "robot", "notes")  # fmt: skip
-
-    def __init__(self, path: Path, problems: Problems):
-        self.path, self.problems = path, problems
-
-    def wrong(self, key: str, message: str) -> None:
-        self.problems.add(KeyProblem(message, None, self.path.name, key=key))
-
-    def entries(self, value: object, key: str, allowed: Sequence[str]) -> dict[str, Any]:
-        """Return a JSON object whose keys are all among `allowed`; any are without `allowed`."""
-        if not isinstance(value, dict):
-            self.wrong(key, f"is {json_kind(value)}; expected an object {{…}}")
-            return {}
-        for name in value:
-            if allowed and name not in allowed:
-                self.wrong(_join(key, name), f"unknown key. {nearest_names(shown(name), allowed)}")
-        return value
 
     def items(self, value: object, key: str, what: str) -> Sequence[Any]:
         """Return a JSON list that is not empty."""
@@ -417,7 +401,7 @@ class _PlanReader:
         named = self.entries(value, key, ())
         if isinstance(value, dict) and not value:
             self.wrong(key, f"is empty; expected {what}")
-        return {name: self.number(entry, _join(key, name), "m or rad") for name, entry in named.items()}
+        return {name: self.number(entry, joined(key, name), "m or rad") for name, entry in named.items()}
 
     def plan(self, values: dict[str, Any]) -> TestPlan | None:
         """Return the plan, or None after reporting."""
@@ -454,13 +438,8 @@ class _PlanReader:
         interval = self.number(values.get("sample_interval", 1.0), "sample_interval", "s", 0.0, above=True)
         resolution = self.number(values.get("encoder_resolution", 0.0), "encoder_resolution", "m or rad", 0.0)
         temperature = self.temperature(values.get("temperature"))
-        noise = {
-            NOISE_KEYS[key]: deviation
-            for key, value in self.entries(values.get("noise", {}), "noise", tuple(NOISE_KEYS)).items()
-            if key in NOISE_KEYS
-            and (deviation := noise_value(key, value, self.problems, self.path.name, "noise.")) is not None
-        }
-        tolerances = tolerances_value(values.get("tolerances"), self.problems, self.path.name, "tolerances.")
+        noise = noise_of(self, self.entries(values.get("noise", {}), "noise", tuple(NOISE_KEYS)))
+        tolerances = tolerances_of(self, values.get("tolerances"), "tolerances")
         markers, gravity = self.markers(values.get("markers")), self.gravity(values.get("gravity"))
         seed = self.whole(values.get("seed", 0), "seed", 0)
         samples = _sample_count(loads, count)
@@ -474,7 +453,7 @@ class _PlanReader:
             loads=tuple(loads),
             sample_interval=interval,
             temperature=temperature,
-            noise=Noise(**noise),
+            noise=noise,
             encoder_resolution=resolution,
             seed=seed,
             robot=robot,
@@ -531,7 +510,7 @@ class _PlanReader:
             self.wrong(f"{key}.bounds", "is empty; expected [low, high] by task coordinate")
         bounds = {}
         for name, pair in named.items():
-            place = _join(f"{key}.bounds", name)
+            place = joined(f"{key}.bounds", name)
             if not isinstance(pair, list) or len(pair) != 2:
                 self.wrong(place, f"is {json_kind(pair)}; expected a list [low, high]")
                 continue
@@ -578,7 +557,3 @@ class _PlanReader:
         if len(self.problems) > before:
             return None
         return LoadProgramme(cycle, wrench, directions, force, moment, poses)
-
-
-def _join(key: str, name: str) -> str:
-    return f"{key}.{shown(name)}" if key else shown(name)

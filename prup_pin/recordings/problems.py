@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from ..errors import Problem, RecordingFileError
+from ..errors import Problem, RecordingFileError, nearest_names
 
 #: More than anybody repairs by hand; what is wrong in a thousand places is wrong in one way.
 MAX_PROBLEMS = 100
@@ -193,6 +193,32 @@ def read_json_object(path: Path, what: str, problems: Problems) -> dict[str, Any
         else:
             problems.add(KeyProblem(f'holds {json_kind(value)}; expected an object {{"key": …}}', None, path.name))
     return {}
+
+
+class KeyReader:
+    """Reads the keys of a JSON file; what is wrong is added to its problems, with its place in the file."""
+
+    def __init__(self, problems: Problems, file: str | None = None):
+        self.problems, self.file = problems, problems.path.name if file is None else file
+
+    def wrong(self, key: str, message: str) -> None:
+        """Add what is wrong with a key, or with its value."""
+        self.problems.add(KeyProblem(message, None, self.file, key=key))
+
+    def entries(self, value: object, key: str, allowed: Sequence[str]) -> dict[str, Any]:
+        """Return a JSON object whose keys are all among `allowed`; any are without `allowed`."""
+        if not isinstance(value, dict):
+            self.wrong(key, f"is {json_kind(value)}; expected an object {{…}}")
+            return {}
+        for name in value:
+            if allowed and name not in allowed:
+                self.wrong(joined(key, name), f"unknown key. {nearest_names(shown(name), allowed)}")
+        return value
+
+
+def joined(key: str, name: str) -> str:
+    """Return the place of a name within a key, as in poses[3].at.z."""
+    return f"{key}.{shown(name)}" if key else shown(name)
 
 
 def _half_characters(value: object) -> str:

@@ -39,10 +39,12 @@ from .conventions import Convention, convention_of
 from .problems import (
     MAX_NAMES,
     KeyProblem,
+    KeyReader,
     Problems,
     TableProblem,
     check_readable,
     is_number,
+    joined,
     json_kind,
     read_bytes,
     read_json_object,
@@ -665,32 +667,29 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> tuple
     remarks: list[str] = []
     found: dict[str, Any] = {}
     values = read_json_object(beside, "a JSON object", problems)
+    keys = KeyReader(problems, beside.name)
     noise = {}
     for key, value in values.items():
         if key in NOISE_KEYS:
-            checked = noise_value(key, value, problems, beside.name)
-            if checked is not None:
-                noise[NOISE_KEYS[key]] = checked
+            noise[NOISE_KEYS[key]] = noise_value(keys, key, value)
         elif key == "tolerances":
-            found[key] = tolerances_value(value, problems, beside.name, f"{key}.")
+            found[key] = tolerances_of(keys, value, key)
         elif key == "own_sensors":
             if isinstance(value, dict) and set(value) <= {"by_run"}:
-                found["own_by_run"] = own_sensors_value(value.get("by_run"), problems, beside.name, f"{key}.by_run")
+                found["own_by_run"] = own_sensors_of(keys, value.get("by_run"), f"{key}.by_run")
             else:
-                found[key] = own_sensors_value(value, problems, beside.name, key)
+                found[key] = own_sensors_of(keys, value, key)
         elif key == "conventions":
-            found[key] = conventions_value(value, _joints(header), problems, beside.name) if header else ()
+            found[key] = conventions_of(keys, value, _joints(header)) if header else ()
         elif key == "frame" and value == "base":
             pass  # which they all are in
         elif key in ("robot", "notes", "date", "device"):
             if isinstance(value, str):
                 found[key] = value
                 if key == "date" and not _is_date(value):
-                    message = f"is {shown(value)}; expected a day or a moment, as 2026-03-01 or 2026-03-01T14:30"
-                    problems.add(KeyProblem(message, None, beside.name, key=key))
+                    keys.wrong(key, f"is {shown(value)}; expected a day or a moment, as 2026-03-01 or 2026-03-01T14:30")
             elif value is not None:
-                message = f"is {json_kind(value)}; expected a text"
-                problems.add(KeyProblem(message, None, beside.name, key=key))
+                keys.wrong(key, f"is {json_kind(value)}; expected a text")
         else:
             remarks.append(
                 f"{beside.name}: the unknown key '{shown(key)}' is ignored. {nearest_names(shown(key), KEYS)}"
@@ -706,7 +705,7 @@ def _is_date(text: str) -> bool:
     return True
 
 
-def own_sensors_value(value: object, problems: Problems, file: str, key: str) -> tuple[str, ...]:
+def own_sensors_of(keys: KeyReader, value: object, key: str) -> tuple[str, ...]:
     """Return the sensors that a recording has for itself, or each run; what is wrong is added, and left out."""
     if value is None or value is False:
         return ()
@@ -714,13 +713,11 @@ def own_sensors_value(value: object, problems: Problems, file: str, key: str) ->
         return tuple(SENSORS)
     if not isinstance(value, list):
         message = f"is {json_kind(value)}; expected true, or a list of some of {', '.join(SENSORS)}"
-        message += '; for each run {"by_run": […]}' if key == "own_sensors" else ""
-        problems.add(KeyProblem(message, None, file, key=key))
+        keys.wrong(key, message + ('; for each run {"by_run": […]}' if key == "own_sensors" else ""))
         return ()
     for place, name in enumerate(value):
         if name not in SENSORS:
-            message = f"is {json_kind(name)}. {nearest_names(shown(name), list(SENSORS))}"
-            problems.add(KeyProblem(message, None, file, key=f"{key}[{place}]"))
+            keys.wrong(f"{key}[{place}]", f"is {json_kind(name)}. {nearest_names(shown(name), list(SENSORS))}")
     return tuple(name for name in SENSORS if name in value)
 
 
@@ -731,9 +728,7 @@ def _joints(header: Sequence[str]) -> dict[str, list[str]]:
     }
 
 
-def conventions_value(
-    values: object, joints: Mapping[str, Sequence[str]], problems: Problems, file: str
-) -> tuple[Convention, ...]:
+def conventions_of(keys: KeyReader, values: object, joints: Mapping[str, Sequence[str]]) -> tuple[Convention, ...]:
     """Return the conventions of a JSON object; joints: by q and tau, those with such a column.
 
     What is wrong is added, and a wrong one left out.
@@ -742,7 +737,7 @@ def conventions_value(
         return ()
     if not isinstance(values, dict):
         message = f'is {json_kind(values)}; expected an object such as {{"wrench": "reaction", "q": ["deg"]}}'
-        problems.add(KeyProblem(message, None, file, key="conventions"))
+        keys.wrong("conventions", message)
         return ()
     found = []
     for columns, given in values.items():
@@ -750,16 +745,22 @@ def conventions_value(
             place = f"conventions.{shown(columns)}"
             if not isinstance(said, str):
                 message = f'is {json_kind(said)}; expected a text such as "reaction", or a list of such texts'
-                problems.add(KeyProblem(message, None, file, key=place))
+                keys.wrong(place, message)
                 continue
             try:
                 found.append(convention_of(columns, said, joints))
             except InputError as error:
-                problems.add(KeyProblem(str(error), None, file, key=place))
+                keys.wrong(place, str(error))
     return tuple(found)
 
 
-def noise_value(key: str, value: object, problems: Problems, file: str, at: str = "") -> float | None:
+def noise_of(keys: KeyReader, values: Mapping[str, object]) -> Noise:
+    """Return the noise that stands under the key `noise`, by the keys of its channels; others are not looked at."""
+    known = {key: value for key, value in values.items() if key in NOISE_KEYS}
+    return Noise(**{NOISE_KEYS[key]: noise_value(keys, key, value, "noise") for key, value in known.items()})
+
+
+def noise_value(keys: KeyReader, key: str, value: object, within: str = "") -> float | None:
     """Return a declared standard deviation, or None where it is null or wrong; what is wrong is added."""
     if value is None:
         return None
@@ -767,7 +768,7 @@ def noise_value(key: str, value: object, problems: Problems, file: str, at: str 
         span = "above 0" if not is_number(value) or value <= 0 else f"from {FINEST_NOISE:g} to {COARSEST_NOISE:g}"
         unit = f"one standard deviation {span} [{NOISE_UNITS[NOISE_KEYS[key]]}]"
         message = f"is {json_kind(value)}; expected {unit}, or no such key where it is not known"
-        problems.add(KeyProblem(message, None, file, key=f"{at}{key}"))
+        keys.wrong(joined(within, key), message)
         return None
     return float(value)
 
@@ -777,35 +778,35 @@ def read_tolerances(path: str | Path) -> Tolerances:
 
     Raises RecordingFileError with all that is wrong.
     """
-    path = Path(path)
-    problems = Problems(path)
-    values = read_json_object(path, "a JSON object of tolerances", problems)
+    problems = Problems(Path(path))
+    keys = KeyReader(problems)
+    values = read_json_object(problems.path, "a JSON object of tolerances", problems)
     within = "tolerances" in values
-    found = tolerances_value(values["tolerances"] if within else values, problems, path.name, "tolerances." * within)
+    found = tolerances_of(keys, values["tolerances"] if within else values, "tolerances" * within)
     if not found.declared and not problems:
-        problems.add(KeyProblem(f"declares no tolerance; expected some of {', '.join(_TOLERANCES)}", None, path.name))
+        message = f"declares no tolerance; expected some of {', '.join(_TOLERANCES)}"
+        problems.add(KeyProblem(message, None, keys.file))
     problems.raise_all()
     return found
 
 
-def tolerances_value(values: object, problems: Problems, file: str, at: str = "") -> Tolerances:
-    """Return the tolerances of a JSON object; what is wrong is added, and a wrong one left out."""
+def tolerances_of(keys: KeyReader, values: object, key: str) -> Tolerances:
+    """Return the tolerances of the JSON object at a key; what is wrong is added, and a wrong one left out."""
     if values is None:
         return Tolerances()
     if not isinstance(values, dict):
-        problems.add(KeyProblem(f"is {json_kind(values)}; expected an object", None, file, key=at.rstrip(".")))
+        keys.wrong(key, f"is {json_kind(values)}; expected an object")
         return Tolerances()
     found = {}
-    for key, value in values.items():
-        place = f"{at}{shown(key)}"
-        if key not in _TOLERANCES:
-            near = nearest_names(shown(key), list(_TOLERANCES))
-            problems.add(KeyProblem(f"no tolerance has this name. {near}", None, file, key=place))
+    for name, value in values.items():
+        if name not in _TOLERANCES:
+            near = nearest_names(shown(name), list(_TOLERANCES))
+            keys.wrong(joined(key, name), f"no tolerance has this name. {near}")
         elif value is not None:
-            if wrong := _TOLERANCES[key].wrong(value):
-                problems.add(KeyProblem(f"is {json_kind(value)}; {wrong}", None, file, key=place))
+            if wrong := _TOLERANCES[name].wrong(value):
+                keys.wrong(joined(key, name), f"is {json_kind(value)}; {wrong}")
             else:
-                found[key] = float(value)
+                found[name] = float(value)
     return Tolerances(**found)
 
 

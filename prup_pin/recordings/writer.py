@@ -225,13 +225,13 @@ def write_whole(files: Mapping[Path, Iterable[str | bytes]]) -> None:
                 part.unlink(missing_ok=True)
 
 
-def check_folder_for(folder: Path, names: Iterable[str], option: str = "--out") -> None:
-    """Raise InputError, before anything is computed, where a file of a folder would replace what it must not."""
+def check_folder_for(folder: Path, names: Iterable[str]) -> None:
+    """Raise InputError, before anything is computed, where a file of --out would replace what it must not."""
     try:
         for name in names:
             check_replaceable(folder / name)
     except (InputError, OSError) as error:
-        raise InputError(f"{option}: {error}") from error
+        raise InputError(f"--out: {error}") from error
 
 
 def write_folder(folder: Path, files: Mapping[str, Iterable[str]], known: Iterable[str]) -> None:

@@ -23,8 +23,8 @@ from ..plugins import Source
 from ..recordings import Noise
 from ..recordings.columns import NOISE_KEYS
 from ..recordings.conventions import Convention, as_json
-from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_json_object, shown
-from ..recordings.reader import conventions_value, noise_value, own_sensors_value
+from ..recordings.problems import KeyReader, Problems, is_number, json_kind, read_json_object, shown
+from ..recordings.reader import conventions_of, noise_of, own_sensors_of
 from ..recordings.writer import json_lines, write_whole
 from ..robot import Robot
 from .needs import as_json as needs_as_json
@@ -272,30 +272,13 @@ def read_model(path: str | Path) -> CorrectedModel:
     problems = Problems(path)
     values = read_json_object(path, "a corrected model, a JSON object", problems)
     problems.raise_all()
-    model = _Reader(path, problems).model(values)
+    model = _Reader(problems).model(values)
     problems.raise_all()
     return model
 
 
-class _Reader:
-    """Turns JSON into a model and adds whatever is wrong, with its place, to the problems."""
-
-    def __init__(self, path: Path, problems: Problems):
-        self.path, self.problems = path, problems
-
-    def wrong(self, key: str, message: str) -> None:
-        self.problems.add(KeyProblem(message, None, self.path.name, key=key))
-
-    def entries(self, value: object, key: str, allowed: tuple[str, ...]) -> dict[str, Any]:
-        """Return a JSON object whose keys are all among `allowed`; any are without `allowed`."""
-        if not isinstance(value, dict):
-            self.wrong(key, f"is {json_kind(value)}; expected an object {{…}}")
-            return {}
-        for name in value:
-            if allowed and name not in allowed:
-                place = f"{key}.{shown(name)}" if key else shown(name)
-                self.wrong(place, f"unknown key. {nearest_names(shown(name), allowed)}")
-        return value
+class _Reader(KeyReader):
+    """Turns JSON into a model."""
 
     def text(self, values: dict[str, Any], name: str, key: str, needed: bool = False) -> str:
         """Return a text, '' where it is not needed and absent, or after reporting."""
@@ -345,14 +328,15 @@ class _Reader:
                     effects.append(effect)
                     known.append(self.known(entry, f"effects[{index}]"))
         units = {} if mechanism is None else _effort_units(mechanism)
-        noise = self.noise(values.get("noise"))
+        given = values.get("noise")
+        noise = noise_of(self, self.entries({} if given is None else given, "noise", tuple(NOISE_KEYS)))
         band = self.by_joint(values, "band", dict.fromkeys(units, "Hz"))
         effort_noise = self.by_joint(values, "effort_noise", units)
         joints = {} if mechanism is None else {"q": [j.name for j in mechanism.joints], "tau": list(mechanism.actuated)}
         written = values.get("conventions") if joints else None
-        conventions = conventions_value(written, joints, self.problems, self.path.name)
+        conventions = conventions_of(self, written, joints)
         own = self.entries(values.get("own_sensors", {}), "own_sensors", ("by_run",))
-        by_run = own_sensors_value(own.get("by_run"), self.problems, self.path.name, "own_sensors.by_run")
+        by_run = own_sensors_of(self, own.get("by_run"), "own_sensors.by_run")
         return CorrectedModel(
             name,
             tuple(effects),
@@ -400,16 +384,6 @@ class _Reader:
                 found[name] = size
         return found
 
-    def noise(self, value: object) -> Noise:
-        """Return the declared noise; what is wrong with it is reported and left out."""
-        found = {}
-        for key, size in self.entries({} if value is None else value, "noise", tuple(NOISE_KEYS)).items():
-            if key in NOISE_KEYS:
-                checked = noise_value(key, size, self.problems, self.path.name, "noise.")
-                if checked is not None:
-                    found[NOISE_KEYS[key]] = checked
-        return Noise(**found)
-
     def reading(self, value: object) -> Reading:
         """Return how the robot's file is read."""
         entry = self.entries(value, "reading", _READING_KEYS)
@@ -439,7 +413,7 @@ class _Reader:
         """Return the robot as `load` takes it from here, and its mechanism, or None after reporting."""
         if not name:
             return name, None
-        beside = self.path.parent / robots.as_path(name)
+        beside = self.problems.path.parent / robots.as_path(name)
         if (Path(name).suffix or len(Path(name).parts) > 1) and robots.is_file(beside):
             name = str(beside)
         try:

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["contract", "near", "require", "title"]
-
 
 def title(thing: object) -> str:
     """Return what a law, kind of module or reader is called: its class's name, or its own."""

@@ -18,22 +18,6 @@ from ..simulation import simulate
 from ..spatial import Array
 from .contract import contract, near, require, title
 
-__all__ = [
-    "CHECKS",
-    "check_closed_form",
-    "check_derivative",
-    "check_nothing",
-    "check_proportion",
-    "check_refit",
-    "check_resists",
-    "check_simulated",
-    "check_units",
-    "in_motion",
-    "motion_along",
-    "recorded",
-    "somewhere",
-]
-
 Values = Mapping[str, float]
 
 #: By how much faster a motion is played.

@@ -17,8 +17,6 @@ from ..parameters import Parameter
 from ..spatial import Array
 from .contract import contract, near, require
 
-__all__ = ["CHECKS", "GEOMETRY", "check_declared", "loads_of", "resolved", "sizes", "stacked"]
-
 #: Two modules in their places: lengths, joint positions, and all that decides where their own weight goes.
 GEOMETRY = ModuleGeometry(
     np.array([0.3, 0.45]), np.array([0.2, 0.35]), np.array([True, False]), np.array([True, False])

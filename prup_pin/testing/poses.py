@@ -17,20 +17,6 @@ from ..simulation import Run, Simulator
 from ..spatial import Array, rotation_log
 from .contract import contract, near, require
 
-__all__ = [
-    "PoseBench",
-    "change",
-    "check_derivatives",
-    "check_leaves_alone",
-    "check_neutral",
-    "check_quantities",
-    "check_refit",
-    "check_shows",
-    "load_cycle",
-    "size_at_start",
-    "unlike",
-]
-
 #: One load cycle in shares of a wrench: it ends where it began, so that what remembers shows.
 CYCLE = (0.0, 1.0, 0.5, -1.0, 0.0)
 WRENCH = np.array([30.0, -20.0, 25.0, 4.0, 3.0, -2.0])
@@ -95,6 +81,7 @@ def change(run: Run, other: Run) -> Array:
 
 
 def start_of(law, bench, place):
+    """Return the values from which a fit starts first."""
     return dict(law.starts(place, bench.mechanism)[0])
 
 

@@ -12,8 +12,6 @@ from ..errors import RecordingFileError
 from ..imports.log import Log
 from .contract import contract, require
 
-__all__ = ["check_damaged", "check_log"]
-
 Read = Callable[[Path], Log]
 
 

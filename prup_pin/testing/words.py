@@ -7,8 +7,6 @@ import re
 from ..laws.law import defects
 from .contract import contract, require
 
-__all__ = ["check_advice", "check_declared", "check_small_sizes", "check_statement"]
-
 
 @contract("law")
 def check_declared(law):

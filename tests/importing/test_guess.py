@@ -202,20 +202,20 @@ def test_units_are_known_as_people_spell_them(text, unit):
     assert spelled(text) == unit
 
 
-class Joint:
-    """A joint of a robot of names alone."""
+def _joint(name, kind, parent, child):
+    limit = '<limit lower="-5" upper="5" effort="1" velocity="1"/>'
+    ends = f'<parent link="{parent}"/><child link="{child}"/><axis xyz="0 0 1"/>'
+    return f'<link name="{child}"/><joint name="{name}" type="{kind}">{ends}{limit}</joint>'
 
-    def __init__(self, name, slides, first_q):
-        self.name, self.slides, self.first_q, self.nq = name, slides, first_q, 1
 
-
-class LiftAndArm:
-    """An arm on a lift, as a map has to know it."""
-
-    actuated = ("lift", "shoulder", "elbow")
-    joints = tuple(Joint(name, name == "lift", k) for k, name in enumerate(actuated))
-    frame_names = actuated
-    limits = (np.full(3, -5.0), np.full(3, 5.0))
+@pytest.fixture(scope="module")
+def lift_and_arm(tmp_path_factory):
+    """An arm of two joints on a lift."""
+    joints = (("lift", "prismatic"), ("shoulder", "revolute"), ("elbow", "revolute"))
+    chain = "".join(_joint(name, kind, f"l{k}", f"l{k + 1}") for k, (name, kind) in enumerate(joints))
+    path = tmp_path_factory.mktemp("lift") / "lift.urdf"
+    path.write_text(f'<robot name="lift"><link name="l0"/>{chain}</robot>')
+    return prup_pin.load(path).mechanism
 
 
 def arm_columns():
@@ -223,34 +223,33 @@ def arm_columns():
     return {"Zeit [s]": logs.T} | turning | {f"Moment A{k} [Nm]": TAU[:, k] for k in (1, 2)}
 
 
-def test_a_slide_without_a_name_in_the_log_is_found_by_its_unit_and_doubted():
+def test_a_slide_without_a_name_in_the_log_is_found_by_its_unit_and_doubted(lift_and_arm):
     lift = {"Hub [mm]": 300 + Q[:, 0], "Kraft Hub [N]": TAU[:, 0], "Hub soll [mm]": 300 + Q[:, 0]}
-    made = guess(log_of(arm_columns() | lift), LiftAndArm())
+    made = guess(log_of(arm_columns() | lift), lift_and_arm)
     lines = yaml.safe_load(made.text)["columns"]
     assert lines["q.lift"] == {"from": "Hub [mm]", "unit": "mm"}
     assert lines["tau.lift"] == {"from": "Kraft Hub [N]", "unit": "N"}
     assert [doubt.partition(":")[0] for doubt in made.doubts] == ["q.lift", "tau.lift"]
 
 
-def test_a_driven_joint_without_a_position_is_told():
+def test_a_driven_joint_without_a_position_is_told(lift_and_arm):
     two = {"Hub [mm]": 300 + Q[:, 0], "Abstand [mm]": Q[:, 1], "Kraft Hub [N]": TAU[:, 0]}
-    made = guess(log_of(arm_columns() | two), LiftAndArm())
+    made = guess(log_of(arm_columns() | two), lift_and_arm)
     assert "tau.lift" not in yaml.safe_load(made.text)["columns"]
     assert len(made.doubts) == 2
     assert "q.lift: no column is its position" in made.doubts[0]
     assert "in N, and nothing is made of it: Kraft Hub [N]" in made.doubts[1]
     assert "Is it Hub [mm] or Abstand [mm]?" in made.doubts[0]
-    rate = guess(log_of(arm_columns() | {"speed lift": Q[:, 0]}), LiftAndArm())
+    rate = guess(log_of(arm_columns() | {"speed lift": Q[:, 0]}), lift_and_arm)
     assert any("q.lift: no column is its position" in doubt for doubt in rate.doubts)
-    none = guess(log_of(arm_columns()), LiftAndArm())
+    none = guess(log_of(arm_columns()), lift_and_arm)
     assert "# q.lift: {from: NAME, unit: m}  # CHECK: no column is its position" in none.text
     assert len(none.doubts) == 1
 
 
-def test_many_joints_without_a_column_are_listed_not_told_one_by_one():
-    robot = LiftAndArm()
+def test_many_joints_without_a_column_are_listed_not_told_one_by_one(lift_and_arm):
     made = Guessing(open={f"finger_{k}": () for k in range(9)})
-    (told,) = _without(made, robot, lambda text, doubt, what: doubt)
+    (told,) = _without(made, lift_and_arm, lambda text, doubt, what: doubt)
     assert told.startswith("9 joints are without a column, and taken to stand at home: finger_0, ")
     hand = prup_pin.load("panda").mechanism
     made = Guessing(open={"panda_finger_joint1": ()})

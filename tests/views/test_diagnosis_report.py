@@ -4,7 +4,6 @@ import dataclasses
 import html
 import json
 import re
-import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -14,7 +13,6 @@ import pytest
 from prup_pin.diagnosis.corrected import corrected_model
 from prup_pin.diagnosis.diagnosis import Detectable, Finding, FittedParameter
 from prup_pin.diagnosis.efforts import EffortCurve, effort_curve_of
-from prup_pin.errors import MissingExtraError
 from prup_pin.laws.deviations import deviations_of
 from prup_pin.laws.efforts import EFFORT_LAWS
 from prup_pin.laws.efforts.inertial_parameters import InertialParameters
@@ -302,13 +300,6 @@ def test_the_next_experiment_declares_the_same_tolerances(diagnosed, tmp_path):
     assert read_plan(tmp_path / "next_experiment.json").tolerances == Tolerances(stiffness=0.1)
     write_diagnosis(planned, robot, recording, tmp_path, robot_name="3prup", report=False)
     assert read_plan(tmp_path / "next_experiment.json").tolerances == Tolerances()
-
-
-def test_without_the_extra_it_says_which(diagnosed, monkeypatch):
-    robot, recording, diagnosis = diagnosed
-    monkeypatch.setitem(sys.modules, "jinja2", None)
-    with pytest.raises(MissingExtraError, match="pip install jinja2"):
-        diagnosis_html(diagnosis, robot, recording)
 
 
 @needs_chromium

@@ -1,12 +1,10 @@
 """The report says what the library computes, lets no name out of its place, and needs nothing but itself."""
 
 import base64
-import builtins
 import gzip
 import html
 import json
 import re
-import sys
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
@@ -15,7 +13,7 @@ import numpy as np
 import pytest
 
 import prup_pin
-from prup_pin.errors import InputError, MissingExtraError
+from prup_pin.errors import InputError
 from prup_pin.numbers import quantity
 from prup_pin.review import find_levers
 from prup_pin.views.report.pose_report import report_html
@@ -266,37 +264,6 @@ def test_a_real_arm_with_meshes_fits():
     page = report_html(robot, robot.home, {"fz": -50})
     assert len(page.encode()) < 3e6
     assert scene_of(page) is not None
-
-
-def without_package(monkeypatch, package):
-    kept = builtins.__import__
-
-    def imported(name, *rest, **more):
-        if name.partition(".")[0] == package:
-            raise ImportError(name)
-        return kept(name, *rest, **more)
-
-    for name in [name for name in sys.modules if name.partition(".")[0] == package]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setattr(builtins, "__import__", imported)
-
-
-def test_without_jinja2_the_message_says_what_to_install(robot, pose, monkeypatch):
-    without_package(monkeypatch, "jinja2")
-    with pytest.raises(MissingExtraError, match="pip install jinja2") as caught:
-        report_html(robot, pose, WRENCH)
-    assert caught.value.extra is None
-
-
-def test_without_meshcat_the_drawing_stands_alone_and_the_page_says_so(robot, pose, monkeypatch):
-    def missing(*_, **__):
-        raise MissingExtraError("meshcat")
-
-    monkeypatch.setattr("prup_pin.views.meshcat.view.view", missing)
-    page = report_html(robot, pose, WRENCH)
-    assert "The 3-D scene is not shown: this needs the package 'meshcat'" in words(page)
-    assert "<iframe" not in page
-    assert "data:image/svg+xml" in page
 
 
 # -- names from files --------------------------------------------------------------------------------------------------

@@ -515,18 +515,6 @@ def test_server_is_for_this_machine_only(robot):
     assert shown.url is None
 
 
-def test_missing_meshcat_says_what_to_install():
-    code = (
-        "import sys; sys.modules['meshcat'] = None\n"
-        "import prup_pin\nfrom prup_pin.views.meshcat.view import view\n"
-        "try:\n    view(prup_pin.load('3prup'))\n"
-        "except ImportError as error:\n    print(type(error).__name__, error)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.startswith("MissingExtraError")
-    assert "meshcat" in done.stdout
-
-
 def test_scenes_need_no_renderer():
     code = (
         "import sys, prup_pin.views.scene.painter, prup_pin.views.scene.motions, prup_pin.views.meshcat.view\n"

@@ -31,13 +31,12 @@ from .diagnosis import EffortDiagnosis
 from .evidence import CrossValidation, held_out, relative_gain, scores
 from .final_state import FinalState, shows
 from .gains import Gains, gains_of, in_any_unit, in_newtons, law_of_gains, scale_of
-from .judge import judged
 from .noise import EffortNoise, noise_of, true_roundings, true_sizes
 from .nonlinear import refined, settled_together
 from .outliers import OutlierInterval, is_outlying
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
-from .propose import proposals
+from .propose import judged, proposals
 from .search import cost_of, kinds_of_most_drives, pruned, relieving_curve, searched, sure_of_all, with_relieving_laws
 from .verdict import effort_diagnosis_of
 

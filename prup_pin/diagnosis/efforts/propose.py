@@ -1,5 +1,7 @@
 """From a curve to a formula: what no law explains, as a short sum of terms that the data cannot do without.
 
+And whether another recording confirms one, by its values then, not by what fits now.
+
 Terms of a library compete at the place of an unknown as laws do: by squares that they save on held-out blocks, beyond
 what chance saves over the whole library, with all else that was fitted free beside them. Formulas that the data cannot
 tell apart are one answer, of which the shortest stands first.
@@ -17,14 +19,16 @@ import numpy as np
 from ...dynamics import InMotion
 from ...errors import InputError
 from ...laws import Place
-from ...laws.efforts import EffortLaw
-from ...laws.formulas import Formula, Term, library, tried
+from ...laws.efforts import EFFORT_LAWS, EffortLaw
+from ...laws.formulas import Formula, JointFormula, Term, library, tried
 from ...numbers import number
 from ...spatial import Array
+from ..chances import WITHIN_95, student_95
 from ..criteria import FEWEST_BLOCKS, GAIN, INDISTINCT, LITTLE, MOST_LISTED, SURE, TRIED, WIDER
-from ..proposal import EqualFormula, Proposal
+from ..diagnosis import Finding
+from ..proposal import EqualFormula, Judged, Proposal
 from .evidence import CrossValidation, held_out, relative_gain, scores, standard_error
-from .final_state import FinalState
+from .final_state import FinalState, shows
 from .findings import parameters_of
 from .nonlinear import optimised
 from .prepare import PreparedEfforts
@@ -33,7 +37,7 @@ from .residuals import curves_of
 from .search import pruned
 from .verdict import effects_of
 
-__all__ = ["beside", "proposals", "with_columns"]
+__all__ = ["judged", "proposals"]
 
 #: Terms of a formula: with more it is a curve by another name.
 _MOST_TERMS = 3
@@ -51,6 +55,10 @@ class _Tried:
     def total(self) -> float:
         return float(self.left.sum())
 
+    def term_of(self, model: EffortModel) -> EffortCandidate:
+        """Return the formula as a term of a model."""
+        return next(term for term in model.terms if term.law is self.formula)
+
 
 def proposals(final: FinalState, joints: Sequence[str]) -> Iterator[Proposal]:
     """Yield a formula for each of some joints, if any is surely better than chance.
@@ -65,7 +73,7 @@ def proposals(final: FinalState, joints: Sequence[str]) -> Iterator[Proposal]:
     for joint in joints:
         curves = [term for term in model.terms if term.law.is_curve and term.place.name == joint]
         imitating = [term for term in final.impossible if final.joint_of(term.place.name) == joint]
-        base = beside(model.without(*curves, *imitating), joint)
+        base = _with_everyday(model.without(*curves, *imitating), joint)
         # a curve, or a body that cannot be, was no chance: something is there
         best, equals = _searched(efforts, base, joint, 0 if curves or imitating else len(joints))
         if best is None:
@@ -77,7 +85,7 @@ def proposals(final: FinalState, joints: Sequence[str]) -> Iterator[Proposal]:
         model = found.model
 
 
-def beside(model: EffortModel, joint: str) -> EffortModel:
+def _with_everyday(model: EffortModel, joint: str) -> EffortModel:
     """Return the model with what every drive has free at a joint, whether it was needed beside a curve or not."""
     there = {term.law.physics for term in model.terms if term.place.name == joint}
     families = {term.law.family for term in model.terms if term.place.name == joint and term.law.family}
@@ -103,7 +111,7 @@ def _searched(
     for term in library(at, joint):
         one = Formula.of(joint, (term,), at)
         singles += [(one, dict(zip(one.settled, values, strict=True))) for values in tried(term, at, joint)]
-    wider = with_columns(efforts, base, place, singles)
+    wider = _with_columns(efforts, base, place, singles)
     terms = wider.problem.candidates[-len(singles) :]
     pool: list[_Tried] = []
     best = _Tried(Formula.of(joint, (), at), base, held_out(base))
@@ -135,7 +143,7 @@ def _extended(
     efforts: PreparedEfforts, best: _Tried, base: EffortModel, terms: Sequence[EffortCandidate], places: int
 ) -> Iterator[_Tried]:
     """Yield formulas of one more term that save most, if chance would save less, each with its best parameters."""
-    model = with_columns(efforts, best.model, terms[0].place, ())
+    model = _with_columns(efforts, best.model, terms[0].place, ())
     ranked, limit = scores(model.in_problem(model.problem.only(terms)), evenly=True)
     certain = not places and not best.formula.terms
     if not certain and not min((one.log_chance for one in ranked), default=0.0) < limit - np.log(max(places, 1)):
@@ -154,13 +162,13 @@ def _fitted(efforts: PreparedEfforts, best: _Tried, base: EffortModel, term: Ter
     formula = Formula.of(best.formula.joint, (*best.formula.terms, term), efforts.at)
     before = best.model.terms[-1].values if best.formula.terms else {}
     own = dict(zip(formula.settled, (*before.values(), *values), strict=True))
-    model = with_columns(efforts, base, formula.places(efforts.at.mechanism)[0], [(formula, own)])
+    model = _with_columns(efforts, base, formula.places(efforts.at.mechanism)[0], [(formula, own)])
     model = model.with_term(model.problem.candidates[-1])
     model = optimised(efforts, model, [len(model.terms) - 1])
     return _Tried(formula, model, held_out(model))
 
 
-def with_columns(
+def _with_columns(
     efforts: PreparedEfforts, model: EffortModel, place: Place, laws: Sequence[tuple[EffortLaw, Mapping[str, float]]]
 ) -> EffortModel:
     """Return the model in a problem with further laws at values among its candidates, the last ones."""
@@ -175,7 +183,7 @@ def with_columns(
 def _proposal(final: FinalState, found: _Tried, equals: Sequence[_Tried], before: Array, with_curve: Array) -> Proposal:
     """Return what is told of a formula. before, with_curve (B,): held-out squares without it, and with the curve."""
     state = final.with_model(found.model)
-    term = next(term for term in state.model.terms if term.law is found.formula)
+    term = found.term_of(state.model)
     values = dict(term.law.fitted(term.place, state.x[state.model.slice_of(term)], term.values))
     parameters = parameters_of(state, term, values)
     law = found.formula.with_values(values, {name: item.interval for name, item in parameters.items()})
@@ -200,18 +208,9 @@ def _proposal(final: FinalState, found: _Tried, equals: Sequence[_Tried], before
     )
 
 
-def _values(one: _Tried) -> dict[str, float]:
-    """Return the parameters of a formula as its model fits them."""
-    term = one.model.terms[_place(one)]
-    return dict(term.law.fitted(term.place, fit(one.model)[0][one.model.slice_of(term)], term.values))
-
-
-def _place(one: _Tried) -> int:
-    return next(index for index, term in enumerate(one.model.terms) if term.law is one.formula)
-
-
 def _equal(one: _Tried, found: _Tried) -> EqualFormula:
-    values = _values(one)
+    term = one.term_of(one.model)
+    values = dict(term.law.fitted(term.place, fit(one.model)[0][one.model.slice_of(term)], term.values))
     law = one.formula.with_values(values, {})
     return EqualFormula(law.told_at(values), one.formula.size, one.total - found.total, law)
 
@@ -301,3 +300,60 @@ def _other_motions(at: InMotion) -> Iterator[tuple[str, InMotion]]:
         )
         with suppress(InputError):
             yield words, InMotion.of(at.mechanism, other)
+
+
+# -- formulas of another recording -------------------------------------------------------------------------------------
+
+
+def judged(final: FinalState, findings: Sequence[Finding]) -> Iterator[Judged]:
+    """Yield what this recording says of each proposed formula that was brought along: confirmed, refuted or neither."""
+    for law in EFFORT_LAWS:
+        if not isinstance(law, JointFormula):
+            continue
+        place = next(iter(law.places(final.mechanism)), None)
+        if place is None:
+            yield Judged(law.physics, "neither", f"this robot has no driven joint {law.joint}")
+            continue
+        word, why = _judged(final, law, place, findings)
+        yield Judged(law.physics, word, "; ".join((why, *law.left_range(final.at))))
+
+
+def _judged(final: FinalState, law: JointFormula, place: Place, findings: Sequence[Finding]) -> tuple[str, str]:
+    if final.motion.standing or not law.acts(place, final.at):
+        return "neither", "what it follows does not move in this recording"
+    values = law.starts(place, final.mechanism)[0]
+    whole = law.at_values(values)
+    added = final.efforts.at_kept(whole.efforts_per(place, {}, final.at)[..., 0])
+    size = np.sqrt(np.mean(added**2, axis=0))
+    if not shows(size, final.noise_sizes):
+        return "neither", "in this motion it would be less than the noise of a sample"
+    own = [term for term in final.model.terms if term.law is law]
+    curves = [term for term in final.model.terms if term.law.is_curve and term.place.name == law.joint]
+    base = _with_everyday(final.model.without(*own, *curves), law.joint)
+    model = _with_columns(final.efforts, base, place, [(whole, {})])
+    model = model.with_term(model.problem.candidates[-1])
+    saved, sure = relative_gain(held_out(base), held_out(model))
+    if not (sure > SURE and saved > 0):
+        return "refuted", "without it no more is left of the efforts"
+    state = final.with_model(model)
+    where = state.model.slice_of(state.model.terms[-1])
+    _, covariance, degrees = state.covariances
+    share, deviation = float(state.x[where][0]), float(np.sqrt(covariance[where, where][0, 0]))
+    reach = np.hypot(SURE * deviation, SURE / WITHIN_95 * _interval(law, values))
+    interval = student_95(degrees) * deviation
+    told = f"of it {number(100 * share, 3)} ± {number(100 * interval, 2)} % is there (95 %)"
+    if abs(share - 1) > max(LITTLE, reach):
+        return "refuted", told
+    events = {interval.finding().statement for interval in final.outliers}  # of this recording alone
+    left = [item for item in findings if item.physics == "unknown" and item.location == law.joint]
+    left = [item for item in left if item.statement not in events]
+    if left:
+        return "refuted", f"{told}, but beside it more is left: {left[0].statement}"
+    return "confirmed", told
+
+
+def _interval(law: JointFormula, values: Mapping[str, float]) -> float:
+    """Return by which share its largest coefficient is known, as half of the 95 % interval."""
+    first = max(law.linear, key=lambda name: abs(values[name]))
+    low, high = law.found.get(first, (values[first], values[first]))
+    return 0.5 * abs(high - low) / max(abs(values[first]), np.finfo(float).tiny)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...laws.efforts.effort_law import joint_unit
 from ...laws.efforts.variables import VARIABLES, variable_of
 from ...spatial import Array
 from .diagnosis import EffortCurve
@@ -115,8 +116,7 @@ def curves_of(final: FinalState) -> Iterator[EffortCurve]:
             own = own + _effort_of(final, other)[:, column] * final.scale[column]
         x = variable_of(final.at, joint, variable)[efforts.kept]
         drawn = _means(x[good], (left[:, column] + own)[good], None if curve or not own.any() else own[good])
-        driven = final.mechanism.joint(joint)
-        unit = VARIABLES[variable][1 if driven.slides else 0]
+        unit = joint_unit(VARIABLES[variable], joint, final.mechanism)
         yield EffortCurve(joint, variable, *drawn, unit, final.units[column])
 
 

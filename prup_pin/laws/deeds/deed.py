@@ -8,7 +8,7 @@ two changed values of one module are one other module.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -21,8 +21,6 @@ from ...spatial import Array
 
 if TYPE_CHECKING:
     from ..setup import Setup
-
-__all__ = ["BLOCK", "RUN", "Deed", "History", "Moment", "Solved"]
 
 #: How long a deed remembers: while the actuators stand still, or for a whole run.
 BLOCK, RUN = "block", "run"
@@ -110,9 +108,17 @@ class Deed(ABC):
         return None
 
     @classmethod
-    @abstractmethod
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
+        """Yield the parts of what deeds of this kind do to what is watched, each (n, R), from the solved setup on."""
+        yield from ()
+
+    @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:
         """Return what is watched (n, R) from the solved setup to another one, by deeds of this kind; None: nothing."""
+        total: Array | None = None
+        for change in cls.changes(setup, at):
+            total = change if total is None else total + change
+        return total
 
     @classmethod
     def history(cls, setup: Setup, samples: np.ndarray, chain: Chain, before: Any) -> History | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -16,8 +17,6 @@ from .yielding import YieldingJoint, yield_of
 
 if TYPE_CHECKING:
     from ..setup import Setup
-
-__all__ = ["ExtraTilt"]
 
 #: Components, of a module's six, of the tilts across a joint.
 _ACROSS = slice(3, 5)
@@ -39,9 +38,8 @@ class ExtraTilt(Deed):
         setup.strains.setdefault(yielding_module(self.joint, "across"), []).append(self.strain)
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
-        """Return what tilts joints that were rigid; of those that were not it is a strain of their module."""
-        total: Array | None = None
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
+        """Yield what tilts joints that were rigid; of those that were not it is a strain of their module."""
         for joint, way in setup.yielding:
             name = yielding_module(joint, way)
             if name in at.first.rows or name not in setup.strains:
@@ -49,6 +47,4 @@ class ExtraTilt(Deed):
             moment, by = at.first.once(("tilts", joint), partial(yield_of, at, joint, way))
             load = np.zeros((len(moment), 6))
             load[:, _ACROSS] = moment
-            change = (by @ extent_of(setup, name, load, at.samples)[:, _ACROSS, None])[..., 0]
-            total = change if total is None else total + change
-        return total
+            yield (by @ extent_of(setup, name, load, at.samples)[:, _ACROSS, None])[..., 0]

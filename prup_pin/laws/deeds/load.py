@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -15,8 +15,6 @@ from .deed import Deed, Solved
 
 if TYPE_CHECKING:
     from ..setup import Setup
-
-__all__ = ["ScaledMass", "ToolLoad", "ToolSpring", "Weight", "WrenchReading"]
 
 #: Share of the weight by which its effect is differentiated.
 _LIGHT = 1e-3
@@ -38,8 +36,8 @@ class WrenchReading(Deed):
         setup.sensed = self.true(setup.sensed)
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
-        return _by_wrench(setup.sensed, at.setup.sensed, at)
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
+        yield from _by_wrench(setup.sensed, at.setup.sensed, at)
 
 
 def _true_at(reported: Array, true: Callable[[Array], Array], rows: np.ndarray) -> Array:
@@ -68,8 +66,8 @@ class ToolLoad(Deed):
         return ""
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
-        return _by_wrench(setup.unsensed, at.setup.unsensed, at)
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
+        yield from _by_wrench(setup.unsensed, at.setup.unsensed, at)
 
 
 @dataclass(frozen=True)
@@ -86,22 +84,20 @@ class ToolSpring(Deed):
         setup.springs.append(self)
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
         if setup.springs == at.setup.springs:
-            return None
+            return
         point = at.first.found.tool[:, :3, 3]
         force = np.zeros_like(point)
         for sign, springs in ((1.0, setup.springs), (-1.0, at.setup.springs)):
             for spring in springs:
                 force += sign * (np.array(spring.slack) - point) @ np.array(spring.stiffness).T
-        return (at.first.by_wrench[:, :, :3] @ force[..., None])[..., 0]
+        yield (at.first.by_wrench[:, :, :3] @ force[..., None])[..., 0]
 
 
-def _by_wrench(new: Array, old: Array, at: Solved) -> Array | None:
-    if new is old:
-        return None
-    more = new[at.samples] - old[at.samples]
-    return (at.first.by_wrench @ more[..., None])[..., 0] if np.any(more) else None
+def _by_wrench(new: Array, old: Array, at: Solved) -> Iterator[Array]:
+    if new is not old and np.any(more := new[at.samples] - old[at.samples]):
+        yield (at.first.by_wrench @ more[..., None])[..., 0]
 
 
 @dataclass(frozen=True)
@@ -120,18 +116,19 @@ class Weight(Deed):
         return ""
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
         new, old = (setup.weight, setup.spread_weight), (at.setup.weight, at.setup.spread_weight)
         if new == old:
-            return None
+            return
         (share, spread), (before, was_spread) = new, old
         if share == 0 or before == 0 or spread == was_spread:
             kind = spread if share else was_spread
-            return (share - before) * at.first.once(("weight", kind), partial(_by_weight, at, kind))
+            yield (share - before) * at.first.once(("weight", kind), partial(_by_weight, at, kind))
+            return
         now = at.first.found.conditions
         gravity, inertia = share * at.setup.gravity(at.samples), at.setup.inertia(at.samples)
         inertia = None if inertia is None else share * inertia
-        return at.first.by_conditions(replace(now, gravity=gravity, inertia=inertia, spread_weight=spread))
+        yield at.first.by_conditions(replace(now, gravity=gravity, inertia=inertia, spread_weight=spread))
 
 
 @dataclass(frozen=True)
@@ -150,17 +147,11 @@ class ScaledMass(Deed):
         return ""
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
         new, old = setup.mass_factors, at.setup.mass_factors
-        if new == old or not at.setup.weight:
-            return None
-        total: Array | None = None
-        for link in {**new, **old}:
-            step = new.get(link, 1.0) - old.get(link, 1.0)
-            if step:
-                change = step * at.first.once(("mass", link), partial(_by_mass, at, link))
-                total = change if total is None else total + change
-        return total
+        for link in {**new, **old} if at.setup.weight else ():
+            if step := new.get(link, 1.0) - old.get(link, 1.0):
+                yield step * at.first.once(("mass", link), partial(_by_mass, at, link))
 
 
 def _by_mass(at: Solved, name: str) -> Array:

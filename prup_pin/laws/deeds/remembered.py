@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,6 @@ from .strain import Strain, Strains
 
 if TYPE_CHECKING:
     from ..setup import Setup
-
-__all__ = ["RememberedStrain"]
 
 #: A history that moves by less than 1e-7 of this stands still [m, rad].
 _UNIT = 1e-3
@@ -51,19 +49,16 @@ class RememberedStrain(Deed):
         return _Remembering(setup, samples, before) if setup.remembered else None
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
         if setup.remembered == at.setup.remembered:
-            return None
-        total: Array | None = None
+            return
         for sign, deeds in ((1.0, setup.remembered), (-1.0, at.setup.remembered)):
             for deed in deeds:
                 elastic = at.first.once(
                     ("elastic", deed.module), partial(elastic_deformation, at.first.found, deed.module)
                 )
                 strain, _ = deed.follow(elastic, at.moment.time, at.moment.runs, None)
-                change = sign * (at.first.by_strain(deed.module) @ strain[..., None])[..., 0]
-                total = change if total is None else total + change
-        return total
+                yield sign * (at.first.by_strain(deed.module) @ strain[..., None])[..., 0]
 
 
 class _Remembering(History):

@@ -10,12 +10,10 @@ import numpy as np
 
 from ...mechanism import Changes
 from ...spatial import Array, cross, placement
-from .deed import Deed, Solved
+from .deed import Deed
 
 if TYPE_CHECKING:
     from ..setup import Setup
-
-__all__ = ["Moved", "PoseReport", "Wandering"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +117,3 @@ class PoseReport(Deed):
             else:
                 found.append(report)
         return found
-
-    @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
-        return None

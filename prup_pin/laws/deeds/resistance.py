@@ -6,7 +6,7 @@ with the equilibria's own derivatives, and both are repeated until they agree.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,8 +20,6 @@ from .deed import BLOCK, Deed, History, Solved
 
 if TYPE_CHECKING:
     from ..setup import Setup
-
-__all__ = ["JointResistance"]
 
 _SWEEPS = 60
 #: Rounds in which joints that slide are guessed before sweeps look for them, and those in which all may change.
@@ -63,9 +61,9 @@ class JointResistance(Deed):
         return _Resisting(setup, samples, chain, before) if setup.resistances else None
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
         if setup.resistances == at.setup.resistances:
-            return None
+            return
         first, chain = at.first, at.first.chain
         before = np.zeros((len(at.samples), len(chain.free)))
         solved = at.histories.get(cls)
@@ -85,7 +83,7 @@ class JointResistance(Deed):
                 first.once("relaxed", lambda: _relaxed(first.found, at.moment.blocks))[:, new.dofs],
             )
             after = new.on_joints(torques)
-        return (first.by_row[:, :, : before.shape[1]] @ (after - before)[..., None])[..., 0]
+        yield (first.by_row[:, :, : before.shape[1]] @ (after - before)[..., None])[..., 0]
 
 
 class Slid(NamedTuple):

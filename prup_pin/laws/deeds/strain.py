@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,8 +14,6 @@ from .deed import Deed, Solved
 
 if TYPE_CHECKING:
     from ..setup import Setup
-
-__all__ = ["Along", "ExtraStrain", "Strain", "Strains", "extent_of"]
 
 
 class Strain(NamedTuple):
@@ -64,21 +62,15 @@ class ExtraStrain(Deed):
         setup.strains.setdefault(self.module, []).append(self.strain)
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
-        old = at.setup.strains
-        if not setup.strains and not old:
-            return None
-        total: Array | None = None
-        for name in {**setup.strains, **old}:
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
+        for name in {**setup.strains, **at.setup.strains}:
             if name not in at.first.rows:
                 continue
             load = at.first.loads(name)
             extra = extent_of(setup, name, load, at.samples)
             extra = extra - at.first.once(("strain", name), partial(extent_of, at.setup, name, load, at.samples))
             if np.any(extra):
-                change = (at.first.by_strain(name) @ extra[..., None])[..., 0]
-                total = change if total is None else total + change
-        return total
+                yield (at.first.by_strain(name) @ extra[..., None])[..., 0]
 
 
 def extent_of(setup: Setup, module: str, load: Array, samples: np.ndarray) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,6 @@ from .deed import Deed, Solved
 
 if TYPE_CHECKING:
     from ..setup import Setup
-
-__all__ = ["ChangedLength", "MovedJoint", "MovedLoopEnd", "Travel"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,15 +48,11 @@ class Travel(Deed):
         return ""
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
-        if setup.travel is at.setup.travel:
-            return None
-        travel = setup.travel[at.samples] - at.setup.travel[at.samples]
-        total: Array | None = None
-        for column in np.flatnonzero(travel.any(axis=0)).tolist():
-            change = at.first.by_travel(column) * travel[:, column, None]
-            total = change if total is None else total + change
-        return total
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
+        if setup.travel is not at.setup.travel:
+            travel = setup.travel[at.samples] - at.setup.travel[at.samples]
+            for column in np.flatnonzero(travel.any(axis=0)).tolist():
+                yield at.first.by_travel(column) * travel[:, column, None]
 
 
 @dataclass(frozen=True)
@@ -77,17 +71,11 @@ class ChangedLength(Deed):
         return ""
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
         old = at.setup.parameters
-        if setup.parameters == old:
-            return None
-        total: Array | None = None
         for name in {**setup.parameters, **old}:
-            step = setup.parameters.get(name, at.lengths[name]) - old.get(name, at.lengths[name])
-            if step:
-                change = step * at.first.once(("length", name), partial(_by_length, at, name))
-                total = change if total is None else total + change
-        return total
+            if step := setup.parameters.get(name, at.lengths[name]) - old.get(name, at.lengths[name]):
+                yield step * at.first.once(("length", name), partial(_by_length, at, name))
 
 
 def _by_length(at: Solved, name: str) -> Array:
@@ -123,7 +111,7 @@ class MovedJoint(Deed):
         return ""
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
         return _by_offsets(setup.offsets, at.setup.offsets, at.first.by_joint)
 
 
@@ -150,16 +138,17 @@ class MovedLoopEnd(Deed):
         return ""
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
         return _by_offsets(setup.loop_offsets, at.setup.loop_offsets, lambda key: at.first.by_loop_end(*key))
 
 
 _STILL = np.zeros(6)
 
 
-def _by_offsets(new: Mapping[Any, Array], old: Mapping[Any, Array], by_place: Callable[[Any], Array]) -> Array | None:
-    """Return what is watched by displaced places, (n, R), with `by_place` (n, R, 6) of each."""
-    total: Array | None = None
+def _by_offsets(
+    new: Mapping[Any, Array], old: Mapping[Any, Array], by_place: Callable[[Any], Array]
+) -> Iterator[Array]:
+    """Yield what is watched by displaced places, (n, R), with `by_place` (n, R, 6) of each."""
     for key in {**new, **old}:
         after, before = new.get(key, _STILL), old.get(key, _STILL)
         if after is before:
@@ -167,6 +156,4 @@ def _by_offsets(new: Mapping[Any, Array], old: Mapping[Any, Array], by_place: Ca
         step = after - before
         axes = np.flatnonzero(step)  # the others may be such that no loop closes
         if len(axes):
-            change = by_place(key)[..., axes] @ step[axes]
-            total = change if total is None else total + change
-    return total
+            yield by_place(key)[..., axes] @ step[axes]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -17,8 +17,6 @@ from .deed import Deed, Solved
 
 if TYPE_CHECKING:
     from ..setup import Setup
-
-__all__ = ["ChangedValue"]
 
 #: Share of a value by which a beam's law is differentiated.
 _STEP = 1e-5
@@ -44,15 +42,10 @@ class ChangedValue(Deed):
         return ""
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
-        old = at.setup.values
-        if setup.values == old:
-            return None
-        total = np.zeros((len(at.samples), at.first.by_row.shape[1]))
-        for module, quantities in _changed(setup, old).items():
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
+        for module, quantities in _changed(setup, at.setup.values).items():
             question = tuple(quantities.items())
-            total += at.first.latest(("value", module), question, partial(_by_values, module, quantities, at))
-        return total
+            yield at.first.latest(("value", module), question, partial(_by_values, module, quantities, at))
 
 
 def _changed(setup: Setup, old: Mapping[str, float]) -> dict[str, dict[str, float]]:

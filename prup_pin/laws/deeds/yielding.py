@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -15,8 +15,6 @@ from .deed import Deed, Solved
 
 if TYPE_CHECKING:
     from ..setup import Setup
-
-__all__ = ["YieldingJoint", "tilting_matrix", "yield_of", "yielding_values"]
 
 
 @dataclass(frozen=True)
@@ -41,18 +39,13 @@ class YieldingJoint(Deed):
         return ""
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
         new, old = setup.yielding, at.setup.yielding
-        if new == old:
-            return None
-        total: Array | None = None
         for joint, way in {**new, **old}:
             nothing = (0.0,) * (3 if way == "across" else 1)
             step = np.subtract(new.get((joint, way), nothing), old.get((joint, way), nothing))
             if step.any():
-                change = at.first.once(("yields", joint, way), partial(_by_compliance, at, joint, way)) @ step
-                total = change if total is None else total + change
-        return total
+                yield at.first.once(("yields", joint, way), partial(_by_compliance, at, joint, way)) @ step
 
 
 def _by_compliance(at: Solved, joint: str, way: str) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING
@@ -17,8 +18,6 @@ from .deed import Deed, Solved
 
 if TYPE_CHECKING:
     from ..setup import Setup
-
-__all__ = ["YieldingBase", "base_motion", "carried_along"]
 
 
 @dataclass(frozen=True)
@@ -37,10 +36,10 @@ class YieldingBase(Deed):
         setup.base = own if setup.base is None else setup.base + own
 
     @classmethod
-    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
         new, old = setup.base, at.setup.base
         if new is None and old is None:
-            return None
+            return
         found, structure = at.first.found, at.first.chain.structure
         placements = found.evaluation.placements
         before = at.first.once("base", partial(base_motion, at.setup, at.samples, structure, placements))
@@ -57,7 +56,7 @@ class YieldingBase(Deed):
         for frame in at.first.frames:
             point = (placements[:, frame.joint] @ frame.placement)[:, :3, 3]
             parts += [moved[:, :3] + cross(moved[:, 3:], point), moved[:, 3:]]
-        return np.concatenate(parts, axis=1)
+        yield np.concatenate(parts, axis=1)
 
 
 def base_motion(setup: Setup, samples: np.ndarray, structure: Structure, placements: Array) -> Array:

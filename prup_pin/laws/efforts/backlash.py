@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from ...numbers import number, quantity
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import MovingEffortLaw, in_units, way_unit
+from .effort_law import MovingEffortLaw, columns_along, joint_unit
 
 #: Shares of a joint's travel among which the gap is looked for.
 _SHARES = (5e-4, 2e-3, 8e-3, 3e-2)
@@ -36,10 +35,6 @@ class LostLoad(MovingEffortLaw):
         Quantity("share", "", "of the load that is lost in the gap", 1.0, positive=False, upper=1.5),
         Quantity("gap", "rad", "from flank to flank", 1e-3, upper=10.0),
     )
-    neutral: ClassVar = {"share": 0.0}
-
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return in_units(self.quantities, ["", way_unit(place, mechanism)])
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         travel = float(np.ptp(at.position(place.name)))
@@ -50,10 +45,11 @@ class LostLoad(MovingEffortLaw):
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         lost = at.loose(place.name, values["gap"]) * at.effort_of(place.name, at.borne)
-        return -at.along(place.name, lost)[..., None]
+        return -columns_along(at, place.name, lost)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        gap = quantity(values["gap"], joint_unit("rad", place.name, mechanism))
         return (
-            f"{place.name} has {quantity(values['gap'], way_unit(place, mechanism))} of backlash, in which the drive "
-            f"loses {number(100 * values['share'], 3)} % of its load"
+            f"{place.name} has {gap} of backlash, in which the drive loses "
+            f"{number(100 * values['share'], 3)} % of its load"
         )

@@ -13,7 +13,7 @@ from ...numbers import number, quantity
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import EFFORT, MovingEffortLaw, effort_unit, in_units, way_unit
+from .effort_law import EFFORT, MovingEffortLaw, columns_along, joint_unit
 
 #: Most periods in a joint's travel that are looked for: so many waves have nothing in common. Of these some are taken.
 _MOST, _TAKEN = 400.0, 3
@@ -48,13 +48,8 @@ class Periodic(MovingEffortLaw):
         Quantity("sine", "N m", "amplitude of the sine", 1.0, positive=False, lower=-1e6),
         Quantity("period", "rad", "in the joint's position", 0.1, upper=1e3),
     )
-    neutral: ClassVar = {"cosine": 0.0, "sine": 0.0}
     #: Fewest periods in the joint's travel.
     fewest: ClassVar[float]
-
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        effort = effort_unit(place, mechanism)
-        return in_units(self.quantities, [effort, effort, way_unit(place, mechanism)])
 
     def scaled(self, values: Mapping[str, float], factors: Sequence[float]) -> Mapping[str, float]:
         count = max(values["count"] / float(factors[0]), self.fewest)
@@ -67,14 +62,12 @@ class Periodic(MovingEffortLaw):
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         phase = 2 * np.pi * at.position(place.name) / values["period"]
-        return np.stack([at.along(place.name, np.cos(phase)), at.along(place.name, np.sin(phase))], axis=-1)
+        return columns_along(at, place.name, np.cos(phase), np.sin(phase))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        size = float(np.hypot(values["cosine"], values["sine"]))
-        return (
-            f"an effort of {number(size, 3)} {effort_unit(place, mechanism)} at {place.name} comes back every "
-            f"{quantity(values['period'], way_unit(place, mechanism), 4)}"
-        )
+        size = number(float(np.hypot(values["cosine"], values["sine"])), 3)
+        effort, way = (joint_unit(unit, place.name, mechanism) for unit in ("N m", "rad"))
+        return f"an effort of {size} {effort} at {place.name} comes back every {quantity(values['period'], way, 4)}"
 
 
 class Cogging(Periodic):

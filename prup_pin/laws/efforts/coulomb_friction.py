@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 import numpy as np
 
 from ...dynamics import InMotion
-from ...mechanism import JointDynamics, Mechanism
+from ...mechanism import Mechanism
 from ...numbers import number, quantity
 from ...parameters import Quantity
 from ...spatial import Array
@@ -17,22 +16,19 @@ from .effort_law import (
     EFFORT,
     PRESLIDING,
     SMOOTHING,
+    DryFriction,
     JointEffortLaw,
     MovingEffortLaw,
-    effort_unit,
-    in_units,
-    other_ways,
-    speed_unit,
-    turning,
+    columns_along,
+    joint_unit,
     usual_way,
-    way_unit,
 )
 
 #: Shares of a recording in which a gear warms up.
 _WARMING = (0.15, 0.4, 1.0)
 
 
-class SlidingFriction(JointEffortLaw):
+class SlidingFriction(DryFriction, JointEffortLaw):
     """tau = f z tanh(|v| / v0), z = sign(v) while the joint moves; at rest friction takes any value up to f.
 
     After a reversal it turns round on a short way s: dz/dq = (sign(v) - z) / s (Dahl 1968). Far below v0 a film shears
@@ -46,97 +42,49 @@ class SlidingFriction(JointEffortLaw):
         "lubricant, seals and brake"
     )
     everywhere = True
-    family = "dry friction"
     linear = ("limit",)
     resists = linear
-    against = "speed"
-    settled = ("presliding", "smoothing")
-    optional = ("smoothing",)
-    one_sided = True
     quantities = (
         Quantity("limit", "N m", "effort that it takes to slide", 1.0, upper=1e6),
         PRESLIDING,
         SMOOTHING,
     )
-    neutral: ClassVar = {"limit": 0.0}
-
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return in_units(
-            self.quantities, [effort_unit(place, mechanism), way_unit(place, mechanism), speed_unit(place, mechanism)]
-        )
-
-    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        return [turning(at, place.name)]
-
-    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
-        return other_ways(at, place.name, values, ())
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return at.along(place.name, at.rubbing(place.name, values))[..., None]
-
-    def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
-        return sliding(place, values)
+        return columns_along(at, place.name, at.rubbing(place.name, values))
 
     def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return how_it_turns_round(place, values, mechanism)
+        # how it differs from a step at a reversal
+        way, speed = values.get("presliding", 0.0), values.get("smoothing", 0.0)
+        in_way, in_speed = (joint_unit(unit, place.name, mechanism) for unit in ("rad", "rad/s"))
+        told = [f"on a way of {quantity(way, in_way)}"] if way else []
+        told += [f"as a film shears below {quantity(speed, in_speed)}"] if speed else []
+        return f"at a reversal the dry friction of {place.name} turns round {' and '.join(told)}" if told else ""
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"{place.name} rubs: it takes {number(values['limit'], 3)} {effort_unit(place, mechanism)} to slide"
+        return f"{place.name} rubs: it takes {self.sized('limit', place, values, mechanism)} to slide"
 
 
-def sliding(place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
-    """Return the part of a dry friction that is the same however fast the joint slides."""
-    return {place.name: JointDynamics(friction=values["limit"])}
-
-
-def how_it_turns_round(place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-    """Return in words how dry friction differs from a step at a reversal; '' where it does not."""
-    way, speed = values.get("presliding", 0.0), values.get("smoothing", 0.0)
-    told = [f"on a way of {quantity(way, way_unit(place, mechanism))}"] if way else []
-    told += [f"as a film shears below {quantity(speed, speed_unit(place, mechanism))}"] if speed else []
-    return f"at a reversal the dry friction of {place.name} turns round {' and '.join(told)}" if told else ""
-
-
-class LoadedFriction(MovingEffortLaw):
+class LoadedFriction(DryFriction, MovingEffortLaw):
     """tau = (f + mu |tau_rigid|) sign(v): gears and guides rub more under load."""
 
     physics = "coulomb_friction"
     summary = "dry friction that grows with the load"
     remedy = "feed the friction at {place} forward in the controller, by its load; where it has grown, check the gear"
-    family = "dry friction"
     variant = f"{EFFORT} by load"
-    of_motion = True
     linear = ("limit", "share_of_load")
     resists = linear
-    against = "speed"
-    settled = ("presliding", "smoothing")
-    optional = ("smoothing",)
-    one_sided = True
     quantities = (
         Quantity("limit", "N m", "effort that it takes to slide without load", 1.0, positive=False, upper=1e6),
         Quantity("share_of_load", "", "of the effort that the drive passes on", 0.05, upper=10.0),
         PRESLIDING,
         SMOOTHING,
     )
-    neutral: ClassVar = {"limit": 0.0, "share_of_load": 0.0}
-
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        effort, way, speed = (unit(place, mechanism) for unit in (effort_unit, way_unit, speed_unit))
-        return in_units(self.quantities, [effort, "", way, speed])
-
-    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        return [turning(at, place.name)]
-
-    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
-        return other_ways(at, place.name, values, ())
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         direction = at.rubbing(place.name, values)
         load = np.abs(at.effort_of(place.name, at.rigid))
-        return np.stack([at.along(place.name, direction), at.along(place.name, load * direction)], axis=-1)
-
-    def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
-        return sliding(place, values)
+        return columns_along(at, place.name, direction, load * direction)
 
     def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         share = number(100 * values["share_of_load"], 3)
@@ -144,25 +92,21 @@ class LoadedFriction(MovingEffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (
-            f"{place.name} rubs: it takes {number(values['limit'], 3)} {effort_unit(place, mechanism)} to slide, and "
+            f"{place.name} rubs: it takes {self.sized('limit', place, values, mechanism)} to slide, and "
             f"{number(100 * values['share_of_load'], 3)} % of what the drive passes on"
         )
 
 
-class ColdFriction(MovingEffortLaw):
+class ColdFriction(DryFriction, MovingEffortLaw):
     """tau = (f + c exp(-t / T)) z, z the direction: a gear that warms up while it is recorded."""
 
     physics = "coulomb_friction"
     summary = "dry friction that falls as the gear warms up"
     remedy = "warm {place} up before it works, or feed its friction forward by how long it has run"
-    family = "dry friction"
     variant = f"{EFFORT} while it warms up"
-    of_motion = True
     linear = ("limit", "cold")
     resists = linear
-    against = "speed"
     settled = ("time", "presliding")
-    one_sided = True
     quantities = (
         Quantity("limit", "N m", "effort that it takes to slide when warm", 1.0, positive=False, upper=1e6),
         Quantity("cold", "N m", "beyond that at the start", 1.0, positive=False, upper=1e6),
@@ -170,11 +114,6 @@ class ColdFriction(MovingEffortLaw):
         Quantity("start", "s", "when the recording that told it begins", 0.0, positive=False, lower=-1e12, upper=1e12),
         PRESLIDING,
     )
-    neutral: ClassVar = {"limit": 0.0, "cold": 0.0}
-
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        effort = effort_unit(place, mechanism)
-        return in_units(self.quantities, [effort, effort, "s", "s", way_unit(place, mechanism)])
 
     def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
         # a little more when slow is a little more at the start, where that was slow
@@ -186,28 +125,22 @@ class ColdFriction(MovingEffortLaw):
         return [{"time": share * lasting, "start": begun, "presliding": way} for share in _WARMING]
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
-        scanned = {name: values[name] for name in ("time", "start", "presliding")}
         longest = float(np.ptp(at.motion.time))
-        times = [
-            {**scanned, "time": min(values["time"] * factor, longest)} for factor in (0.3, 0.6, 0.8, 1.25, 1.6, 3.0)
-        ]
-        return [*times, *other_ways(at, place.name, values, ("time", "start"))]
+        times = [min(values["time"] * factor, longest) for factor in (0.3, 0.6, 0.8, 1.25, 1.6, 3.0)]
+        return [*({**self.scanned_of(values), "time": time} for time in times), *super().closer(place, values, at)]
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         direction = at.dragged(place.name, values["presliding"])
         cold = np.exp(-np.maximum(at.motion.time - values["start"], 0.0) / values["time"])
-        return np.stack([at.along(place.name, direction), at.along(place.name, cold * direction)], axis=-1)
-
-    def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
-        return sliding(place, values)
+        return columns_along(at, place.name, direction, cold * direction)
 
     def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        cold = f"{number(values['cold'], 3)} {effort_unit(place, mechanism)}"
-        return f"{place.name} rubs by {cold} more at the start, as it warms up in {number(values['time'], 3)} s"
+        return f"{place.name} rubs by {self._cold(place, values, mechanism)}"
+
+    def _cold(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        more = self.sized("cold", place, values, mechanism)
+        return f"{more} more at the start, as it warms up in {number(values['time'], 3)} s"
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = effort_unit(place, mechanism)
-        return (
-            f"{place.name} rubs: it takes {number(values['limit'], 3)} {unit} to slide, and "
-            f"{number(values['cold'], 3)} {unit} more at the start, as it warms up in {number(values['time'], 3)} s"
-        )
+        limit, cold = self.sized("limit", place, values, mechanism), self._cold(place, values, mechanism)
+        return f"{place.name} rubs: it takes {limit} to slide, and {cold}"

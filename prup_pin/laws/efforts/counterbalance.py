@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import EFFORT, DrivenEffortLaw, effort_unit, in_units
+from .effort_law import EFFORT, DrivenEffortLaw, columns_along
 
 
 class Counterbalance(DrivenEffortLaw):
@@ -36,14 +35,13 @@ class Counterbalance(DrivenEffortLaw):
         )
         for name in ("cosine", "sine")
     )
-    neutral: ClassVar = {"cosine": 0.0, "sine": 0.0}
 
     def places(self, mechanism: Mechanism):
         return [place for place in super().places(mechanism) if mechanism.joint(place.name).turns]
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         angle = at.position(place.name)
-        return np.stack([at.along(place.name, np.cos(angle)), at.along(place.name, np.sin(angle))], axis=-1)
+        return columns_along(at, place.name, np.cos(angle), np.sin(angle))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         size = float(np.hypot(values["cosine"], values["sine"]))
@@ -65,19 +63,13 @@ class CounterbalanceSpring(DrivenEffortLaw):
         Quantity("stiffness", "N m/rad", "effort per position", 1.0, positive=False, lower=-1e9),
         Quantity("preload", "N m", "effort at zero", 1.0, positive=False, lower=-1e6),
     )
-    neutral: ClassVar = {"stiffness": 0.0, "preload": 0.0}
-
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        slides = mechanism.joint(place.name).slides
-        return in_units(self.quantities, ["N/m" if slides else "N m/rad", effort_unit(place, mechanism)])
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         position = at.position(place.name)
-        return np.stack([at.along(place.name, position), at.along(place.name, np.ones(len(at)))], axis=-1)
+        return columns_along(at, place.name, position, np.ones(len(at)))
 
     def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
         return {place.name: JointDynamics(stiffness=values["stiffness"], preload=values["preload"])}
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = "N/m" if mechanism.joint(place.name).slides else "N m/rad"
-        return f"a spring of {number(values['stiffness'], 3)} {unit} acts along {place.name}"
+        return f"a spring of {self.sized('stiffness', place, values, mechanism)} acts along {place.name}"

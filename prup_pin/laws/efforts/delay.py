@@ -13,8 +13,6 @@ from ...spatial import Array
 from ..law import Place
 from .effort_law import EffortLaw
 
-__all__ = ["Delay", "DelayOfAll", "Lagging", "of_all_drives"]
-
 #: One signal's delay imitates a little of whatever is wrong with its joint: it must save this share of the squares.
 #: What all signals share is a delay sooner.
 LATE = 0.1
@@ -65,7 +63,6 @@ class Delay(Lagging):
 
     linear = ("delay",)
     quantities = (Quantity("delay", "s", "age of the reported signal", 1e-3, upper=0.2),)
-    neutral: ClassVar = {"delay": 0.0}
 
 
 class DelayOfAll(Delay):

@@ -15,8 +15,6 @@ from . import EFFORT_LAWS
 from .effort_law import EffortLaw
 from .inertial_parameters import InertialParameters
 
-__all__ = ["EffortDeviation", "effects_of_deviations", "effort_deviations", "name_of_body"]
-
 _LINK = InertialParameters()
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -16,8 +15,6 @@ from ...spatial import Array
 from ..law import Place
 from .delay import Lagging, of_all_drives
 from .effort_law import DrivenEffortLaw
-
-__all__ = ["EffortFilter", "EffortsFilter", "low_passed"]
 
 
 def low_passed(values: Array, time_constant: float, step: float) -> Array:
@@ -55,7 +52,6 @@ class Filter(Lagging):
     source = "Oppenheim and Willsky, Signals and Systems, ch. 6"
     linear = ("time_constant",)
     quantities = (Quantity("time_constant", "s", "of the filter: 1 / (2 pi corner frequency)", 1e-3, upper=0.2),)
-    neutral: ClassVar = {"time_constant": 0.0}
 
     def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
         # noisy accelerations are smaller filtered, whatever is late: it is named where it shows beside a delay

@@ -12,12 +12,11 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Changes, JointDynamics, Mechanism
+from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Law, Place
 from ..setup import Setup
-
-__all__ = ["EFFORT", "Body", "EffortLaw", "driven_places", "motor_pairs", "moving_places"]
 
 #: Aspect of the places of these laws, which tells them from those of the pose channel.
 EFFORT = "effort"
@@ -86,6 +85,13 @@ class EffortLaw(Law):
     #: The kind of tolerance that says by how much its first parameter is off anyway.
     tolerance: ClassVar[str] = ""
 
+    def __init_subclass__(cls) -> None:
+        """Without any of its `linear` parameters a law changes nothing, unless it says otherwise."""
+        super().__init_subclass__()
+        linear = cls.__dict__.get("linear")
+        if isinstance(linear, tuple) and "neutral" not in cls.__dict__:
+            cls.neutral = dict.fromkeys(linear, 0.0)
+
     @abstractmethod
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         """Return the efforts (N, k, p) per unit of each of the p `linear` parameters; `values` holds the others."""
@@ -114,6 +120,10 @@ class EffortLaw(Law):
     def is_same(self, values: Mapping[str, float], other: Mapping[str, float]) -> bool:
         """Return whether it is there already where it has `other` scanned values; two may be there where it is not."""
         return True
+
+    def scanned_of(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return those of its parameters that are not linear."""
+        return {q.name: values[q.name] for q in self.quantities if q.name not in self.linear and q.name in values}
 
     def fitted(self, place: Place, coefficients: Array, values: Mapping[str, float]) -> Mapping[str, float]:
         """Return all parameters from the coefficients (p,) of a linear fit and the scanned values."""
@@ -215,29 +225,9 @@ SMOOTHING = Quantity(
 )
 
 
-def way_unit(place: Place, mechanism: Mechanism) -> str:
-    """Return the unit of the position of a joint."""
-    return "m" if mechanism.joint(place.name).slides else "rad"
-
-
 def usual_way(at: InMotion, joint: str) -> float:
     """Return the way on which a joint's friction turns round, where a search begins."""
     return _WAYS[0] * float(np.ptp(at.position(joint)))
-
-
-def turning(at: InMotion, joint: str) -> dict[str, float]:
-    """Return how a joint's friction turns round where a search begins: on a short way, and with a step."""
-    return {"presliding": usual_way(at, joint), "smoothing": 0.0}
-
-
-def other_ways(at: InMotion, joint: str, values: Mapping[str, float], scanned: Sequence[str]) -> list[dict[str, float]]:
-    """Return scanned values with other ways and speeds on which friction turns round."""
-    travel = float(np.ptp(at.position(joint)))
-    kept = {name: values[name] for name in (*scanned, "presliding", "smoothing") if name in values}
-    ways = [{**kept, "presliding": share * travel} for share in _WAYS[1:]]
-    usual = float(np.sqrt(np.mean(at.speed(joint) ** 2)))
-    speeds = [{**kept, "smoothing": share * usual} for share in _SPEEDS if "smoothing" in values]
-    return [*ways, *speeds]
 
 
 def moving_places(mechanism: Mechanism, variant: str) -> list[Place]:
@@ -267,22 +257,33 @@ def motor_pairs(mechanism: Mechanism) -> list[tuple[str, str]]:
     return pairs
 
 
-def effort_unit(place: Place, mechanism: Mechanism) -> str:
-    """Return the unit of the effort of a joint."""
-    return mechanism.joint(place.name).effort_unit
+def joint_unit(unit: str, joint: str, mechanism: Mechanism) -> str:
+    """Return a unit of a joint that turns, such as 'N m s/rad', as it is of this one: 'N s/m' of one that slides."""
+    if not mechanism.joint(joint).slides:
+        return unit
+    return unit.replace("N m", "N").replace("kg m^2", "kg").replace("rad", "m").replace("(N)", "N")
 
 
-def speed_unit(place: Place, mechanism: Mechanism) -> str:
-    """Return the unit of the speed of a joint."""
-    return "m/s" if mechanism.joint(place.name).slides else "rad/s"
+def columns_along(at: InMotion, joint: str, *parts: Array) -> Array:
+    """Return efforts (N,) along a joint as columns (N, k, p) of the drives' efforts."""
+    return np.stack([at.along(joint, part) for part in parts], axis=-1)
 
 
-def per_speed(place: Place, mechanism: Mechanism) -> str:
-    """Return the unit of a damping along a joint."""
-    return "N s/m" if mechanism.joint(place.name).slides else "N m s/rad"
+class OneJointLaw(EffortLaw):
+    """A law of one joint, or of several of a kind. Its quantities have the units of joints that turn."""
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        if not mechanism.joint(place.name).slides:
+            return self.quantities
+        return in_units(self.quantities, [joint_unit(q.unit, place.name, mechanism) for q in self.quantities])
+
+    def sized(self, name: str, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        """Return the value of a parameter with its unit there, '3.2 N m'."""
+        unit = next(q.unit for q in self.quantities_at(place, mechanism) if q.name == name)
+        return f"{number(values[name], 3)} {unit}"
 
 
-class JointEffortLaw(EffortLaw):
+class JointEffortLaw(OneJointLaw):
     """A law of one joint that may be driven or passive."""
 
     of_motion = True
@@ -294,7 +295,7 @@ class JointEffortLaw(EffortLaw):
         return at.moves(place.name) and at.shows(place.name)
 
 
-class DrivenEffortLaw(EffortLaw):
+class DrivenEffortLaw(OneJointLaw):
     """A law of one driven joint."""
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
@@ -311,6 +312,60 @@ class MovingEffortLaw(DrivenEffortLaw):
         return super().acts(place, at) and at.moves(place.name)
 
 
+class TwoJointLaw(EffortLaw):
+    """A law of two driven joints: its place is the one, its aspect says the other."""
+
+    #: What its aspect begins with, before the other joint.
+    beginning: ClassVar[str]
+
+    def is_named(self, place: Place) -> bool:
+        return place.aspect.startswith(self.beginning)
+
+    def other(self, place: Place) -> str:
+        """Return the other joint."""
+        return place.aspect.removeprefix(self.beginning)
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return [self.other(place)]
+
+    def acts(self, place: Place, at: InMotion) -> bool:
+        both = {place.name, self.other(place)}
+        return both <= set(at.driven) and all(at.moves(name) for name in both)
+
+    def along_both(self, at: InMotion, place: Place, ratio: float, parts: Sequence[Array]) -> Array:
+        """Return efforts (N,) along the joint, and `ratio` times as large along the other one, as columns (N, k, p)."""
+        other = self.other(place)
+        return np.stack([at.along(place.name, part) + at.along(other, ratio * part) for part in parts], axis=-1)
+
+
+class FrictionThatTurns(EffortLaw):
+    """What rubs turns round on a short way after the motion has, and may have no step there: by these two, settled."""
+
+    of_motion = True
+    one_sided = True
+    settled = ("presliding", "smoothing")
+    optional = ("smoothing",)
+
+    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
+        return [{"presliding": usual_way(at, place.name), "smoothing": 0.0}]
+
+    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
+        travel, kept = float(np.ptp(at.position(place.name))), self.scanned_of(values)
+        ways = [{**kept, "presliding": share * travel} for share in _WAYS[1:]]
+        usual = float(np.sqrt(np.mean(at.speed(place.name) ** 2)))
+        return [*ways, *({**kept, "smoothing": share * usual} for share in _SPEEDS if "smoothing" in kept)]
+
+
+class DryFriction(FrictionThatTurns):
+    """Dry friction of one joint, and what makes more of it: its `limit` is what a robot file has a word for."""
+
+    family = "dry friction"
+    against = "speed"
+
+    def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
+        return {place.name: JointDynamics(friction=values["limit"])}
+
+
 def in_units(quantities: Sequence[Quantity], units: Sequence[str]) -> tuple[Quantity, ...]:
-    """Return quantities with the units that fit a joint."""
+    """Return quantities with other units, one for each."""
     return tuple(replace(quantity, unit=unit) for quantity, unit in zip(quantities, units, strict=True))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
 from .delay import Delay, DelayOfAll
-from .effort_law import EFFORT, DrivenEffortLaw, effort_unit, in_units
+from .effort_law import EFFORT, DrivenEffortLaw, columns_along, joint_unit
 
 
 class EffortOffset(DrivenEffortLaw):
@@ -27,18 +26,14 @@ class EffortOffset(DrivenEffortLaw):
     linear = ("offset",)
     tolerance = "effort_bias"
     quantities = (Quantity("offset", "N m", "reported less true effort", 1.0, positive=False, lower=-1e6),)
-    neutral: ClassVar = {"offset": 0.0}
-
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return in_units(self.quantities, [effort_unit(place, mechanism)])
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return at.along(place.name, np.ones(len(at)))[..., None]
+        return columns_along(at, place.name, np.ones(len(at)))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (
             f"the effort reported for {place.name} is off by {number(values['offset'], 3, signed=True)} "
-            f"{effort_unit(place, mechanism)}"
+            f"{joint_unit('N m', place.name, mechanism)}"
         )
 
 
@@ -58,10 +53,9 @@ class EffortGain(DrivenEffortLaw):
     of_gain = True
     tolerance = "effort_gain"
     quantities = (Quantity("gain", "", "reported per true effort, less one", 0.05, positive=False, lower=-0.99),)
-    neutral: ClassVar = {"gain": 0.0}
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return at.along(place.name, at.effort_of(place.name, at.borne))[..., None]
+        return columns_along(at, place.name, at.effort_of(place.name, at.borne))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (
@@ -80,10 +74,10 @@ class EffortUnit(EffortGain):
     quantities = (Quantity("gain", "", "reported per true effort, less one", 0.05, positive=False, lower=-1e6),)
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return at.along(place.name, at.effort_of(place.name, at.predicted))[..., None]
+        return columns_along(at, place.name, at.effort_of(place.name, at.predicted))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = effort_unit(place, mechanism)
+        unit = joint_unit("N m", place.name, mechanism)
         return f"{place.name} reports {number(1 + values['gain'], 3)} for each {unit}, friction included"
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 from ...dynamics import InMotion
 from ...mechanism import Changes, Mechanism
@@ -13,7 +12,7 @@ from ...spatial import Array
 from ..law import Place
 from ..setup import Setup
 from .delay import Delay, DelayOfAll
-from .effort_law import DrivenEffortLaw, in_units, way_unit
+from .effort_law import DrivenEffortLaw, joint_unit
 
 #: Ages among which the best is looked for [s].
 _AGES = (8e-3, 28e-3)
@@ -28,10 +27,6 @@ class OffsetEncoder(DrivenEffortLaw):
     linear = ("offset",)
     tolerance = "encoder_offset"
     quantities = (Quantity("offset", "rad", "true position less the reported one", 1e-2, False, -0.25, 0.25),)
-    neutral: ClassVar = {"offset": 0.0}
-
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return in_units(self.quantities, [way_unit(place, mechanism)])
 
     def acts(self, place: Place, at: InMotion) -> bool:
         return place.name in at.motion.names
@@ -44,7 +39,7 @@ class OffsetEncoder(DrivenEffortLaw):
         return ()
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        off = quantity(values["offset"], way_unit(place, mechanism), signed=True)
+        off = quantity(values["offset"], joint_unit("rad", place.name, mechanism), signed=True)
         return f"the encoder of {place.name} is off by {off}"
 
 

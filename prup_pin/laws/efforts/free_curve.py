@@ -13,10 +13,8 @@ from ...mechanism import Mechanism
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import EffortLaw, effort_unit, usual_way
+from .effort_law import EffortLaw, columns_along, joint_unit, usual_way
 from .variables import SINCE_TURNING, VARIABLES, variable_of
-
-__all__ = ["CURVES", "ROUGH_CURVES", "FreeCurve", "curve_by_position"]
 
 #: Shares of a joint's travel on which friction that builds up on its way turns round.
 _WAYS = (0.01, 0.03, 0.1, 0.3, 1.0)
@@ -87,8 +85,7 @@ class FreeCurve(EffortLaw):
         return dict.fromkeys(self.linear, 0.0)
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        slides = mechanism.joint(place.name).slides
-        unit, effort = VARIABLES[self.variable][1 if slides else 0], effort_unit(place, mechanism)
+        unit, effort = (joint_unit(u, place.name, mechanism) for u in (VARIABLES[self.variable], "N m"))
         knots = [
             Quantity(f"at {index}", unit, f"{self.variable} at a knot", 0.0, positive=False, lower=-1e12, upper=1e12)
             for index in range(self.count)
@@ -121,11 +118,11 @@ class FreeCurve(EffortLaw):
         x = variable_of(at, place.name, self.variable)
         knots = np.array([values[f"at {index}"] for index in range(self.count)])
         if self.variable == SINCE_TURNING:
-            return np.stack([at.along(place.name, at.dragged(place.name, way)) for way in knots.tolist()], axis=-1)
+            return columns_along(at, place.name, *(at.dragged(place.name, way) for way in knots.tolist()))
         hats = np.array([np.interp(x, knots, row) for row in np.eye(len(knots))]).T
         turning = at.dragged(place.name, usual_way(at, place.name))
         both = np.concatenate(([] if self.friction else [hats]) + [hats * turning[:, None]], axis=1)
-        return np.stack([at.along(place.name, column) for column in both.T], axis=-1)
+        return columns_along(at, place.name, *both.T)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the {self.word} at {place.name} follows the joint's {self.variable} by no law known here"

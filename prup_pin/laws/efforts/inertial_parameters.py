@@ -60,7 +60,6 @@ class InertialParameters(EffortLaw):
         )
         for name, unit in zip(INERTIAL, _UNITS, strict=True)
     )
-    neutral: ClassVar = dict.fromkeys(INERTIAL, 0.0)
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return link_places(mechanism, self.variant)
@@ -121,7 +120,6 @@ class ScaledInertia(EffortLaw):
     linear = ("share",)
     body = Body.SCALED_LINK
     quantities = (Quantity("share", "", "of the drawn mass and inertia, beyond it", 0.1, positive=False, lower=-1.0),)
-    neutral: ClassVar = {"share": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         heavy = []
@@ -162,7 +160,6 @@ class AllLinks(EffortLaw):
     body: ClassVar[Body] = Body.ALL_LINKS
     everywhere: ClassVar[bool] = True
     quantities = ()
-    neutral: ClassVar = {}
 
     @property
     def linear(self) -> tuple[str, ...]:  # type: ignore[override]

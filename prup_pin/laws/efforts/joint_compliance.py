@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import ClassVar
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
@@ -33,7 +32,6 @@ class YieldingGear(MovingEffortLaw):
     one_sided = True
     linear = ("compliance",)
     quantities = (Quantity("compliance", "rad/(N m)", "turn of the gear per torque through it", 1e-5, upper=1.0),)
-    neutral: ClassVar = {"compliance": 0.0}
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         if not mechanism.joint(place.name).slides:

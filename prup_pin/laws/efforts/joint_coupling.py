@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -13,9 +12,17 @@ from ...numbers import number, quantity
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import EFFORT, PRESLIDING, EffortLaw, driven_places, effort_unit, in_units, usual_way, way_unit
-
-__all__ = ["FeltMotion", "FeltPosition", "SpringAcross"]
+from .effort_law import (
+    EFFORT,
+    PRESLIDING,
+    OneJointLaw,
+    TwoJointLaw,
+    columns_along,
+    driven_places,
+    in_units,
+    joint_unit,
+    usual_way,
+)
 
 _OF, _BY_POSITION, _SPRING = f"{EFFORT} of ", f"{EFFORT} by the position of ", f"{EFFORT} of a spring with "
 
@@ -28,8 +35,8 @@ def pairs(mechanism: Mechanism) -> list[tuple[str, str]]:
     return [(name, other) for name, other in before.items() if other is not None]
 
 
-class Coupled(EffortLaw):
-    """A law of two neighbours: its place is the one, its aspect says the other."""
+class Coupled(TwoJointLaw):
+    """A law of two neighbours."""
 
     physics = "transmission_coupling"
     remedy = (
@@ -37,25 +44,9 @@ class Coupled(EffortLaw):
         "the two joints together"
     )
     source = "Gautier and Khalil (1990); Khalil and Dombre, Modeling, Identification and Control of Robots, ch. 12"
-    #: What its aspect begins with, before the other joint.
-    beginning: ClassVar[str]
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(name, self.beginning + other) for pair in pairs(mechanism) for name, other in (pair, pair[::-1])]
-
-    def is_named(self, place: Place) -> bool:
-        return place.aspect.startswith(self.beginning)
-
-    def other(self, place: Place) -> str:
-        """Return the other joint."""
-        return place.aspect.removeprefix(self.beginning)
-
-    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
-        return [self.other(place)]
-
-    def acts(self, place: Place, at: InMotion) -> bool:
-        both = {place.name, self.other(place)}
-        return both <= set(at.driven) and all(at.moves(name) for name in both)
 
 
 class FeltMotion(Coupled):
@@ -76,11 +67,9 @@ class FeltMotion(Coupled):
         Quantity("inertia", "kg m^2", "per its acceleration", 0.1, positive=False, lower=-1e5, upper=1e5),
         PRESLIDING,
     )
-    neutral: ClassVar = {"limit": 0.0, "damping": 0.0, "inertia": 0.0}
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        other = Place(self.other(place))
-        effort, way = effort_unit(place, mechanism), way_unit(other, mechanism)
+        effort, way = joint_unit("N m", place.name, mechanism), joint_unit("rad", self.other(place), mechanism)
         both_turn = (effort, way) == ("N m", "rad")
         return in_units(
             self.quantities, [effort, f"{effort} s/{way}", "kg m^2" if both_turn else f"{effort} s^2/{way}", way]
@@ -99,7 +88,7 @@ class FeltMotion(Coupled):
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         other = self.other(place)
         parts = [at.dragged(other, values["presliding"]), at.speed(other), at.acceleration(other)]
-        return np.stack([at.along(place.name, part) for part in parts], axis=-1)
+        return columns_along(at, place.name, *parts)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         units = {q.name: q.unit for q in self.quantities_at(place, mechanism)}
@@ -124,10 +113,9 @@ class FeltPosition(Coupled):
         Quantity("stiffness", "N m/rad", "effort per position of the other", 1.0, positive=False, lower=-1e9),
         Quantity("preload", "N m", "effort at zero", 1.0, positive=False, lower=-1e6),
     )
-    neutral: ClassVar = {"stiffness": 0.0, "preload": 0.0}
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        effort, way = effort_unit(place, mechanism), way_unit(Place(self.other(place)), mechanism)
+        effort, way = joint_unit("N m", place.name, mechanism), joint_unit("rad", self.other(place), mechanism)
         return in_units(self.quantities, [f"{effort}/{way}", effort])
 
     def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
@@ -135,7 +123,7 @@ class FeltPosition(Coupled):
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         parts = [at.position(self.other(place)), np.ones(len(at))]
-        return np.stack([at.along(place.name, part) for part in parts], axis=-1)
+        return columns_along(at, place.name, *parts)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = self.quantities_at(place, mechanism)[0].unit
@@ -145,7 +133,7 @@ class FeltPosition(Coupled):
         )
 
 
-class SpringAcross(Coupled):
+class SpringAcross(Coupled, OneJointLaw):
     """tau_j = k u + f and tau_i = r tau_j, u = q_j + r q_i: a spring whose length u both joints change.
 
     Its efforts are the derivatives of the energy k u^2 / 2 + f u; it is slack at u = -f / k.
@@ -161,7 +149,6 @@ class SpringAcross(Coupled):
         Quantity("preload", "N m", "effort where both joints stand at zero", 1.0, positive=False, lower=-1e6),
         Quantity("ratio", "", "of its length per way of the other joint", 1.0, positive=False, lower=-10.0, upper=10.0),
     )
-    neutral: ClassVar = {"stiffness": 0.0, "preload": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         # with the ratio upside down it is the same of the other joint
@@ -170,10 +157,6 @@ class SpringAcross(Coupled):
             for name, other in pairs(mechanism)
             if mechanism.joint(name).slides == mechanism.joint(other).slides
         ]
-
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        slides = mechanism.joint(place.name).slides
-        return in_units(self.quantities, ["N/m" if slides else "N m/rad", effort_unit(place, mechanism), ""])
 
     def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
         both = (place.name, self.other(place))
@@ -191,10 +174,9 @@ class SpringAcross(Coupled):
         return {**values, "ratio": values["ratio"] * (factor if values["ratio"] > 0 else 1 / factor)}
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        other, ratio = self.other(place), values["ratio"]
-        length = at.position(place.name) + ratio * at.position(other)
-        parts = [length, np.ones(len(at))]
-        return np.stack([at.along(place.name, part) + at.along(other, ratio * part) for part in parts], axis=-1)
+        ratio = values["ratio"]
+        length = at.position(place.name) + ratio * at.position(self.other(place))
+        return self.along_both(at, place, ratio, [length, np.ones(len(at))])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         stiffness = quantity(values["stiffness"], self.quantities_at(place, mechanism)[0].unit)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -32,7 +31,6 @@ class Mounting(EffortLaw):
         Quantity(name, "m/s^2", f"gravity along the base's {name[1]}, beyond the robot file's", 0.1, False, -30.0, 30.0)
         for name in linear
     )
-    neutral: ClassVar = dict.fromkeys(linear, 0.0)
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("base", self.variant)] if mechanism.gravity.any() else []

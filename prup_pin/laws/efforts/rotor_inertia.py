@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
 
 from ...dynamics import InMotion
 from ...mechanism import JointDynamics, Mechanism
-from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import MovingEffortLaw, in_units
+from .effort_law import MovingEffortLaw, columns_along
 
 
 class RotorInertia(MovingEffortLaw):
@@ -26,17 +24,13 @@ class RotorInertia(MovingEffortLaw):
     linear = ("inertia",)
     one_sided = True
     quantities = (Quantity("inertia", "kg m^2", "of rotor and gears, seen at the joint", 0.1, upper=1e5),)
-    neutral: ClassVar = {"inertia": 0.0}
-
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return in_units(self.quantities, ["kg" if mechanism.joint(place.name).slides else "kg m^2"])
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return at.along(place.name, at.acceleration(place.name))[..., None]
+        return columns_along(at, place.name, at.acceleration(place.name))
 
     def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
         return {place.name: JointDynamics(armature=values["inertia"])}
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = "kg" if mechanism.joint(place.name).slides else "kg m^2"
-        return f"the drive of {place.name} accelerates {number(values['inertia'], 3)} {unit} of rotor and gears too"
+        inertia = self.sized("inertia", place, values, mechanism)
+        return f"the drive of {place.name} accelerates {inertia} of rotor and gears too"

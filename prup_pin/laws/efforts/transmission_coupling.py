@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
-
-import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
@@ -13,20 +10,10 @@ from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import (
-    EFFORT,
-    PRESLIDING,
-    SMOOTHING,
-    EffortLaw,
-    motor_pairs,
-    other_ways,
-    turning,
-)
-
-_WITH = f"{EFFORT} with "
+from .effort_law import EFFORT, PRESLIDING, SMOOTHING, FrictionThatTurns, TwoJointLaw, motor_pairs
 
 
-class TransmissionCoupling(EffortLaw):
+class TransmissionCoupling(FrictionThatTurns, TwoJointLaw):
     """A motor at speed u = v_j + r v_i rubs and has inertia along u: both joints feel it, the other one r times.
 
     Belts and differentials in a wrist. Friction and rotor inertia are diagonal in the motors' coordinates, not in the
@@ -36,12 +23,9 @@ class TransmissionCoupling(EffortLaw):
     physics = "transmission_coupling"
     summary = "a motor that moves with two joints"
     remedy = "enter this coupling of {place} in the controller's model, or measure the motors by their own encoders"
-    of_motion = True
-    settled = ("presliding", "smoothing")
-    optional = ("smoothing",)
+    beginning = f"{EFFORT} with "
     linear = ("limit", "damping", "inertia")
     resists = ("limit", "damping")
-    one_sided = True
     quantities = (
         Quantity("limit", "N m", "dry friction of the motor, seen at the joint", 1.0, positive=False, upper=1e6),
         Quantity("damping", "N m s/rad", "its viscous friction", 1.0, positive=False, upper=1e6),
@@ -52,45 +36,30 @@ class TransmissionCoupling(EffortLaw):
         PRESLIDING,
         SMOOTHING,
     )
-    neutral: ClassVar = {"limit": 0.0, "damping": 0.0, "inertia": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return [Place(name, _WITH + other) for name, other in motor_pairs(mechanism)]
-
-    def is_named(self, place: Place) -> bool:
-        return place.aspect.startswith(_WITH)
-
-    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
-        return [place.aspect.removeprefix(_WITH)]
+        return [Place(name, self.beginning + other) for name, other in motor_pairs(mechanism)]
 
     def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
         # two motors that rub alike are one that turns with their sum and one with their difference, by halves
-        both = (place.name, place.aspect.removeprefix(_WITH))
+        both = (place.name, self.other(place))
         return [(word, joint) for joint in both for word in ("coulomb_friction", "viscous_friction", "rotor_inertia")]
 
-    def acts(self, place: Place, at: InMotion) -> bool:
-        other = place.aspect.removeprefix(_WITH)
-        return {place.name, other} <= set(at.driven) and at.moves(place.name) and at.moves(other)
-
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        return [{"ratio": ratio, **turning(at, place.name)} for ratio in (1.0, -1.0)]
-
-    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
-        return other_ways(at, place.name, values, ("ratio",))
+        (turning,) = super().scanned(place, at)
+        return [{"ratio": ratio, **turning} for ratio in (1.0, -1.0)]
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        other, ratio = place.aspect.removeprefix(_WITH), values["ratio"]
+        other, ratio = self.other(place), values["ratio"]
         speed = at.speed(place.name) + ratio * at.speed(other)
         acceleration = at.acceleration(place.name) + ratio * at.acceleration(other)
         motor = at.travel({place.name: 1.0, other: ratio})
         dry = motor.direction(values["presliding"]) * at.set_in(speed, values.get("smoothing", 0.0))
-        parts = [dry, speed, acceleration]
-        return np.stack([at.along(place.name, part) + at.along(other, ratio * part) for part in parts], axis=-1)
+        return self.along_both(at, place, ratio, [dry, speed, acceleration])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        other = place.aspect.removeprefix(_WITH)
         return (
-            f"the motor of {place.name} turns {number(values['ratio'], 3, signed=True)} times with {other} "
+            f"the motor of {place.name} turns {number(values['ratio'], 3, signed=True)} times with {self.other(place)} "
             "too: friction "
             f"{number(values['limit'], 3)} N m and {number(values['damping'], 3)} N m s/rad, inertia "
             f"{number(values['inertia'], 3)} kg m^2 act on both"

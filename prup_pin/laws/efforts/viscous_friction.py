@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import EFFORT, JointEffortLaw, in_units, per_speed
+from .effort_law import EFFORT, JointEffortLaw, columns_along, joint_unit
 
 
 class Damping(JointEffortLaw):
@@ -31,19 +30,15 @@ class Damping(JointEffortLaw):
     against = "speed"
     one_sided = True
     quantities = (Quantity("damping", "N m s/rad", "effort per speed", 1.0, upper=1e9),)
-    neutral: ClassVar = {"damping": 0.0}
-
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return in_units(self.quantities, [per_speed(place, mechanism)])
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return at.along(place.name, at.speed(place.name))[..., None]
+        return columns_along(at, place.name, at.speed(place.name))
 
     def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
         return {place.name: JointDynamics(damping=values["damping"])}
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"{place.name} resists its speed, by {number(values['damping'], 3)} {per_speed(place, mechanism)}"
+        return f"{place.name} resists its speed, by {self.sized('damping', place, values, mechanism)}"
 
 
 class DirectedViscousFriction(JointEffortLaw):
@@ -62,15 +57,10 @@ class DirectedViscousFriction(JointEffortLaw):
         Quantity("damping_forwards", "N m s/rad", "effort per speed towards larger positions", 1.0, upper=1e9),
         Quantity("damping_backwards", "N m s/rad", "effort per speed towards smaller positions", 1.0, upper=1e9),
     )
-    neutral: ClassVar = {"damping_forwards": 0.0, "damping_backwards": 0.0}
-
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return in_units(self.quantities, 2 * [per_speed(place, mechanism)])
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         speed = at.speed(place.name)
-        parts = [at.along(place.name, np.maximum(speed, 0.0)), at.along(place.name, np.minimum(speed, 0.0))]
-        return np.stack(parts, axis=-1)
+        return columns_along(at, place.name, np.maximum(speed, 0.0), np.minimum(speed, 0.0))
 
     def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
         return {place.name: JointDynamics(damping=(values["damping_forwards"] + values["damping_backwards"]) / 2)}
@@ -79,11 +69,11 @@ class DirectedViscousFriction(JointEffortLaw):
         half = (values["damping_forwards"] - values["damping_backwards"]) / 2
         if not half:
             return ""
-        unit = per_speed(place, mechanism)
+        unit = joint_unit("N m s/rad", place.name, mechanism)
         return f"{place.name} resists by {number(half, 3, signed=True)} {unit} more forwards than said, less backwards"
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (
-            f"{place.name} resists its speed, by {number(values['damping_forwards'], 3)} {per_speed(place, mechanism)} "
+            f"{place.name} resists its speed, by {self.sized('damping_forwards', place, values, mechanism)} "
             f"forwards and {number(values['damping_backwards'], 3)} backwards"
         )

@@ -13,11 +13,9 @@ from ...dynamics import InMotion
 from ...mechanism import Mechanism
 from ...parameters import Quantity
 from ...spatial import Array
-from .joint_formula import JointFormula, with_defaults
+from .joint_formula import JointFormula
 from .known import KNOWN, composed
 from .shapes import SHAPES
-
-__all__ = ["Factor", "Formula", "Term", "library"]
 
 #: Beyond it no coefficient is one.
 _LARGEST = 1e12
@@ -193,10 +191,6 @@ class Formula(JointFormula):
         """One sentence."""
         names = dict.fromkeys(f"{factor.name} of {factor.joint}" for term in self.terms for factor in term.factors)
         return f"an effort at {self.joint} that follows the {' and the '.join(names)}"
-
-    def with_values(self, values: Mapping[str, float], found: Mapping[str, tuple[float, float]]) -> Formula:
-        """Return the formula with fitted values as defaults, and their 95 % intervals."""
-        return replace(self, quantities=with_defaults(self.quantities, values), found=found)
 
     def columns(self, at: InMotion, values: Mapping[str, float]) -> Sequence[Array]:
         return [

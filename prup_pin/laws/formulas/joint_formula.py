@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -15,14 +15,14 @@ from ...dynamics import InMotion
 from ...errors import InputError
 from ...mechanism import Mechanism
 from ...numbers import number, quantity
-from ...parameters import Quantity
 from ...spatial import Array
 from ..efforts.effort_law import EFFORT, EffortLaw
 from ..efforts.variables import VARIABLES
 from ..law import Law, Place
 from .known import KNOWN
 
-__all__ = ["JointFormula", "said_of", "told_in_numbers", "with_defaults"]
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 #: A place moves by this part of the way between its bounds where a size becomes e times as large: about a third of the
 #: range in which it may lie.
@@ -33,7 +33,52 @@ _MARGIN = 0.01
 _NOTHING = 1e-6
 
 
-class JointFormula(EffortLaw):
+class Proposed(Law):
+    """What a formula says of itself, be it an effort or a deformation."""
+
+    remedy = "look at {place} for what this formula describes, and record once more to confirm or refute it"
+    #: What it gives, in equations.
+    symbol: ClassVar[str]
+    #: In symbols, as 'c |v| v'.
+    equation: ClassVar[str]
+    #: The parameters to which it is in proportion.
+    linear: ClassVar[tuple[str, ...]]
+    #: The ends between which each variable was seen, by (variable, joint or module).
+    recorded: ClassVar[Mapping[tuple[str, str], tuple[float, float]]]
+    #: The 95 % interval of each parameter that was found.
+    found: ClassVar[Mapping[str, tuple[float, float]]]
+
+    def told_at(self, values: Mapping[str, float]) -> str:
+        """Return the equation in numbers: `linear` parameters in SI units, others in units without leading zeros."""
+        out = self.equation
+        for q in self.quantities:
+            value = values[q.name]
+            if q.name in self.linear:
+                told = number(value, 3)
+            elif not q.positive and abs(value) < _NOTHING * (q.upper - q.lower):
+                told = "0"
+            else:
+                told = quantity(value, q.unit, 3)
+            out = re.sub(rf"\b{q.name}\b", told, out)
+        return out.replace("+ -", "- ").replace("- -", "+ ")
+
+    def with_values(self, values: Mapping[str, float], found: Mapping[str, tuple[float, float]]) -> Self:
+        """Return the formula with fitted values as defaults, and their 95 % intervals."""
+        quantities = tuple(replace(q, default=values[q.name]) for q in self.quantities)
+        return replace(self, quantities=quantities, found=found)  # type: ignore[type-var]
+
+    @contextmanager
+    def blamed(self, name: str) -> Iterator[None]:
+        """Turn what goes wrong in a function of the formula, which people edit, into an InputError that names both."""
+        try:
+            yield
+        except (ArithmeticError, AttributeError, LookupError, NameError, TypeError, ValueError) as error:
+            raise InputError(
+                f"{self.physics}: '{name}' fails: {type(error).__name__}: {error}; correct the formula"
+            ) from error
+
+
+class JointFormula(Proposed, EffortLaw):
     """An effort along one joint as a sum of terms: what no law of the library gives, proposed from a recording.
 
     A subclass says its `joint`, its `columns`, and `recorded`: between which ends each variable of a joint was when it
@@ -42,17 +87,9 @@ class JointFormula(EffortLaw):
 
     variant = EFFORT
     named_before = True
-    #: What it gives, in equations.
-    symbol: ClassVar[str] = "tau"
-    remedy = "look at {place} for what this formula describes, and record once more to confirm or refute it"
+    symbol = "tau"
     #: Where it acts.
     joint: ClassVar[str]
-    #: In symbols, as 'c |v| v'.
-    equation: ClassVar[str]
-    #: The ends between which each variable was seen, by (variable, joint).
-    recorded: ClassVar[Mapping[tuple[str, str], tuple[float, float]]]
-    #: The 95 % interval of each parameter that was found.
-    found: ClassVar[Mapping[str, tuple[float, float]]]
 
     @abstractmethod
     def columns(self, at: InMotion, values: Mapping[str, float]) -> Sequence[Array]:
@@ -101,7 +138,7 @@ class JointFormula(EffortLaw):
 
     def _table(self, at: InMotion, values: Mapping[str, float]) -> Array:
         """Return the columns (N, p). Raises InputError where they are not one number a sample and coefficient."""
-        with said_of(self, "columns"):
+        with self.blamed("columns"):
             columns = [np.asarray(column, float) for column in self.columns(at, values)]
         expected = f"expected {len(at)} samples of {len(self.linear)}, one for each of {', '.join(self.linear)}"
         if any(column.ndim not in (1, 2) or len(column) != len(at) for column in columns):
@@ -121,10 +158,6 @@ class JointFormula(EffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place.name} follows {self.told_at(values)}"
-
-    def told_at(self, values: Mapping[str, float]) -> str:
-        """Return the equation in numbers."""
-        return told_in_numbers(self, values, self.linear)
 
     def at_values(self, values: Mapping[str, float]) -> EffortLaw:
         """Return the law of the formula at given values, of which only how much of it there is, is free."""
@@ -156,34 +189,3 @@ class _AtValues(EffortLaw):
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         return self.law.efforts(place, self.values, at)[..., None]
-
-
-@contextmanager
-def said_of(law: Law, name: str) -> Iterator[None]:
-    """Turn what goes wrong in a function of a formula, which people edit, into an InputError that names both."""
-    try:
-        yield
-    except (ArithmeticError, AttributeError, LookupError, NameError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{law.physics}: '{name}' fails: {type(error).__name__}: {error}; correct the formula"
-        ) from error
-
-
-def with_defaults(quantities: Iterable[Quantity], values: Mapping[str, float]) -> tuple[Quantity, ...]:
-    """Return parameters with values as their defaults."""
-    return tuple(replace(q, default=values[q.name]) for q in quantities)
-
-
-def told_in_numbers(law: Any, values: Mapping[str, float], linear: Sequence[str]) -> str:
-    """Return a law's equation in numbers: `linear` parameters in SI units, others in units without leading zeros."""
-    out = law.equation
-    for q in law.quantities:
-        value = values[q.name]
-        if q.name in linear:
-            told = number(value, 3)
-        elif not q.positive and abs(value) < _NOTHING * (q.upper - q.lower):
-            told = "0"
-        else:
-            told = quantity(value, q.unit, 3)
-        out = re.sub(rf"\b{q.name}\b", told, out)
-    return out.replace("+ -", "- ").replace("- -", "+ ")

@@ -12,28 +12,9 @@ from ...dynamics.smoothing import pieces
 from ...mechanism import Mechanism
 from ...spatial import Array
 from ..efforts.effort_law import usual_way
+from ..efforts.variables import load, position, speed, time
 
-__all__ = ["KNOWN", "Known", "composed"]
-
-
-def position(at: InMotion, joint: str) -> Array:
-    """Return a joint's position (N,) [m or rad]."""
-    return at.position(joint)
-
-
-def speed(at: InMotion, joint: str) -> Array:
-    """Return a joint's speed (N,) [m/s or rad/s]."""
-    return at.speed(joint)
-
-
-def load(at: InMotion, joint: str) -> Array:
-    """Return the effort that the rigid robot's bodies ask of a driven joint (N,) [N or N m]."""
-    return at.effort_of(joint, at.rigid)
-
-
-def time(at: InMotion, joint: str) -> Array:
-    """Return the time since the recording began (N,) [s]."""
-    return at.motion.time - at.motion.time[0]
+__all__ = ["KNOWN", "Known", "composed", "load", "position", "speed", "time"]
 
 
 def travelled(at: InMotion, joint: str) -> Array:

@@ -15,8 +15,6 @@ import numpy as np
 
 from ...spatial import Array
 
-__all__ = ["SHAPES", "Shape"]
-
 
 @dataclass(frozen=True)
 class Shape:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -15,12 +15,10 @@ from ...parameters import Quantity
 from ...spatial import Array
 from ..deeds import Deed, ExtraStrain, Strain
 from ..drawn import load_units
-from ..law import Law, Place
+from ..law import Place
 from ..setup import Setup
-from .joint_formula import said_of, told_in_numbers, with_defaults
+from .joint_formula import Proposed
 from .shapes import SHAPES, Shape
-
-__all__ = ["ModuleFormula", "StrainFormula", "strain_library"]
 
 #: Of the largest load: the step by which a slope is taken.
 _STEP = 1e-6
@@ -28,20 +26,17 @@ _STEP = 1e-6
 _OF_LOADS = ("magnitude", "square", "signed_square", "cube", "outside", "saturation", "beyond", "below")
 
 
-class StrainFormula(Law):
+class StrainFormula(Proposed):
     """A deformation of the motion `component` of `module` that follows the component `of` of the load on it.
 
     Without load there is none. `recorded`: the ends between which that load was when the formula was found.
     """
 
-    symbol: ClassVar[str] = "e"
-    remedy = "look at {place} for what this formula describes, and record once more to confirm or refute it"
+    symbol = "e"
+    linear = ("coefficient",)
     module: ClassVar[str]
     component: ClassVar[int]
     of: ClassVar[int]
-    equation: ClassVar[str]
-    recorded: ClassVar[Mapping[tuple[str, str], tuple[float, float]]]
-    found: ClassVar[Mapping[str, tuple[float, float]]]
 
     @abstractmethod
     def deformation(self, load: Array, values: Mapping[str, float]) -> Array:
@@ -71,18 +66,15 @@ class _Following:
 
     def __call__(self, load: Array) -> tuple[Array, Array]:
         x, law = load[:, self.law.of], self.law
-        with said_of(law, "deformation"):
-            return self._strained(load, x, law)
-
-    def _strained(self, load: Array, x: Array, law: StrainFormula) -> tuple[Array, Array]:
         step = _STEP * max(float(np.abs(x).max(initial=0.0)), 1.0)
-        nothing = law.deformation(np.zeros(1), self.values)
         strain, slope = np.zeros_like(load), np.zeros((*load.shape, load.shape[1]))
-        strain[:, law.component] = law.deformation(x, self.values) - nothing
-        if not np.isfinite(strain).all():
-            raise ValueError("it is no number at some load")
-        ends = (law.deformation(x + way, self.values) for way in (step, -step))
-        slope[:, law.component, law.of] = np.subtract(*ends) / (2 * step)
+        with law.blamed("deformation"):
+            nothing = law.deformation(np.zeros(1), self.values)
+            strain[:, law.component] = law.deformation(x, self.values) - nothing
+            if not np.isfinite(strain).all():
+                raise ValueError("it is no number at some load")
+            ends = (law.deformation(x + way, self.values) for way in (step, -step))
+            slope[:, law.component, law.of] = np.subtract(*ends) / (2 * step)
         return strain, slope
 
 
@@ -124,14 +116,6 @@ class ModuleFormula(StrainFormula):
     def deformation(self, load: Array, values: Mapping[str, float]) -> Array:
         own = SHAPES[self.shape]
         return values["coefficient"] * own.of(load, *(values[name] for name in own.parameters))
-
-    def told_at(self, values: Mapping[str, float]) -> str:
-        """Return it in symbols and numbers."""
-        return told_in_numbers(self, values, ("coefficient",))
-
-    def with_values(self, values: Mapping[str, float], found: Mapping[str, tuple[float, float]]) -> ModuleFormula:
-        """Return the formula with fitted values as defaults, and their 95 % intervals."""
-        return replace(self, quantities=with_defaults(self.quantities, values), found=found)
 
 
 def strain_library(

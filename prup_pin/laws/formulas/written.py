@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from ...parameters import Quantity
 from .formula import Formula
 from .shapes import SHAPES
 from .strain_formula import ModuleFormula
-
-__all__ = ["law_file", "word_of"]
 
 
 def word_of(law: Formula | ModuleFormula) -> str:
@@ -31,14 +30,12 @@ def law_file(law: Formula | ModuleFormula, source: str, remarks: Sequence[str] =
     """
     word = word_of(law)
     name = "".join(part.capitalize() for part in word.split("_"))
-    of_module = isinstance(law, ModuleFormula)
-    where, what = _of_module(law) if isinstance(law, ModuleFormula) else _of_joint(law)
-    base = "StrainFormula" if of_module else "JointFormula"
+    base, where, made_of, method = _of_module(law) if isinstance(law, ModuleFormula) else _of_joint(law)
     lines = [
         f'"""{law.summary[0].upper()}{law.summary[1:]}: proposed from {source}."""',
         "",
         f"from prup_pin.laws.formulas import {base}",
-        *(f"from prup_pin.laws.formulas.{room} import {', '.join(sorted(names))}" for room, names in what if names),
+        *(f"from prup_pin.laws.formulas.{room} import {', '.join(sorted(names))}" for room, names in made_of if names),
         "from prup_pin.parameters import Quantity",
         "",
         *(f"# {remark}" for remark in remarks),
@@ -50,17 +47,17 @@ def law_file(law: Formula | ModuleFormula, source: str, remarks: Sequence[str] =
         f'    physics = "{word}"',
         f'    summary = "{law.summary}"',
         f'    source = "proposed from {source}"',
-        *where,
+        *(f"    {key} = {_value(value)}" for key, value in where.items()),
         f'    equation = "{law.equation}"',
         "    quantities = (",
         *(f"        {line}" for q in law.quantities for line in _quantity(q)),
         "    )",
-        f"    neutral = {_mapping(law.neutral.items())}",
+        f"    neutral = {_value(law.neutral)}",
         "    # 95 % intervals, and the ends between which each variable was: beyond them it was never seen",
-        f"    found = {_mapping(law.found.items())}",
-        f"    recorded = {_mapping(law.recorded.items())}",
+        f"    found = {_value(law.found)}",
+        f"    recorded = {_value(law.recorded)}",
         "",
-        *_method(law),
+        *(f"    {line}" for line in method),
         "",
         "",
         f"LAWS = [{name}]",
@@ -68,52 +65,35 @@ def law_file(law: Formula | ModuleFormula, source: str, remarks: Sequence[str] =
     return "\n".join(lines) + "\n"
 
 
-_Parts = tuple[Sequence[str], Sequence[tuple[str, set[str]]]]
+#: Base class, attributes that say where a formula acts, names that it is made of by module, and its method.
+_Parts = tuple[str, Mapping[str, Any], Sequence[tuple[str, set[str]]], Sequence[str]]
 
 
 def _of_joint(law: Formula) -> _Parts:
-    """Return the lines that say where a formula acts and what it is fitted by, and what it is made of, by module."""
+    where = {"joint": law.joint, "linear": law.linear, "settled": law.settled}
     known = {factor.name for term in law.terms for factor in term.factors}
     shapes = {term.shape for term in law.terms if term.shape != "linear"}
-    lines = f'    joint = "{law.joint}"', f"    linear = {_tuple(law.linear)}", f"    settled = {_tuple(law.settled)}"
-    return lines, (("known", known), ("shapes", shapes))
+    code = [term.code(law.joint, own) for term, own in zip(law.terms, law.named, strict=True)]
+    one = [f"    return [{code[0]}]"]
+    body = one if len(code) == 1 else ["    return [", *(f"        {each}," for each in code), "    ]"]
+    return "JointFormula", where, (("known", known), ("shapes", shapes)), ("def columns(self, at, values):", *body)
 
 
 def _of_module(law: ModuleFormula) -> _Parts:
-    """Return the same of a module's deformation."""
-    lines = f'    module = "{law.module}"', f"    component = {law.component}", f"    of = {law.of}"
-    return lines, (("shapes", {law.shape}),)
+    where = {"module": law.module, "component": law.component, "of": law.of}
+    arguments = ", ".join(("load", *(f'values["{name}"]' for name in SHAPES[law.shape].parameters)))
+    body = f'    return values["coefficient"] * {law.shape}({arguments})'
+    return "StrainFormula", where, (("shapes", {law.shape}),), ("def deformation(self, load, values):", body)
 
 
-def _method(law: Formula | ModuleFormula) -> Sequence[str]:
-    """Return the function that computes a formula."""
-    if isinstance(law, ModuleFormula):
-        arguments = ", ".join(("load", *(f'values["{name}"]' for name in SHAPES[law.shape].parameters)))
-        return (
-            "    def deformation(self, load, values):",
-            f'        return values["coefficient"] * {law.shape}({arguments})',
-        )
-    code = [term.code(law.joint, own) for term, own in zip(law.terms, law.named, strict=True)]
-    inside = [f"        return [{code[0]}]"]
-    if len(code) > 1:
-        inside = ["        return [", *(f"            {one}," for one in code), "        ]"]
-    return ("    def columns(self, at, values):", *inside)
-
-
-def _tuple(names: Sequence[str]) -> str:
-    return "(" + "".join(f'"{name}", ' for name in names).rstrip(" " if len(names) == 1 else ", ") + ")"
-
-
-def _mapping(items: Iterable) -> str:
-    return "{" + ", ".join(f"{_value(key)}: {_value(value)}" for key, value in items) + "}"
-
-
-def _value(value) -> str:
+def _value(value: Any) -> str:
     """Return a value as code: numbers with the digits that matter."""
     if isinstance(value, str):
         return f'"{value}"'
     if isinstance(value, tuple):
-        return f"({', '.join(map(_value, value))})"
+        return f"({', '.join(map(_value, value))}{',' * (len(value) == 1)})"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_value(key)}: {_value(item)}" for key, item in value.items()) + "}"
     return f"{float(value):.6g}" if abs(float(value)) < float("inf") else f'float("{value}")'
 
 

@@ -10,23 +10,18 @@ from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Polygon
+from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import Bbox
 
-from ...errors import MissingExtraError
 from ...spatial import Array
 from ..scene.camera import Camera
 from ..scene.colours import INK
-
-try:
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.colors import ListedColormap
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch, Polygon
-    from matplotlib.ticker import MaxNLocator
-    from matplotlib.transforms import Bbox
-except ImportError as error:
-    raise MissingExtraError("matplotlib") from error
 
 __all__ = ["Bbox", "Figure", "FigureCanvasAgg", "Line2D", "ListedColormap", "MaxNLocator", "Patch", "Polygon"]
 

@@ -5,7 +5,6 @@ The commands are written directly, so that neither a server nor a socket is need
 
 from __future__ import annotations
 
-import importlib
 import re
 import uuid
 from collections.abc import Iterable, Sequence
@@ -13,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, MissingExtraError
+from ...errors import InputError
 from ...spatial import Array
 from ..scene.motions import Motion
 from ..scene.scene import Lines, Mesh, Part, Scene, Shape, Solid, Tube
@@ -32,26 +31,23 @@ _UNIT = {
 _Z_TO_Y = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
 
 
-def _msgpack():
-    try:
-        return importlib.import_module("umsgpack")  # comes with meshcat
-    except ImportError as error:
-        raise MissingExtraError("meshcat") from error
-
-
 def packed(command: Command) -> bytes:
-    """Return a command as meshcat's viewer reads it. Raises MissingExtraError."""
-    return _msgpack().packb(command)
+    """Return a command as meshcat's viewer reads it."""
+    import umsgpack  # comes with meshcat
+
+    return umsgpack.packb(command)
 
 
 def _array(values: np.ndarray) -> dict[str, Any]:
     """Return (n, k) numbers as three.js reads them."""
+    import umsgpack
+
     whole = values.dtype.kind in "iu"
     data = np.ascontiguousarray(values, np.uint32 if whole else np.float32)
     return {
         "itemSize": 1 if whole else int(data.shape[-1]),
         "type": "Uint32Array" if whole else "Float32Array",
-        "array": _msgpack().Ext(0x16 if whole else 0x17, data.tobytes()),
+        "array": umsgpack.Ext(0x16 if whole else 0x17, data.tobytes()),
         "normalized": False,
     }
 

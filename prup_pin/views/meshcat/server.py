@@ -10,22 +10,20 @@ import socket
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-from ...errors import InputError, MissingExtraError
+from ...errors import InputError
 
 #: Binary ones are meshcat's commands, a text is JSON of what the page shows beside them; live.js reads both.
 Message = bytes | str
 
 
 def viewer_script() -> str:
-    """Return meshcat's viewer. Raises MissingExtraError."""
+    """Return meshcat's viewer, without loading meshcat."""
     spec = importlib.util.find_spec("meshcat")
-    for folder in (spec.submodule_search_locations or ()) if spec is not None else ():
-        path = Path(folder) / "viewer" / "dist" / "main.min.js"
-        if path.is_file():
-            return path.read_text(encoding="utf-8")
-    raise MissingExtraError("meshcat")
+    assert spec is not None
+    assert spec.origin is not None
+    return (Path(spec.origin).parent / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")
 
 
 def page_html(title: str, start: str, connect: str = "'none'") -> str:
@@ -33,16 +31,6 @@ def page_html(title: str, start: str, connect: str = "'none'") -> str:
     fields = {"TITLE": html.escape(title), "MESHCAT": viewer_script(), "START": start, "CONNECT": connect}
     template = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
     return re.sub("__([A-Z]+)__", lambda match: fields[match[1]], template)
-
-
-class Session(Protocol):
-    """What one browser sees."""
-
-    def greeting(self) -> Sequence[Message]:
-        """Return what is sent to the browser first."""
-
-    def reply(self, message: str | bytes) -> Sequence[Message]:
-        """Return what is sent for a message of the browser's."""
 
 
 class Served:
@@ -55,14 +43,14 @@ class Served:
     #: Address of the page, or None where nothing serves it.
     url: str | None = None
 
-    def session(self) -> Session:
-        """Return what a new browser sees."""
+    def session(self) -> Any:
+        """Return what a new browser sees: its `greeting()` is sent first, its `reply(message)` for each message."""
         raise NotImplementedError
 
     def serve(self, port: int = 0) -> str:
         """Serve it to browsers on this machine (127.0.0.1) and return the address; 0 takes a free port.
 
-        Raises InputError where the port is taken, MissingExtraError.
+        Raises InputError where the port is taken.
         """
         if self.url is None:
             self._start(port)
@@ -82,12 +70,10 @@ class Served:
             self._thread.join(5)
 
     def _start(self, port: int) -> None:
-        try:
-            import tornado.httpserver
-            import tornado.web
-            import tornado.websocket
-        except ImportError as error:
-            raise MissingExtraError("meshcat") from error
+        import tornado.httpserver  # heavy; comes with meshcat
+        import tornado.web
+        import tornado.websocket
+
         listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
             listening.bind(("127.0.0.1", port))

@@ -27,7 +27,7 @@ from ..scene.painter import pose_scene
 from ..scene.scene import Scene
 from ..scene.workspace import boundary_scene, workspace_cloud
 from .commands import Command, folders, motion_commands, packed, scene_commands, tree_path
-from .server import Message, Served, page_html, viewer_script
+from .server import Message, Served, page_html
 
 PoseLike = ClosedPose | Mapping[str, float]
 
@@ -82,7 +82,6 @@ class View(Served):
     """A scene or a motion, ready to be looked at: a page, a file, a notebook's cell, or a server on this machine."""
 
     def __init__(self, shown: Scene | Motion):
-        viewer_script()  # says now what is missing
         self.shown = shown
         self.title = self.scene.name
 
@@ -192,6 +191,6 @@ def _pose(robot: Robot, pose: PoseLike) -> ClosedPose:
 def boundary_view(found: Workspace, name: str = "robot") -> View:
     """Return a view of the boundary in three coordinates: `.save("workspace.html")`, or a notebook's cell.
 
-    Raises InputError where not three coordinates vary, MissingExtraError without meshcat.
+    Raises InputError where not three coordinates vary.
     """
     return View(boundary_scene(found, name))

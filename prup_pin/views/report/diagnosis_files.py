@@ -9,7 +9,7 @@ from ... import __version__
 from ...diagnosis import Diagnosis
 from ...diagnosis.conventions import as_diagnosed
 from ...diagnosis.corrected import corrected_model, planned
-from ...errors import InputError, MissingExtraError
+from ...errors import InputError
 from ...loading import Reading
 from ...recordings import Recording
 from ...recordings.writer import check_folder_for, json_lines, text_of, write_folder
@@ -21,17 +21,6 @@ from .as_json import diagnosis_as_json, dump
 
 VERDICT, MODEL, REPORT, PLAN = "diagnosis.json", "corrected_model.json", "report.html", "next_experiment.json"
 FILES = (VERDICT, MODEL, REPORT, PLAN)
-
-
-def missing_for_report() -> str:
-    """Return what keeps the report from being made, in words; nothing where it can be made."""
-    try:
-        from .diagnosis_report import page
-
-        page()
-    except MissingExtraError as error:
-        return str(error)
-    return ""
 
 
 def check_before(folder: Path, recordings: Sequence[Path]) -> None:
@@ -57,8 +46,7 @@ def write_diagnosis(
 
     recording: the one that was diagnosed, or all of them. robot_name, reading: what this robot is loaded from, and how
     it was read; the corrected model names both. The files are all of this diagnosis or all as they were; a report or a
-    plan of an earlier one does not stay. Raises InputError where the folder cannot be written, MissingExtraError where
-    what makes the report is not installed.
+    plan of an earlier one does not stay. Raises InputError where the folder cannot be written.
     """
     declared = [recording] if isinstance(recording, Recording) else list(recording)
     recordings = as_diagnosed(diagnosis, robot, declared)

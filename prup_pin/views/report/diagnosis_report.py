@@ -48,16 +48,15 @@ _MOST_DRAWN = 200
 
 
 def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Sequence[Recording]) -> str:
-    """Return one self-contained HTML page on a diagnosis of `recording`, or of several. Raises MissingExtraError."""
+    """Return one self-contained HTML page on a diagnosis of `recording`, or of several."""
     recordings = [recording] if isinstance(recording, Recording) else list(recording)
-    template = page()
     white, efforts = diagnosis.residuals, diagnosis.efforts
     begun = "robot file" if diagnosis.since is None else "earlier model"
     drawn = white is not None and bool(white.exists.any())
     many = len(diagnosis.samples) > _MOST_DRAWN
     plan = diagnosis.next_experiment.get("plan") or {}
     channels = channel_rows(diagnosis)
-    return template.render(
+    return page_template("diagnosis_page.html").render(
         name=robot.name,
         version=__version__,
         brought=[path.name for path, _ in files()],
@@ -93,11 +92,6 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         seen=[] if diagnosis.since is None else seen_rows(diagnosis.since.seen),
         most=MOST_PARAMETERS,
     )
-
-
-def page():
-    """Return the page's template. Raises MissingExtraError."""
-    return page_template("diagnosis_page.html")
 
 
 def _facts(diagnosis: Diagnosis, begun: str) -> list[tuple[str, str, str]]:

@@ -9,19 +9,15 @@ import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ...errors import MissingExtraError
-
 if TYPE_CHECKING:
     from ..drawing.plotting import Figure
 
 
 def page_template(name: str):
-    """Return a page's template, which escapes whatever is put into it. Raises MissingExtraError."""
-    try:
-        import jinja2
-        import markupsafe  # which jinja2 escapes with
-    except ImportError as error:
-        raise MissingExtraError("jinja2") from error
+    """Return a page's template, which escapes whatever is put into it."""
+    import jinja2  # a notebook's cell begins without it
+    import markupsafe  # which jinja2 escapes with
+
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("prup_pin", "views/report"),
         autoescape=True,  # names come from files that anybody may have written

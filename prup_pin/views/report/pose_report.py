@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ... import __version__
-from ...errors import InputError, MissingExtraError
+from ...errors import InputError
 from ...kinematics import ClosedPose
 from ...numbers import fixed, number, quantity, readable_unit, some
 from ...review import STEP, Lever, find_levers
@@ -83,8 +83,7 @@ def report_html(
     changes: parameters that differ from the robot file, by name, to be named in the report.
     notes: remarks to be added.
 
-    Without meshcat the scene is left out and the page says so. Raises MissingExtraError, and what
-    `robot.pose` and `robot.compliance` raise.
+    Raises what `robot.pose` and `robot.compliance` raise.
     """
     from ..drawing.figures import pose_figure, shares_figure
 
@@ -269,21 +268,18 @@ def _lever(answer: Answer, lever: Lever) -> dict[str, str]:
 
 def _scene(robot: Robot, answer: Answer, scale: float | None) -> tuple[str, str, str]:
     """Return the page of the 3-D scene, the same packed, and what must be said about it or its absence."""
+    from ..meshcat.view import view
+
     compliance, wrench = answer.compliance, answer.load.wrench
     notes = {True: "", False: "Its meshes are heavy, so the scene leaves out the deflection; prup-pin view shows it."}
     size = 0
-    try:
-        from ..meshcat.view import view
-
-        for deflected in (True, False) if wrench.any() else (False,):
-            moved = wrench if deflected else None
-            page = view(robot, compliance.pose, moved, scale, compliance=compliance).static_html()
-            packed = base64.b64encode(gzip.compress(page.encode(), mtime=0)).decode("ascii")
-            if len(packed) <= SCENE_LIMIT:
-                return page, packed, notes[deflected] if wrench.any() else ""
-            size = len(packed)
-    except MissingExtraError as error:
-        return "", "", f"The 3-D scene is not shown: {error}."
+    for deflected in (True, False) if wrench.any() else (False,):
+        moved = wrench if deflected else None
+        page = view(robot, compliance.pose, moved, scale, compliance=compliance).static_html()
+        packed = base64.b64encode(gzip.compress(page.encode(), mtime=0)).decode("ascii")
+        if len(packed) <= SCENE_LIMIT:
+            return page, packed, notes[deflected] if wrench.any() else ""
+        size = len(packed)
     return "", "", f"The 3-D scene is not shown: its meshes take {number(size / 1e6, 2)} MB; prup-pin view shows it."
 
 

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from ...errors import MissingExtraError
 from ...mechanism import Mechanism
 from ...mechanism.mesh_paths import mesh_problem
 from ...robots import example_folder
@@ -42,7 +41,7 @@ class Visual:
 
 
 def visuals(mechanism: Mechanism) -> tuple[dict[str, list[Visual]], tuple[str, ...]]:
-    """Return the visuals of each link, and what could not be drawn, in words. Raises MissingExtraError."""
+    """Return the visuals of each link, and what could not be drawn, in words."""
     description = mechanism.description
     if description.source != "URDF":
         return {}, ()
@@ -177,10 +176,8 @@ def _mesh_path(name: str, home: Path, folders: Sequence[Path]) -> Path:
 @lru_cache(maxsize=256)
 def _load_mesh(path: str, _changed: int) -> tuple[tuple[Mesh, str | None], ...]:
     """Return the triangles of a mesh file and their own colours. Other files that it names are not opened."""
-    try:
-        import trimesh
-    except ImportError as error:
-        raise MissingExtraError("trimesh") from error
+    import trimesh  # heavy; not needed to draw boxes and cylinders
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what readers of mesh formats deprecate is not the user's concern
