@@ -134,13 +134,6 @@ def test_serve_and_a_file_exclude_each_other(run):
     assert "exclude each other" in done.stderr
 
 
-def test_missing_extras_say_what_to_install(run, monkeypatch):
-    monkeypatch.setitem(sys.modules, "jinja2", None)
-    done = run("report")
-    assert done.exit_code == 2
-    assert "pip install jinja2" in " ".join(done.stderr.split())
-
-
 # -- serving -----------------------------------------------------------------------------------------------------------
 
 

@@ -328,8 +328,8 @@ class _Reader(KeyReader):
                     effects.append(effect)
                     known.append(self.known(entry, f"effects[{index}]"))
         units = {} if mechanism is None else _effort_units(mechanism)
-        given = values.get("noise")
-        noise = noise_of(self, self.entries({} if given is None else given, "noise", tuple(NOISE_KEYS)))
+        sensors = values.get("noise")
+        noise = noise_of(self, self.entries({} if sensors is None else sensors, "noise", tuple(NOISE_KEYS)))
         band = self.by_joint(values, "band", dict.fromkeys(units, "Hz"))
         effort_noise = self.by_joint(values, "effort_noise", units)
         joints = {} if mechanism is None else {"q": [j.name for j in mechanism.joints], "tau": list(mechanism.actuated)}
