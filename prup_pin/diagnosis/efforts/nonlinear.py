@@ -14,7 +14,7 @@ from ...dynamics import InMotion
 from ...spatial import Array
 from ..criteria import EFFORT_INDISTINCT, ROUNDS, SURE, WIDEST_STEP
 from ..normal_equations import NormalEquations
-from .evidence import CrossValidation, relative_gain
+from .evidence import CrossValidation, held_out, relative_gain
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, SparseColumns, fit
 
@@ -110,10 +110,32 @@ def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]
 
 
 def settled_together(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
-    """Return the model with all nonlinear parameters where the squares are least together, by Gauss and Newton's steps.
+    """Return the model with all nonlinear parameters where the squares are least together.
 
-    One after the other they would creep along a valley: a friction that turns round later is a little delay. What
-    follows from what is known does so with the coefficients of the whole fit.
+    Laws that do much the same in two ways, as friction turns round on a way or sets in with the speed, do so in the
+    other one at all places where that surely leaves less of blocks held out: a friction that lags and a signal that is
+    late would make up for each other, and no law alone leads from one way to the other.
+    """
+    found = _descended(efforts, model)
+    other, size = found, found.problem.columns.size
+    for index, term in enumerate(found.terms):
+        values = term.law.otherwise(term.place, term.values, efforts.at)
+        if values is not None:
+            other = _replaced(efforts, other, index, values, efforts.at)
+    if other is found:
+        return found
+    other = _descended(efforts, other)
+    if relative_gain(held_out(found), held_out(other))[1] > SURE:
+        return other
+    found.problem.columns.cut(size)
+    return found
+
+
+def _descended(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
+    """Return the model after Gauss and Newton's steps of all nonlinear parameters.
+
+    One after the other they would creep along a valley. What follows from what is known does so with the coefficients
+    of the whole fit.
     """
     columns, cost = model.problem.columns, _cost(model)
     for _ in range(ROUNDS):

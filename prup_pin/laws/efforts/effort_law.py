@@ -104,6 +104,10 @@ class EffortLaw(Law):
         """Return scanned values about fitted `values`, where better ones may lie between those that were scanned."""
         return []
 
+    def otherwise(self, place: Place, values: Mapping[str, float], at: InMotion) -> Mapping[str, float] | None:
+        """Return scanned values by which it does much the same in another way; None where it has but one."""
+        return None
+
     def free(self, values: Mapping[str, float]) -> tuple[str, ...]:
         """Return the `settled` parameters that have a size: what is nothing stays nothing."""
         return tuple(name for name in self.settled if values.get(name))
@@ -354,6 +358,14 @@ class FrictionThatTurns(EffortLaw):
         ways = [{**kept, "presliding": share * travel} for share in _WAYS[1:]]
         usual = float(np.sqrt(np.mean(at.speed(place.name) ** 2)))
         return [*ways, *({**kept, "smoothing": share * usual} for share in _SPEEDS if "smoothing" in kept)]
+
+    def otherwise(self, place: Place, values: Mapping[str, float], at: InMotion) -> Mapping[str, float] | None:
+        way = values.get("presliding", 0.0)
+        if values.get("smoothing") != 0.0 or not way > 0:
+            return None
+        # a joint that speeds up by a has come to (2 a s)^1/2 on the way s
+        usual = float(np.sqrt(np.mean(at.acceleration(place.name) ** 2)))
+        return {**values, "presliding": 0.0, "smoothing": float(np.sqrt(2 * usual * way))} if usual > 0 else None
 
 
 class DryFriction(FrictionThatTurns):
