@@ -36,7 +36,7 @@ from ..simulation.model_file import model_document
 from ..spatial import Array
 from ..sweep.running import lost_remark, returned_in_order
 from .answers import Answer
-from .kept import Kept, check_given_once, digest, digest_of, digest_of_robot, file_of, kept, named_in_errors
+from .kept import Kept, check_given_once, digest, digest_of, file_of, kept, named_in_errors
 from .likelihood import Likelihood
 from .random_effects import COMMON, FixedEffect, Likelihoods, mixed_model
 
@@ -159,8 +159,7 @@ def fleet(
     """
     folder, reading = Path(folder), reading or Reading()
     robot = reading.load(robot_name)
-    of_robot = digest_of_robot(robot)
-    keys = [digest("device", of_robot, *map(digest_of, item.recordings)) for item in devices]
+    keys = [digest("device", robot.mechanism.fingerprint, *map(digest_of, item.recordings)) for item in devices]
     asked = [place for place, key in enumerate(keys) if not file_of(folder, key).exists()]
     finished, lost, remarks = len(devices) - len(asked), 0, []
     tell(finished, len(devices))

@@ -26,7 +26,7 @@ from ..simulation import CorrectedModel, read_model, write_model
 from ..spatial import Array
 from .answers import Answer
 from .followed import Evidence, evidence_of, followed
-from .kept import Kept, check_given_once, digest, digest_of, digest_of_robot, file_of, kept, named_in_errors
+from .kept import Kept, check_given_once, digest, digest_of, file_of, kept, named_in_errors
 from .life import Life, changes_of
 from .likelihood import Likelihood
 
@@ -70,7 +70,7 @@ def follow(
         with named_in_errors(tests[0][0]):
             asked = partial(diagnose, robot, tests[0][1], tell=heard(0, LITTLE))
             model, answer = _first(robot, tests[0], folder, asked, robot_name, reading)
-        of_model, answers = digest(digest_of_robot(robot), (folder / MODEL).read_bytes()), [answer]
+        of_model, answers = digest(robot.mechanism.fingerprint, (folder / MODEL).read_bytes()), [answer]
         for place, (name, item) in enumerate(tests[1:], 1):
             asked = partial(diagnose, robot, item, against=model, tell=heard(place, 1 / len(tests)))
             with named_in_errors(name):
@@ -159,7 +159,7 @@ def _first(
 ) -> tuple[CorrectedModel, Answer]:
     """Return the corrected model of the first recording, as its file has it, and what that recording says."""
     (name, recording), path = test, folder / MODEL
-    key = digest("first", digest_of_robot(robot), digest_of(recording))
+    key = digest("first", robot.mechanism.fingerprint, digest_of(recording))
 
     def make() -> Kept:
         found = asked()

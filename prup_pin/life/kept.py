@@ -17,7 +17,6 @@ from .. import __version__
 from ..errors import InputError
 from ..recordings import Recording
 from ..recordings.writer import write_whole
-from ..robot import Robot
 from ..spatial import Array
 
 __all__ = [
@@ -26,7 +25,6 @@ __all__ = [
     "check_given_once",
     "digest",
     "digest_of",
-    "digest_of_robot",
     "file_of",
     "kept",
     "named_in_errors",
@@ -80,12 +78,6 @@ def digest_of(recording: Recording) -> str:
             found.update(f"{item.name} {name} ".encode())
             found.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
     return found.hexdigest()
-
-
-def digest_of_robot(robot: Robot) -> str:
-    """Return a text that is the same for robots of the same file and values."""
-    values = [(name, np.asarray(item.value).tolist()) for name, item in sorted(robot.parameters.items())]
-    return digest(robot.mechanism.description.content, repr(values))
 
 
 def check_given_once(recordings: Sequence[Recording], names: Sequence[str]) -> None:

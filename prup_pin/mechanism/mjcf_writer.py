@@ -27,6 +27,8 @@ __all__ = ["MJCF_ENDINGS", "mjcf_of"]
 #: Of the names of MJCF files.
 MJCF_ENDINGS = (".xml", ".mjcf")
 
+#: Impedance of dry friction, the largest that MuJoCo takes: by its own 0.9 a light joint under much friction creeps.
+_STIFFEST = "0.9999 0.9999 0.001 0.5 2"
 _POINT = frozenset({"rx", "ry", "rz"})
 #: Of a body between the two ends of a loop that leaves motions free [kg, kg m^2]. Its mass is taken from what it is
 #: fixed to, so that nothing weighs more; MuJoCo has no body without one.
@@ -156,6 +158,8 @@ class _Writer:
         for key, value in (("damping", own.damping), ("frictionloss", own.friction), ("armature", own.armature)):
             if value:
                 element.set(key, repr(float(value)))
+        if own.friction:
+            element.set("solimpfriction", _STIFFEST)
         if own.stiffness:
             element.set("stiffness", repr(float(own.stiffness)))
             element.set("springref", repr(float(own.slack or 0.0)))

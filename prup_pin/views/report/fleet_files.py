@@ -80,7 +80,7 @@ def fleet_html(fleet: Fleet, robot: Robot) -> str:
         path=robot.mechanism.description.path.name,
         sentence=as_sentence(fleet_verdict(fleet)),
         picture=picture(fleet_figure, fleet) if fleet.parameters else None,
-        scatter=scatter_rows(fleet),
+        scatter=[(kind.replace("_", " "), *cells) for kind, *cells in scatter_rows(fleet)],
         off=off_rows(fleet),
         laws=law_texts(fleet),
         devices=device_rows(fleet),
