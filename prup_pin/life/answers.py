@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from ..diagnosis.diagnosis import Diagnosis
+from .kept import Kept
 
 __all__ = ["Answer", "Named"]
 
@@ -60,6 +61,10 @@ class Answer:
         """Return that of `dataclasses.asdict`, read from JSON."""
         named = tuple(Named(**{**item, "others": tuple(item["others"])}) for item in document["named"])
         return cls(document["verdict"], document["left"], named, tuple(document["unknown"]))
+
+    @property
+    def kept(self) -> Kept:
+        return Kept(asdict(self), {})
 
     @property
     def told(self) -> list[str]:

@@ -176,6 +176,6 @@ def _told(values: Values, key: Hypothesis, found: Sequence[Hypothesis]) -> Chang
     others = [item for item in found if item != key]
     taken = values.gains(others)
     own = values.said.beside(values.directions(others)).along(values.directions([key]))
-    covariance = np.linalg.inv(own.precision)
+    covariance = np.asarray(np.linalg.inv(own.precision))
     near = [each.begin for each, gain in taken.items() if each[:2] == key[:2] and gain > taken[key] - WITHIN_95**2]
     return ChangePoint(key, covariance @ own.score, covariance, taken[key], (min(near), max(near)))

@@ -36,7 +36,7 @@ from ..simulation.model_file import model_document
 from ..spatial import Array
 from ..sweep.running import lost_remark, returned_in_order
 from .answers import Answer
-from .kept import Kept, check_given_once, digest, digest_of, file_of, kept, named_in_errors
+from .kept import Kept, check_given_once, digest, digest_of, keep, kept, named_in_errors
 from .likelihood import Likelihood
 from .random_effects import COMMON, FixedEffect, Likelihoods, mixed_model
 
@@ -160,7 +160,8 @@ def fleet(
     folder, reading = Path(folder), reading or Reading()
     robot = reading.load(robot_name)
     keys = [digest("device", robot.mechanism.fingerprint, *map(digest_of, item.recordings)) for item in devices]
-    asked = [place for place, key in enumerate(keys) if not file_of(folder, key).exists()]
+    said = [kept(folder, key) for key in keys]
+    asked = [place for place, item in enumerate(said) if item is None]
     finished, lost, remarks = len(devices) - len(asked), 0, []
     tell(finished, len(devices))
     jobs = [(devices[place], robot_name, reading) for place in asked]
@@ -171,13 +172,12 @@ def fleet(
         path = folder / "devices" / f"{_file_name(devices[place].name)}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole({path: json_lines(answer.model)})
-        kept(folder, keys[place], lambda answer=answer: answer.kept)
+        said[place] = keep(folder, keys[place], answer.kept)
         tell(finished + count, len(devices))
     if lost and executor is not None:
         remarks.append(lost_remark(lost, len(asked), "devices", "diagnosed"))
-    said = [kept(folder, key, _never) for key in keys]
     with threadpool_limits(1, user_api="blas"):
-        return _together(robot, devices, said, remarks)
+        return _together(robot, devices, [item for item in said if item is not None], remarks)
 
 
 # -- one device --------------------------------------------------------------------------------------------------------
@@ -241,10 +241,6 @@ def _likelihood(
 
 def _file_name(name: str) -> str:
     return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name)
-
-
-def _never() -> Kept:
-    raise AssertionError("what a device answered was kept")
 
 
 # -- all of them -------------------------------------------------------------------------------------------------------

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Sequence
-from dataclasses import asdict
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +11,6 @@ from threadpoolctl import threadpool_limits
 from ..diagnosis.corrected import corrected_model
 from ..diagnosis.criteria import LITTLE, MOST_LISTED
 from ..diagnosis.diagnose import diagnose
-from ..diagnosis.diagnosis import Diagnosis
 from ..diagnosis.prepare import Tell, silent
 from ..errors import InputError
 from ..loading import Reading
@@ -26,9 +22,8 @@ from ..simulation import CorrectedModel, read_model, write_model
 from ..spatial import Array
 from .answers import Answer
 from .followed import Evidence, evidence_of, followed
-from .kept import Kept, check_given_once, digest, digest_of, file_of, kept, named_in_errors
+from .kept import Kept, check_given_once, digest, digest_of, keep, kept, named_in_errors
 from .life import Life, changes_of
-from .likelihood import Likelihood
 
 __all__ = ["MODEL", "follow", "in_order_of_time"]
 
@@ -68,14 +63,15 @@ def follow(
 
     with threadpool_limits(1, user_api="blas"):
         with named_in_errors(tests[0][0]):
-            asked = partial(diagnose, robot, tests[0][1], tell=heard(0, LITTLE))
-            model, answer = _first(robot, tests[0], folder, asked, robot_name, reading)
+            model, answer = _first(robot, *tests[0], folder, robot_name, reading, heard(0, LITTLE))
         of_model, answers = digest(robot.mechanism.fingerprint, (folder / MODEL).read_bytes()), [answer]
         for place, (name, item) in enumerate(tests[1:], 1):
-            asked = partial(diagnose, robot, item, against=model, tell=heard(place, 1 / len(tests)))
+            key, part = digest("answer", of_model, digest_of(item)), heard(place, 1 / len(tests))
             with named_in_errors(name):
-                found = kept(folder, digest("answer", of_model, digest_of(item)), partial(_answered, asked))
-            answers.append(Answer.read(found.about))
+                said = kept(folder, key) or keep(
+                    folder, key, Answer.of(diagnose(robot, item, against=model, tell=part)).kept
+                )
+            answers.append(Answer.read(said.about))
         if answer.verdict == "unexplained":
             remarks.append(
                 f"{tests[0][0]} was left unexplained itself: what its model lacks is told as changed wherever later "
@@ -87,9 +83,10 @@ def follow(
         for place, ((name, item), answer) in enumerate(zip(tests, answers, strict=True) if laws else ()):
             key = digest("evidence", of_model, digest_of(item), of_laws, repr(answer), repr(place == 0))
             with named_in_errors(name):
-                said = kept(folder, key, lambda item=item, answer=answer, first=place == 0: _kept_evidence(
-                    evidence_of(robot, item, model, laws, answer, first)))  # fmt: skip
-            evidence.append(Evidence(Likelihood(said.arrays["precision"], said.arrays["score"]), said.about["library"]))
+                said = kept(folder, key) or keep(
+                    folder, key, evidence_of(robot, item, model, laws, answer, place == 0).kept
+                )
+            evidence.append(Evidence.read(said))
     changes, series = changes_of(model, answers, laws, evidence, time, robot.mechanism)
     dates = tuple(item.date for _, item in tests)
     return Life(
@@ -141,28 +138,20 @@ def _check(recordings: Sequence[Recording], names: Sequence[str]) -> None:
                 )
 
 
-def _answered(asked: Callable[[], Diagnosis]) -> Kept:
-    return Kept(asdict(Answer.of(asked())), {})
-
-
-def _kept_evidence(said: Evidence) -> Kept:
-    return Kept({"library": said.library}, said.said._asdict())
-
-
 def _first(
     robot: Robot,
-    test: tuple[str, Recording],
+    name: str,
+    recording: Recording,
     folder: Path,
-    asked: Callable[[], Diagnosis],
     robot_name: str,
     reading: Reading | None,
+    tell: Tell,
 ) -> tuple[CorrectedModel, Answer]:
     """Return the corrected model of the first recording, as its file has it, and what that recording says."""
-    (name, recording), path = test, folder / MODEL
-    key = digest("first", robot.mechanism.fingerprint, digest_of(recording))
-
-    def make() -> Kept:
-        found = asked()
+    path, key = folder / MODEL, digest("first", robot.mechanism.fingerprint, digest_of(recording))
+    said = kept(folder, key) if path.exists() else None
+    if said is None:
+        found = diagnose(robot, recording, tell=tell)
         if found.posterior is None:
             raise InputError(
                 f"{name} holds nothing that later recordings could be compared with: expected poses of the tool or of "
@@ -171,14 +160,11 @@ def _first(
         folder.mkdir(parents=True, exist_ok=True)
         notes = f"diagnosis of {name}, the first of a life"
         write_model(corrected_model(found, robot, [recording], robot_name, reading, notes), path)
-        return Kept({"model": hashlib.sha256(path.read_bytes()).hexdigest(), "answer": asdict(Answer.of(found))}, {})
-
-    if not path.exists():
-        file_of(folder, key).unlink(missing_ok=True)
-    about = kept(folder, key, make).about
-    if hashlib.sha256(path.read_bytes()).hexdigest() != about["model"]:
+        about = {"model": digest(path.read_bytes()), "answer": Answer.of(found).kept.about}
+        said = keep(folder, key, Kept(about, {}))
+    if digest(path.read_bytes()) != said.about["model"]:
         raise InputError(
             f"'{path}' was changed since it was written, by hand or by another life: what later recordings were asked "
             f"is not known of it any more. Put it back as it was, or remove it: it is then made again from {name}"
         )
-    return read_model(path), Answer.read(about["answer"])
+    return read_model(path), Answer.read(said.about["answer"])

@@ -23,6 +23,7 @@ from ..robot import Robot
 from ..simulation import CorrectedModel, effect_named
 from ..spatial import Array
 from .answers import Answer, Named
+from .kept import Kept
 from .likelihood import Likelihood
 
 __all__ = ["Evidence", "Followed", "evidence_of", "followed"]
@@ -179,6 +180,15 @@ class Evidence:
 
     said: Likelihood
     library: int
+
+    @classmethod
+    def read(cls, kept: Kept) -> Evidence:
+        """Return that of `kept`."""
+        return cls(Likelihood(kept.arrays["precision"], kept.arrays["score"]), kept.about["library"])
+
+    @property
+    def kept(self) -> Kept:
+        return Kept({"library": self.library}, self.said._asdict())
 
 
 def evidence_of(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from io import BytesIO
@@ -25,7 +25,7 @@ __all__ = [
     "check_given_once",
     "digest",
     "digest_of",
-    "file_of",
+    "keep",
     "kept",
     "named_in_errors",
 ]
@@ -41,22 +41,25 @@ class Kept(NamedTuple):
     arrays: Mapping[str, Array]
 
 
-def kept(folder: Path, key: str, make: Callable[[], Kept]) -> Kept:
-    """Return the answer of this key in a folder, made and written there if it is not, and as it is read then."""
-    path = file_of(folder, key)
+def kept(folder: Path, key: str) -> Kept | None:
+    """Return the answer of this key in a folder; None where there is none yet."""
+    path = folder / KEPT / f"{key}.npz"
     if not path.exists():
-        made, held = make(), BytesIO()
-        np.savez(held, about=np.array(json.dumps(made.about)), **made.arrays)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole({path: [held.getvalue()]})
+        return None
     with np.load(path) as found:
         arrays = {name: found[name] for name in found.files}
     return Kept(json.loads(str(arrays.pop("about"))), arrays)
 
 
-def file_of(folder: Path, key: str) -> Path:
-    """Return the file of the answer of this key."""
-    return folder / KEPT / f"{key}.npz"
+def keep(folder: Path, key: str, made: Kept) -> Kept:
+    """Write an answer, all of it or nothing; return it as it is read."""
+    held = BytesIO()
+    everything: dict[str, Any] = {"about": np.array(json.dumps(made.about)), **made.arrays}
+    np.savez(held, **everything)
+    path = folder / KEPT / f"{key}.npz"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole({path: [held.getvalue()]})
+    return kept(folder, key) or made
 
 
 def digest(*parts: str | bytes) -> str:

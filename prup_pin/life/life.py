@@ -112,7 +112,7 @@ def _together(evidence: Sequence[Evidence], laws: Sequence[Followed], time: Arra
     """Return what all tests say of all changes, x integrated out, and what they say of x."""
     n, q = len(evidence), sum(len(item.names) for item in laws)
     p = len(evidence[0].said.score) - q
-    covariance = np.linalg.inv(sum(item.said.precision[:p, :p] for item in evidence))
+    covariance = np.asarray(np.linalg.inv(sum(item.said.precision[:p, :p] for item in evidence)))
     score = sum(item.said.score[:p] for item in evidence)
     by_v = covariance @ np.concatenate([item.said.precision[:p, p:] for item in evidence], axis=1)
     precision, right = np.zeros((n * q, n * q)), np.concatenate([item.said.score[p:] for item in evidence])
@@ -228,5 +228,5 @@ def _change(
 
 def _alike(values: Values, point: ChangePoint, other: int, found: Sequence[ChangePoint]) -> bool:
     """Return whether another law explains a change as well, at the same moment."""
-    gain = values.gains([each.key for each in found if each is not point]).get((other, point.shape, point.begin), 0.0)
-    return gain > point.gain - INDISTINCT
+    gains = values.gains([each.key for each in found if each is not point])
+    return gains.get(point.key._replace(group=other), 0.0) > point.gain - INDISTINCT

@@ -43,7 +43,7 @@ def test_what_a_device_says_of_its_parameters_holds_the_true_ones(arms):
     """Beside noise alone: the tolerances that were declared have no part in it."""
     deviations = {item.name: item for item in calibration_of(prup_pin.load(ARM).mechanism).deviations}
     for path in sorted((arms.folder / KEPT).glob("*.npz")):
-        about, arrays = kept(arms.folder, path.stem, None)
+        about, arrays = kept(arms.folder, path.stem)
         fits = []
         for scatter in arms.truth["scatters"]:
             true = np.array([

@@ -35,7 +35,7 @@ def _spreads(axes, fleet: Fleet) -> None:
     axes.set_title("By how much kinds of parameters scatter", fontsize=9, loc="left")
     axes.axvline(1, color=_LIKE, lw=1, zorder=1)
     for row, item in enumerate(told):
-        value, low, high = (size / item.declared for size in (item.value, *item.interval))
+        value, low, high = (size / (item.declared or 1.0) for size in (item.value, *item.interval))
         reach = [[value - low], [high - value]]
         axes.errorbar(value, row, xerr=reach, fmt="o", ms=5, lw=1.2, capsize=2.5, color=_VALUE, zorder=3)
     axes.set_yticks(range(len(told)), [item.kind.replace("_", " ") for item in told])
