@@ -164,14 +164,16 @@ def fleet(
     asked = [place for place, item in enumerate(said) if item is None]
     finished, lost, remarks = len(devices) - len(asked), 0, []
     tell(finished, len(devices))
-    jobs = [(devices[place], robot_name, reading) for place in asked]
+    models = folder.resolve() / "devices"
+    jobs = [
+        (devices[place], robot_name, reading, models / f"{_file_name(devices[place].name)}.json") for place in asked
+    ]
     back = iter([None] * len(jobs)) if executor is None else returned_in_order(executor, _asked, jobs)
     for count, (place, job, found) in enumerate(zip(asked, jobs, back, strict=True), 1):
         lost += found is None
         answer = found or _asked(*job)
-        path = folder / "devices" / f"{_file_name(devices[place].name)}.json"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole({path: json_lines(answer.model)})
+        models.mkdir(parents=True, exist_ok=True)
+        write_whole({job[-1]: json_lines(answer.model)})
         said[place] = keep(folder, keys[place], answer.kept)
         tell(finished + count, len(devices))
     if lost and executor is not None:
@@ -190,8 +192,11 @@ class _Answered(NamedTuple):
     kept: Kept
 
 
-def _asked(device: Device, robot_name: str, reading: Reading) -> _Answered:
-    """Return what a device answers: what it names, and what its tests say of how far each parameter is off."""
+def _asked(device: Device, robot_name: str, reading: Reading, path: Path) -> _Answered:
+    """Return what a device answers: what it names, and what its tests say of how far each parameter is off.
+
+    path: the file of its corrected model, beside which the robot file is named; a worker may stand in another folder.
+    """
     robot = reading.load(robot_name)
     recordings = list(device.recordings)
     with threadpool_limits(1, user_api="blas"), named_in_errors(device.name):
@@ -202,7 +207,7 @@ def _asked(device: Device, robot_name: str, reading: Reading) -> _Answered:
         model = corrected_model(found, robot, recordings, robot_name, reading, notes)
         answer = Answer.of(found)
         names, said = _likelihood(robot, recordings, model, max(1.0, answer.left))
-    document = model_document(model, f"{device.name}.json")
+    document = model_document(model, path)
     return _Answered(document, Kept({"answer": asdict(answer), "names": names}, said._asdict()))
 
 

@@ -19,6 +19,7 @@ from prup_pin.life import fleet as fleets
 from prup_pin.life.fleet import devices_of, fleet
 from prup_pin.life.kept import KEPT, kept
 from prup_pin.recordings import read_recording, read_tolerances
+from prup_pin.simulation import read_model
 
 from ..reference.concealed.fleet import draw_fleet, write
 
@@ -60,7 +61,9 @@ def test_what_a_device_says_of_its_parameters_holds_the_true_ones(arms):
 
 
 def test_a_worker_that_is_lost_costs_its_device_only_and_no_bit(arms, tmp_path, monkeypatch):
-    said = {item.name: fleets._asked(item, str(ARM), fleets.Reading()) for item in arms.devices[:1]}
+    said = {
+        item.name: fleets._asked(item, str(ARM), fleets.Reading(), tmp_path / "x.json") for item in arms.devices[:1]
+    }
     here = []
 
     def asked(device, *others):
@@ -128,6 +131,14 @@ def test_dask_with_a_killed_worker_gives_the_same_bits(arms, tmp_path):
     assert len(answers) == 3
     for path in answers:
         assert (tmp_path / KEPT / path.name).read_bytes() == path.read_bytes()
+    for path in sorted((tmp_path / "devices").iterdir()):
+        assert read_model(path).load().name == "elastic_arm"  # wherever the worker stood
+
+
+def test_the_model_of_each_device_is_loaded_from_where_it_lies(arms):
+    paths = sorted((arms.folder / "devices").iterdir())
+    assert [path.stem for path in paths] == ["device01", "device02", "device03"]
+    assert all(read_model(path).load().name == "elastic_arm" for path in paths)
 
 
 def test_the_command_writes_tolerances_that_the_next_diagnosis_takes(arms, tmp_path, monkeypatch):
