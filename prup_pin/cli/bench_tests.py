@@ -361,10 +361,10 @@ def fleet(
     check_fleet(out)
     read, name = recorded(recordings, tolerances, robot, convention)
     devices = devices_of(read)
-    _, understood = reading.changed(name, set_parameters)
+    loaded, understood = reading.changed(name, set_parameters)
     with progress.rows("devices") as show, processes(workers) as executor:
         found = together(devices, out, robot_name=name, reading=understood, executor=executor, tell=show)
-    written, missing = write_fleet(found, out, name)
+    written, missing = write_fleet(found, loaded, out)
     print_fleet(terminal.console(), found)
     list_written(written, missing)
 

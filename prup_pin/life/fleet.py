@@ -8,10 +8,9 @@ where its tracker and targets stand integrated out. What they say together is a 
 
 from __future__ import annotations
 
-import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,10 +20,12 @@ from threadpoolctl import threadpool_limits
 
 from ..diagnosis.chances import WITHIN_95
 from ..diagnosis.corrected import corrected_model
-from ..diagnosis.criteria import LITTLE, MOST_LISTED, ROUNDING
+from ..diagnosis.criteria import LITTLE, MOST_LISTED
 from ..diagnosis.diagnose import diagnose
+from ..diagnosis.linearised import Linearised
+from ..diagnosis.nuisance import Nuisance
 from ..errors import InputError
-from ..laws.deviations import Calibration, calibration_of
+from ..laws.deviations import Calibration, Deviation, calibration_of
 from ..loading import Reading
 from ..numbers import some
 from ..recordings import KINDS_OF_TOLERANCE, SENSORS, Recording
@@ -33,15 +34,18 @@ from ..robot import Robot
 from ..simulation import CorrectedModel
 from ..simulation.model_file import model_document
 from ..spatial import Array
-from ..sweep.running import returned
-from .follow import KEPT, check_given_once, digest_of, digest_of_parts, digest_of_robot, keep_arrays, named_in_errors
-from .life import Answer, answer_of, linearised
-from .random_effects import COMMON, Likelihoods, mixed_model
+from ..sweep.running import lost_remark, returned_in_order
+from .answers import Answer
+from .kept import Kept, check_given_once, digest, digest_of, keep, kept, named_in_errors
+from .likelihood import Likelihood
+from .random_effects import COMMON, FixedEffect, Likelihoods, mixed_model
 
 __all__ = ["Device", "Fleet", "Off", "Scatter", "devices_of", "fleet"]
 
 #: What is set up for a test and is no part of a device.
 _SET_UP = {*SENSORS["pose_sensor"], *SENSORS["target"]}
+#: Units by kind of tolerance.
+_UNITS = {item.name: item.unit for item in KINDS_OF_TOLERANCE}
 
 
 class Device(NamedTuple):
@@ -91,7 +95,8 @@ class Fleet:
     """What devices of one drawing say together.
 
     common: errors of the drawing; outliers: single devices; scatter: by kind; laws: how many devices have a law at a
-    place, by 'physics at place'; own: of each device by how much each of `parameters` is off beside what is common.
+    place, by 'physics at place'; own: of each device by how much each of `parameters`, of `kinds`, is off
+    beside what is common, (devices, parameters).
     """
 
     devices: tuple[str, ...]
@@ -101,6 +106,7 @@ class Fleet:
     scatter: tuple[Scatter, ...]
     laws: Mapping[str, int]
     parameters: tuple[str, ...]
+    kinds: tuple[str, ...]
     own: Array
     remarks: tuple[str, ...] = ()
 
@@ -153,44 +159,44 @@ def fleet(
     """
     folder, reading = Path(folder), reading or Reading()
     robot = reading.load(robot_name)
-    of_robot = digest_of_robot(robot)
-    keys = [digest_of_parts("device", of_robot, *map(digest_of, item.recordings)) for item in devices]
-    kept = folder / KEPT
-    asked = [place for place, key in enumerate(keys) if not (kept / f"{key}.npz").exists()]
-    tell(len(devices) - len(asked), len(devices))
-    kept.mkdir(parents=True, exist_ok=True)
-    lost = 0
-    for count, (place, found, was_lost) in enumerate(_tasks(asked, devices, robot_name, reading, executor), 1):
-        lost += was_lost
-        _keep(kept, keys[place], devices[place].name, found, folder)
-        tell(len(devices) - len(asked) + count, len(devices))
-    remarks = []
-    if lost:
-        remarks.append(
-            f"{lost} of {len(asked)} devices came back from no worker (one may have died) and were diagnosed in this "
-            "process; the numbers are the same"
-        )
-    said = [_read(kept / f"{key}.npz") for key in keys]
+    keys = [digest("device", robot.mechanism.fingerprint, *map(digest_of, item.recordings)) for item in devices]
+    said = [kept(folder, key) for key in keys]
+    asked = [place for place, item in enumerate(said) if item is None]
+    finished, lost, remarks = len(devices) - len(asked), 0, []
+    tell(finished, len(devices))
+    models = folder.resolve() / "devices"
+    jobs = [
+        (devices[place], robot_name, reading, models / f"{_file_name(devices[place].name)}.json") for place in asked
+    ]
+    back = iter([None] * len(jobs)) if executor is None else returned_in_order(executor, _asked, jobs)
+    for count, (place, job, found) in enumerate(zip(asked, jobs, back, strict=True), 1):
+        lost += found is None
+        answer = found or _asked(*job)
+        models.mkdir(parents=True, exist_ok=True)
+        write_whole({job[-1]: json_lines(answer.model)})
+        said[place] = keep(folder, keys[place], answer.kept)
+        tell(finished + count, len(devices))
+    if lost and executor is not None:
+        remarks.append(lost_remark(lost, len(asked), "devices", "diagnosed"))
     with threadpool_limits(1, user_api="blas"):
-        return _together(robot, devices, said, remarks)
+        return _together(robot, devices, [item for item in said if item is not None], remarks)
 
 
 # -- one device --------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class _Said:
-    """What one device says: its answer, its model's file, and precision and score of parameters by name."""
+class _Answered(NamedTuple):
+    """What a device answers: its corrected model, as a file has it, and what is kept."""
 
-    answer: Answer
-    model: dict[str, Any]
-    names: tuple[str, ...]
-    precision: Array
-    score: Array
+    model: Mapping[str, Any]
+    kept: Kept
 
 
-def _asked(device: Device, robot_name: str, reading: Reading, into: str) -> _Said:
-    """Return what a device says. into: the file that will hold its corrected model."""
+def _asked(device: Device, robot_name: str, reading: Reading, path: Path) -> _Answered:
+    """Return what a device answers: what it names, and what its tests say of how far each parameter is off.
+
+    path: the file of its corrected model, beside which the robot file is named; a worker may stand in another folder.
+    """
     robot = reading.load(robot_name)
     recordings = list(device.recordings)
     with threadpool_limits(1, user_api="blas"), named_in_errors(device.name):
@@ -199,163 +205,104 @@ def _asked(device: Device, robot_name: str, reading: Reading, into: str) -> _Sai
             raise InputError("holds nothing that devices could be compared by: expected poses (columns p.x … r.z)")
         notes = f"diagnosis of {device.name}, one of a fleet"
         model = corrected_model(found, robot, recordings, robot_name, reading, notes)
-        answer = answer_of(found, robot.mechanism)
-        names, precision, score = _likelihood(robot, recordings, model, answer.left)
-    return _Said(answer, model_document(model, into), names, precision, score)
+        answer = Answer.of(found)
+        names, said = _likelihood(robot, recordings, model, max(1.0, answer.left))
+    document = model_document(model, path)
+    return _Answered(document, Kept({"answer": asdict(answer), "names": names}, said._asdict()))
 
 
 def _likelihood(
-    robot: Robot, recordings: Sequence[Recording], model: CorrectedModel, left: float
-) -> tuple[tuple[str, ...], Array, Array]:
-    """Return what recordings say of a device's parameters: names, and precision and score of how far off they are.
+    robot: Robot, recordings: Sequence[Recording], model: CorrectedModel, noise: float
+) -> tuple[list[str], Likelihood]:
+    """Return what recordings say of a device's parameters: names, and by how much each is off the drawing.
 
     A law that does what parameters of its own place do is told as these; values of other laws are free.
     """
-    earlier, prepared, _, residual, by_x, rows = linearised(robot, recordings, model)
-    kept, toleranced = len(rows), prepared.toleranced
-    assert toleranced.root is not None
-    assert toleranced.centre is not None
-    root = toleranced.root[:kept, :kept] * toleranced.tolerances[:kept, None]
-    by_value = np.linalg.solve(root.T, by_x[:, :kept].T).T
-    owners = [earlier.effects[earlier.posterior.values[row].effect] for row in rows]
-    calibrated = np.array([isinstance(effect.law, Calibration) for effect in owners], bool)
-    deviations, off = toleranced.law.deviations[:kept], toleranced.centre[:kept].copy()
+    test = Linearised.of(robot, recordings, model)
+    assert model.posterior is not None
+    assert test.prepared.toleranced.centre is not None
+    values = [model.posterior.values[row] for row in test.rows]
+    effects = [model.effects[item.effect] for item in values]
+    deviations = test.prepared.toleranced.law.deviations[: len(values)]
+    off = test.prepared.toleranced.centre[: len(values)].copy()
+    calibrated = np.array([isinstance(effect.law, Calibration) for effect in effects], bool)
     own = calibrated & np.array([item.kind not in _SET_UP for item in deviations], bool)
     free = ~own
     for place in np.flatnonzero(~calibrated):
-        effect, name = owners[place], earlier.posterior.values[rows[place]].name
+        effect, change = effects[place], test.by_value[:, place]
         where = (effect.law.physics, effect.place.name)
         like = [k for k in np.flatnonzero(own) if (deviations[k].physics, deviations[k].place) == where]
-        shares = np.linalg.lstsq(by_value[:, like], by_value[:, place], rcond=None)[0]
-        rest = by_value[:, place] - by_value[:, like] @ shares
-        if np.linalg.norm(rest) < LITTLE * np.linalg.norm(by_value[:, place]):
+        shares = np.linalg.lstsq(test.by_value[:, like], change, rcond=None)[0]
+        if np.linalg.norm(change - test.by_value[:, like] @ shares) < LITTLE * np.linalg.norm(change):
+            name = values[place].name
             value, neutral = effect.values[name], effect.law.neutral_at(effect.place, robot.mechanism)[name]
             off[like] += shares * (np.log(value / neutral) if deviations[place].relative else value - neutral)
             free[place] = False
-    others = np.concatenate((by_value[:, free], by_x[:, kept:]), axis=1)
-    target = residual.ravel() + by_value[:, own] @ off[own]
-    names = tuple(item.name for item, mine in zip(deviations, own.tolist(), strict=True) if mine)
-    return names, *_beside(by_value[:, own], others, target, 1 / max(1.0, left) ** 2)
-
-
-def _beside(jacobian: Array, free: Array, target: Array, weight: float) -> tuple[Array, Array]:
-    """Return precision and score of values by their Jacobian, beside others that nothing holds."""
-    size = np.linalg.norm(free, axis=0)
-    left, sizes, _ = np.linalg.svd(free[:, size > 0] / size[size > 0], full_matrices=False)
-    basis = left[:, sizes > ROUNDING**0.5]
-    rest = jacobian - basis @ (basis.T @ jacobian)
-    return weight * rest.T @ rest, weight * rest.T @ target
-
-
-def _tasks(
-    places: Sequence[int], devices: Sequence[Device], robot_name: str, reading: Reading, executor: Executor | None
-) -> Iterator[tuple[int, _Said, bool]]:
-    """Yield (device, what it says, whether its worker was lost), in their order."""
-    jobs = [(devices[place], robot_name, reading, f"{devices[place].name}.json") for place in places]
-    futures: list[Future | None] = []
-    for job in jobs:
-        try:
-            futures.append(None if executor is None else executor.submit(_asked, *job))
-        except RuntimeError:  # a pool that has lost a worker takes nothing more
-            futures.append(None)
-    for place, job, future in zip(places, jobs, futures, strict=True):
-        found = None if future is None else returned(future)
-        yield place, found or _asked(*job), executor is not None and found is None
-
-
-# -- what is kept ------------------------------------------------------------------------------------------------------
-
-
-def _keep(kept: Path, key: str, name: str, said: _Said, folder: Path) -> None:
-    """Write what a device said: its corrected model for people, and the rest to go on from, that last."""
-    models = folder / "devices"
-    models.mkdir(exist_ok=True)
-    write_whole({models / f"{_file_name(name)}.json": json_lines(said.model)})
-    about = json.dumps({"answer": asdict(said.answer), "names": said.names})
-    keep_arrays(kept / f"{key}.npz", about=np.array(about), precision=said.precision, score=said.score)
+    nuisance = Nuisance.free(np.column_stack((test.by_value[:, free], test.anew)))
+    target = test.residual.ravel() + test.by_value[:, own] @ off[own]
+    names = [item.name for item, mine in zip(deviations, own.tolist(), strict=True) if mine]
+    return names, Likelihood.of(test.by_value[:, own] / noise, target / noise, nuisance)
 
 
 def _file_name(name: str) -> str:
     return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name)
 
 
-class _Kept(NamedTuple):
-    answer: Answer
-    names: list[str]
-    precision: Array
-    score: Array
-
-
-def _read(path: Path) -> _Kept:
-    with np.load(path) as found:
-        about = json.loads(str(found["about"]))
-        return _Kept(Answer.of(about["answer"]), about["names"], found["precision"], found["score"])
-
-
 # -- all of them -------------------------------------------------------------------------------------------------------
 
 
-def _together(robot: Robot, devices: Sequence[Device], said: Sequence[_Kept], remarks: Sequence[str]) -> Fleet:
+def _together(robot: Robot, devices: Sequence[Device], said: Sequence[Kept], remarks: Sequence[str]) -> Fleet:
     """Return what devices say together."""
-    every = {name for item in said for name in item.names}
+    every = {name for item in said for name in item.about["names"]}
     deviations = [item for item in calibration_of(robot.mechanism).deviations if item.name in every]
     declared: dict[str, float] = {}
     for device in devices:
         for recording in device.recordings:
             declared |= recording.tolerances.declared
-    kinds = list(dict.fromkeys(item.kind for item in deviations))
-    answers = tuple(item.answer for item in said)
-    laws = Counter(f"{each.physics} at {each.location}" for answer in answers for each in answer.named)
+    answers = tuple(Answer.read(item.about["answer"]) for item in said)
+    laws = Counter(str(each) for answer in answers for each in answer.named)
     names = tuple(device.name for device in devices)
-    if not deviations:
-        told = (
-            *remarks,
-            "no parameter was calibrated: declare tolerances (--tolerances typical), and their spread is told",
-        )
-        return Fleet(names, answers, (), (), (), dict(laws), (), np.zeros((len(devices), 0)), told)
-    place = {item.name: index for index, item in enumerate(deviations)}
-    p = len(deviations)
+    parameters, kind_of = tuple(item.name for item in deviations), tuple(item.kind for item in deviations)
+    p, kinds = len(deviations), list(dict.fromkeys(kind_of))
+    if not p:
+        why = "no parameter was calibrated: declare tolerances (--tolerances typical), and their spread is told"
+        own = np.zeros((len(devices), 0))
+        return Fleet(names, answers, (), (), (), dict(laws.most_common()), (), (), own, (*remarks, why))
     precision, score = np.zeros((len(said), p, p)), np.zeros((len(said), p))
     for index, item in enumerate(said):
-        where = [place[name] for name in item.names]
-        precision[index][np.ix_(where, where)] = item.precision
-        score[index][where] = item.score
-    kind = np.array([kinds.index(item.kind) for item in deviations])
-    told_by = {item.name: item for item in KINDS_OF_TOLERANCE}
-    relative = [name in told_by and told_by[name].unit == "relative" for name in kinds]
+        where = [parameters.index(name) for name in item.about["names"]]
+        precision[index][np.ix_(where, where)] = item.arrays["precision"]
+        score[index][where] = item.arrays["score"]
+    kind = np.array([kinds.index(name) for name in kind_of])
     start = np.array([declared.get(name, _usual(precision, kind == index)) for index, name in enumerate(kinds)])
     model = mixed_model(Likelihoods(precision, score, kind, start))
-    common: list[Off] = []
-    outliers: list[Off] = []
-    for effect in model.fixed:
-        off, reach = deviations[effect.parameter], WITHIN_95 * effect.deviation
-        found = Off(
-            "" if effect.device == COMMON else names[effect.device],
-            off.name,
-            off.kind,
-            off.unit,
-            off.relative,
-            effect.value,
-            (effect.value - reach, effect.value + reach),
-            tuple(deviations[other].name for other in effect.others),
-        )
-        (common if effect.device == COMMON else outliers).append(found)
+    off = [_off(effect, deviations, names) for effect in model.fixed]
     scatter = tuple(
         Scatter(
             name,
-            "relative" if relative[index] else next(item.unit for item in deviations if item.kind == name),
+            "relative" if _UNITS.get(name) == "relative" else deviations[kind_of.index(name)].unit,
             float(model.tau[index]),
             (float(model.interval[index, 0]), float(model.interval[index, 1])),
-            bool(model.told[index]) and name in told_by,
+            bool(model.told[index]) and name in _UNITS,
             declared.get(name),
-            int((kind == index).sum()),
+            kind_of.count(name),
         )
         for index, name in enumerate(kinds)
     )
-    parameters = tuple(item.name for item in deviations)
+    common, outliers = (tuple(item for item in off if bool(item.device) == single) for single in (False, True))
     return Fleet(
-        names, answers, tuple(common), tuple(outliers), scatter, dict(laws.most_common()), parameters, model.own,
+        names, answers, common, outliers, scatter, dict(laws.most_common()), parameters, kind_of, model.own,
         tuple(remarks),
+    )  # fmt: skip
+
+
+def _off(effect: FixedEffect, deviations: Sequence[Deviation], names: Sequence[str]) -> Off:
+    """Return an error of the drawing, or of one device, by its parameter's name."""
+    item, reach = deviations[effect.parameter], WITHIN_95 * effect.deviation
+    return Off(
+        "" if effect.device == COMMON else names[effect.device], item.name, item.kind, item.unit, item.relative,
+        effect.value, (effect.value - reach, effect.value + reach),
+        tuple(deviations[other].name for other in effect.others),
     )  # fmt: skip
 
 

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, fields
-from functools import partial
-from io import BytesIO
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from .. import __version__
 from ..diagnosis.corrected import corrected_model
 from ..diagnosis.criteria import LITTLE, MOST_LISTED
 from ..diagnosis.diagnose import diagnose
@@ -25,27 +17,18 @@ from ..loading import Reading
 from ..numbers import some
 from ..recordings import Recording
 from ..recordings.recording import moment
-from ..recordings.writer import json_lines, write_whole
 from ..robot import Robot
 from ..simulation import CorrectedModel, read_model, write_model
 from ..spatial import Array
-from .life import Answer, Evidence, Life, answer_of, evidence_of, followed, life_of
+from .answers import Answer
+from .followed import Evidence, evidence_of, followed
+from .kept import Kept, check_given_once, digest, digest_of, keep, kept, named_in_errors
+from .life import Life, changes_of
 
-__all__ = [
-    "KEPT",
-    "MODEL",
-    "check_given_once",
-    "digest_of",
-    "digest_of_parts",
-    "digest_of_robot",
-    "follow",
-    "in_order_of_time",
-    "keep_arrays",
-    "named_in_errors",
-]
+__all__ = ["MODEL", "follow", "in_order_of_time"]
 
-#: In the folder of a life: the corrected model of its first recording, and what each recording answered.
-MODEL, KEPT = "first_model.json", "kept"
+#: In the folder of a life: the corrected model of its first recording.
+MODEL = "first_model.json"
 
 
 def follow(
@@ -70,44 +53,45 @@ def follow(
     names = [Path(item.path).name or f"recording {place}" for place, item in enumerate(recordings, 1)]
     order, time, ordered_by, remarks = in_order_of_time(recordings, names)
     _check(recordings, names)
-    recordings, names = [recordings[place] for place in order], [names[place] for place in order]
-    for item, name in zip(recordings[1:], names[1:], strict=True):
+    tests = [(names[place], recordings[place]) for place in order]
+    for name, item in tests[1:]:
         anew = [sensor.replace("_", " ") for sensor in (*item.own_sensors, *item.own_by_run)]
         remarks += [f"{name}: set up again, and so free: {' and '.join(anew)}"] if anew else []
-    count = len(recordings)
+
+    def heard(place: int, length: float) -> Tell:
+        return lambda stage, share: tell(f"{tests[place][0]}: {stage}", place / len(tests) + length * share)
+
     with threadpool_limits(1, user_api="blas"):
-        model, first = _first(robot, recordings[0], names[0], folder, robot_name, reading, tell)
-        of_model = digest_of_parts(digest_of_robot(robot), (folder / MODEL).read_bytes())
-        answers = [first]
-        for place in range(1, count):
-            key = digest_of_parts("answer", of_model, digest_of(recordings[place]))
-            heard = partial(_part, tell, names[place], place / count, 1 / count)
-            with named_in_errors(names[place]):
-                asked = partial(_asked, robot, recordings[place], model, heard)
-                answers.append(Answer.of(_kept_document(folder, key, asked)))
-        if first.verdict == "unexplained":
+        with named_in_errors(tests[0][0]):
+            model, answer = _first(robot, *tests[0], folder, robot_name, reading, heard(0, LITTLE))
+        of_model, answers = digest(robot.mechanism.fingerprint, (folder / MODEL).read_bytes()), [answer]
+        for place, (name, item) in enumerate(tests[1:], 1):
+            key, part = digest("answer", of_model, digest_of(item)), heard(place, 1 / len(tests))
+            with named_in_errors(name):
+                said = kept(folder, key) or keep(
+                    folder, key, Answer.of(diagnose(robot, item, against=model, tell=part)).kept
+                )
+            answers.append(Answer.read(said.about))
+        if answer.verdict == "unexplained":
             remarks.append(
-                f"{names[0]} was left unexplained itself: what its model lacks is told as changed wherever later poses "
-                "and loads show more of it. Look what it lacks before anything is repaired"
+                f"{tests[0][0]} was left unexplained itself: what its model lacks is told as changed wherever later "
+                "poses and loads show more of it. Look what it lacks before anything is repaired"
             )
         laws = followed(model, answers, robot.mechanism)
         of_laws = repr([(item.named.key, sorted(item.named.values.items())) for item in laws])
         evidence = []
-        for place, (item, answer) in enumerate(zip(recordings, answers, strict=True) if laws else ()):
-            key = digest_of_parts("evidence", of_model, digest_of(item), of_laws, repr(answer), repr(place == 0))
-            with named_in_errors(names[place]):
-                made = partial(evidence_of, robot, item, model, laws, answer, place == 0)
-                evidence.append(_kept_evidence(folder, key, made))
-    return life_of(robot, model, recordings, answers, laws, evidence, time, ordered_by, names, remarks)
-
-
-def _asked(robot: Robot, recording: Recording, model: CorrectedModel, tell: Tell) -> dict[str, Any]:
-    return asdict(answer_of(diagnose(robot, recording, against=model, tell=tell), robot.mechanism))
-
-
-def _part(tell: Tell, name: str, begin: float, length: float, stage: str, share: float) -> None:
-    """Tell how far one recording is, as a part of all."""
-    tell(f"{name}: {stage}", begin + length * share)
+        for place, ((name, item), answer) in enumerate(zip(tests, answers, strict=True) if laws else ()):
+            key = digest("evidence", of_model, digest_of(item), of_laws, repr(answer), repr(place == 0))
+            with named_in_errors(name):
+                said = kept(folder, key) or keep(
+                    folder, key, evidence_of(robot, item, model, laws, answer, place == 0).kept
+                )
+            evidence.append(Evidence.read(said))
+    changes, series = changes_of(model, answers, laws, evidence, time, robot.mechanism)
+    dates = tuple(item.date for _, item in tests)
+    return Life(
+        tuple(name for name, _ in tests), dates, ordered_by, tuple(answers), changes, series, tuple(remarks), model
+    )
 
 
 def in_order_of_time(recordings: Sequence[Recording], names: Sequence[str]) -> tuple[list[int], Array, str, list[str]]:
@@ -116,20 +100,21 @@ def in_order_of_time(recordings: Sequence[Recording], names: Sequence[str]) -> t
     By the dates in their JSON files, or else as they are given, one after the other. Raises InputError where only some
     say when they were made.
     """
-    silent = [name for item, name in zip(recordings, names, strict=True) if not item.date]
-    if len(silent) == len(recordings):
+    undated = [name for item, name in zip(recordings, names, strict=True) if not item.date]
+    if len(undated) == len(recordings):
         return list(range(len(recordings))), np.arange(float(len(recordings))), "the order given", []
-    if silent:
+    if undated:
+        files = f"{'file' if len(undated) == 1 else 'files'} of {', '.join(some(undated, MOST_LISTED))}"
         raise InputError(
-            f"no date in the JSON {'file' if len(silent) == 1 else 'files'} of {', '.join(some(silent, MOST_LISTED))}, "
+            f"no date in the JSON {files}, "
             'and one in those of the others. Expected "date": "2026-03-01" in all of them, or in none: then they are '
             "taken in the order given"
         )
-    when = [moment(item.date).timestamp() / 86400 for item in recordings]
-    order = sorted(range(len(when)), key=when.__getitem__)
+    when = np.array([moment(item.date).timestamp() / 86400 for item in recordings])
+    order = np.argsort(when, kind="stable").tolist()
     told = ", ".join(some([names[place] for place in order], MOST_LISTED))
     remarks = [] if order == sorted(order) else [f"put in order of their dates: {told}"]
-    return order, np.array([when[place] for place in order]), "their dates", remarks
+    return order, when[order], "their dates", remarks
 
 
 def _check(recordings: Sequence[Recording], names: Sequence[str]) -> None:
@@ -140,128 +125,46 @@ def _check(recordings: Sequence[Recording], names: Sequence[str]) -> None:
             "a single one says, prup-pin diagnose tells"
         )
     check_given_once(recordings, names)
-    for what, of in (
-        ("robot", lambda item: Path(item.robot).stem if item.robot else ""),
-        ("device", lambda x: x.device),
+    for what, said in (
+        ("robot", [Path(item.robot or "").stem for item in recordings]),
+        ("device", [item.device for item in recordings]),
     ):
-        first = next(((of(item), name) for item, name in zip(recordings, names, strict=True) if of(item)), ("", ""))
-        for item, name in zip(recordings, names, strict=True):
-            if of(item) and of(item) != first[0]:
+        first, *others = [pair for pair in zip(said, names, strict=True) if pair[0]] or [("", "")]
+        for value, name in others:
+            if value != first[0]:
                 raise InputError(
-                    f"{name} is of {what} '{of(item)}', and {first[1]} of '{first[0]}' ({what} in their JSON files). "
+                    f"{name} is of {what} '{value}', and {first[1]} of '{first[0]}' ({what} in their JSON files). "
                     "Expected recordings of one device: follow each by itself"
                 )
 
 
-def check_given_once(recordings: Sequence[Recording], names: Sequence[str]) -> None:
-    """Raise InputError where two recordings are the same."""
-    seen: dict[str, str] = {}
-    for item, name in zip(recordings, names, strict=True):
-        key = digest_of(item)
-        if key in seen:
-            raise InputError(f"{name} is the same recording as {seen[key]}; give each once")
-        seen[key] = name
-
-
-@contextmanager
-def named_in_errors(name: str) -> Iterator[None]:
-    """Say in an error which recording or device it is about."""
-    try:
-        yield
-    except InputError as error:
-        if name in str(error):
-            raise
-        raise InputError(f"{name}: {error}") from error
-
-
-# -- what is kept ------------------------------------------------------------------------------------------------------
-
-
-def digest_of(recording: Recording) -> str:
-    """Return a text that is the same for recordings of the same content, whatever they are called."""
-    found = hashlib.sha256()
-    for item in fields(recording):
-        if item.name in ("path", "notes", "remarks", "ignored", "date"):
-            continue
-        value = getattr(recording, item.name)
-        for name, part in sorted(value.items()) if hasattr(value, "items") else [("", value)]:
-            found.update(f"{item.name} {name} ".encode())
-            found.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
-    return found.hexdigest()
-
-
-def digest_of_robot(robot: Robot) -> str:
-    """Return a text that is the same for robots of the same file and values."""
-    file = robot.mechanism.description.path
-    values = [(name, np.asarray(item.value).tolist()) for name, item in sorted(robot.parameters.items())]
-    return digest_of_parts(file.read_bytes() if file.is_file() else str(file).encode(), repr(values))
-
-
-def digest_of_parts(*parts: str | bytes) -> str:
-    """Return a text that stands for all of these, and for this version."""
-    found = hashlib.sha256(__version__.encode())
-    for part in parts:
-        found.update(hashlib.sha256(part if isinstance(part, bytes) else part.encode()).digest())
-    return found.hexdigest()
-
-
 def _first(
     robot: Robot,
-    recording: Recording,
     name: str,
+    recording: Recording,
     folder: Path,
     robot_name: str,
     reading: Reading | None,
     tell: Tell,
 ) -> tuple[CorrectedModel, Answer]:
     """Return the corrected model of the first recording, as its file has it, and what that recording says."""
-    path = folder / MODEL
-    key = folder / KEPT / f"{digest_of_parts('first', digest_of_robot(robot), digest_of(recording))}.json"
-    if key.exists() and path.exists():
-        kept = json.loads(key.read_text(encoding="utf-8"))
-        if hashlib.sha256(path.read_bytes()).hexdigest() != kept["model"]:
+    path, key = folder / MODEL, digest("first", robot.mechanism.fingerprint, digest_of(recording))
+    said = kept(folder, key) if path.exists() else None
+    if said is None:
+        found = diagnose(robot, recording, tell=tell)
+        if found.posterior is None:
             raise InputError(
-                f"'{path}' was changed since it was written, by hand or by another life: what later recordings were "
-                "asked is not known of it any more. Put it back as it was, or remove it: it is then made again from "
-                f"{name}"
+                f"{name} holds nothing that later recordings could be compared with: expected poses of the tool or of "
+                "markers (columns p.x … r.z)"
             )
-        return read_model(path), Answer.of(kept["answer"])
-    with named_in_errors(name):
-        found = diagnose(robot, recording, tell=partial(_part, tell, name, 0.0, LITTLE))
-    if found.posterior is None:
+        folder.mkdir(parents=True, exist_ok=True)
+        notes = f"diagnosis of {name}, the first of a life"
+        write_model(corrected_model(found, robot, [recording], robot_name, reading, notes), path)
+        about = {"model": digest(path.read_bytes()), "answer": Answer.of(found).kept.about}
+        said = keep(folder, key, Kept(about, {}))
+    if digest(path.read_bytes()) != said.about["model"]:
         raise InputError(
-            f"{name} holds nothing that later recordings could be compared with: expected poses of the tool or of "
-            "markers (columns p.x … r.z)"
+            f"'{path}' was changed since it was written, by hand or by another life: what later recordings were asked "
+            f"is not known of it any more. Put it back as it was, or remove it: it is then made again from {name}"
         )
-    (folder / KEPT).mkdir(parents=True, exist_ok=True)
-    model = corrected_model(found, robot, [recording], robot_name, reading, f"diagnosis of {name}, the first of a life")
-    write_model(model, path)
-    answer = asdict(answer_of(found, robot.mechanism))
-    document = {"recording": name, "model": hashlib.sha256(path.read_bytes()).hexdigest(), "answer": answer}
-    write_whole({key: json_lines(document)})
-    return read_model(path), Answer.of(json.loads(json.dumps(answer)))
-
-
-def _kept_document(folder: Path, key: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Return what a file of this key holds, made and written where there is none yet."""
-    path = folder / KEPT / f"{key}.json"
-    if not path.exists():
-        write_whole({path: json_lines(make())})
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
-def keep_arrays(path: Path, **arrays: Any) -> None:
-    """Write arrays by name, all of them or none."""
-    held = BytesIO()
-    np.savez(held, **arrays)
-    write_whole({path: [held.getvalue()]})
-
-
-def _kept_evidence(folder: Path, key: str, make: Callable[[], Evidence]) -> Evidence:
-    """Return the evidence of this key, made and written where there is none yet."""
-    path = folder / KEPT / f"{key}.npz"
-    if not path.exists():
-        made = make()
-        keep_arrays(path, precision=made.precision, score=made.score, library=made.library)
-    with np.load(path) as found:
-        return Evidence(found["precision"], found["score"], int(found["library"]))
+    return read_model(path), Answer.read(said.about["answer"])

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -241,6 +242,19 @@ class Mechanism:
         parents = {int(parent) for parent in list(self.model.parents)[1:]}
         ends = set(range(1, self.model.njoints)) - parents or {0}
         return [f.name for f in self.model.frames if f.parentJoint in ends and f.type == pin.FrameType.BODY]
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """A text that is the same for mechanisms of the same robot file, read in the same way with the same values."""
+        said = [
+            sorted(self.locked),
+            self.description.tool,
+            self.description.actuated,
+            sorted(self.description.home.items()),
+            [(name, np.asarray(item.value).tolist()) for name, item in sorted(self.parameters.items())],
+            [(module.name, module.kind.kind) for module in self.modules],
+        ]
+        return sha256(self.description.content + repr(said).encode()).hexdigest()
 
     @property
     def tip(self) -> Frame:

@@ -27,6 +27,8 @@ __all__ = ["MJCF_ENDINGS", "mjcf_of"]
 #: Of the names of MJCF files.
 MJCF_ENDINGS = (".xml", ".mjcf")
 
+#: Impedance of dry friction, the largest that MuJoCo takes: by its own 0.9 a light joint under much friction creeps.
+_STIFFEST = "0.9999 0.9999 0.001 0.5 2"
 _POINT = frozenset({"rx", "ry", "rz"})
 #: Of a body between the two ends of a loop that leaves motions free [kg, kg m^2]. Its mass is taken from what it is
 #: fixed to, so that nothing weighs more; MuJoCo has no body without one.
@@ -35,6 +37,8 @@ _LINK_MASS, _LINK_INERTIA = 1e-6, 1e-9
 _LEAST_MASS, _LEAST_INERTIA = 1e-12, 1e-14
 #: How far the largest principal moment of a body may exceed the two others together, as a share: rounding.
 _ROUNDING = 1e-9
+#: So near its body MuJoCo takes a site that is not turned as the body itself (1e-6), with room [m].
+_NEAR = 1e-5
 
 
 def mjcf_of(
@@ -156,6 +160,8 @@ class _Writer:
         for key, value in (("damping", own.damping), ("frictionloss", own.friction), ("armature", own.armature)):
             if value:
                 element.set(key, repr(float(value)))
+        if own.friction:
+            element.set("solimpfriction", _STIFFEST)
         if own.stiffness:
             element.set("stiffness", repr(float(own.stiffness)))
             element.set("springref", repr(float(own.slack or 0.0)))
@@ -208,12 +214,13 @@ class _Writer:
     def _loop(self, loop: LoopClosure, equalities: etree._Element, inertias: list[pin.Inertia]) -> None:
         first, second = self.bodies[loop.first.joint], self.bodies[loop.second.joint]
         names = f"{loop.name}_1", f"{loop.name}_2"
+        ends = [loop.first.placement, loop.second.placement]
         if loop.free and loop.free != _POINT:
-            first = self._between(loop, inertias)
-            _site_at(first, names[0], np.eye(4))
-        else:
-            _site_at(first, names[0], loop.first.placement)
-        _site_at(second, names[1], loop.second.placement)
+            first, ends[0] = self._between(loop, inertias), np.eye(4)
+        if any(_taken_as_its_body(at) for at in ends):
+            ends = [at @ np.diag([1.0, -1.0, -1.0, 1.0]) for at in ends]
+        for body, name, at in zip((first, second), names, ends, strict=True):
+            _site_at(body, name, at)
         kind = "connect" if loop.free == _POINT else "weld"
         etree.SubElement(equalities, kind, name=loop.name, site1=names[0], site2=names[1])
 
@@ -276,6 +283,11 @@ def _site_at(body: etree._Element, name: str, at: Array) -> None:
     places = [index for index, child in enumerate(body) if child.tag == "body"]
     site = etree.Element("site", name=name, **_placed(at))
     body.insert(places[0] if places else len(body), site)
+
+
+def _taken_as_its_body(at: Array) -> bool:
+    """Return whether MuJoCo would take a site as its body's own frame, as if it were not up to 1 um beside it."""
+    return bool(0 < np.abs(at[:3, 3]).max() < _NEAR and np.abs(at[:3, :3] - np.eye(3)).max() < _NEAR)
 
 
 def _placed(at: Array) -> dict[str, str]:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
 from functools import lru_cache
-from typing import TypeVar
+from itertools import islice
+from typing import Any, TypeVar
 
 from ..errors import PrupPinError
 from ..spatial import Array
 from .engine import Answer, Engine
 from .places import Places
 
-__all__ = ["PART", "returned", "solved_parts"]
+__all__ = ["PART", "lost_remark", "returned", "returned_in_order", "solved_parts"]
 
 T = TypeVar("T")
 
@@ -70,40 +72,49 @@ def _answers(
             yield start, solved(start)
         return
     payload = _packed(engine)
-    waiting: list[tuple[int, Future | None]] = []
-    left = iter(starts)
-    broken = False
+    jobs = ((payload, places.rows(start, start + size)) for start in starts)
+    lost = 0
+    for start, answer in zip(starts, returned_in_order(executor, _solve, jobs), strict=True):
+        if answer is None:
+            lost += 1
+            yield start, solved(start)
+            continue
+        if whole is not None:
+            whole.take(slice(start, start + size), answer)
+        yield start, answer
+    if lost:
+        remarks.append(lost_remark(lost, len(starts), "parts", "solved"))
 
-    def hand_out() -> None:
-        nonlocal broken
-        for start in left:
+
+def returned_in_order(
+    executor: Executor, function: Callable[..., T], jobs: Iterable[tuple[Any, ...]]
+) -> Iterator[T | None]:
+    """Yield what `function(*job)` returns for one job after the other; None where its worker was lost.
+
+    A few are handed out ahead. Raises what the computation itself raises.
+    """
+    left, waiting, broken = iter(jobs), deque[Future[T] | None](), False
+    while True:
+        for job in islice(left, _AHEAD - len(waiting)):
             future = None
             if not broken:
                 try:
-                    future = executor.submit(_solve, payload, places.rows(start, start + size))
+                    future = executor.submit(function, *job)
                 except RuntimeError:  # a pool that has lost a worker, or has been shut down, takes nothing more
                     broken = True
-            waiting.append((start, future))
-            if len(waiting) >= _AHEAD:
-                return
+            waiting.append(future)
+        if not waiting:
+            return
+        first = waiting.popleft()
+        yield None if first is None else returned(first)
 
-    hand_out()
-    lost = 0
-    while waiting:
-        start, future = waiting.pop(0)
-        answer = None if future is None else returned(future)
-        if answer is None:
-            lost += 1
-            answer = solved(start)
-        elif whole is not None:
-            whole.take(slice(start, start + size), answer)
-        yield start, answer
-        hand_out()
-    if lost:
-        remarks.append(
-            f"{lost} of {len(starts)} parts came back from no worker (one may have died) and were solved in this "
-            "process; the numbers are the same"
-        )
+
+def lost_remark(lost: int, of: int, what: str, done: str) -> str:
+    """Return a sentence on what came back from no worker."""
+    return (
+        f"{lost} of {of} {what} came back from no worker (one may have died) and were {done} in this process; the "
+        "numbers are the same"
+    )
 
 
 def returned(future: Future[T]) -> T | None:

@@ -121,18 +121,6 @@ class Parts:
 
 def _fingerprint(engine: Engine, places: Places) -> dict[str, Any]:
     """Return what tells sweeps apart: the robot, where it is asked, and how."""
-    mechanism = engine.mechanism
-    description = mechanism.description
-    robot = hashlib.sha256(description.content)
-    said = [
-        sorted(mechanism.locked),
-        description.tool,
-        description.actuated,
-        sorted(description.home.items()),
-        [(name, np.asarray(item.value).tolist()) for name, item in sorted(mechanism.parameters.items())],
-        [(module.name, module.kind.kind) for module in mechanism.modules],
-    ]
-    robot.update(repr(said).encode())
     where = hashlib.sha256(repr((places.names, places.shape, sorted(places.fixed.items()))).encode())
     for name, axis in places.axes.items():
         where.update(name.encode() + axis.tobytes())
@@ -141,6 +129,6 @@ def _fingerprint(engine: Engine, places: Places) -> dict[str, Any]:
     return {
         "version": [_VERSION, PART, NEGLIGIBLE],
         "compiled": engine.compiled,
-        "robot file and values": robot.hexdigest(),
+        "robot file and values": engine.mechanism.fingerprint,
         "poses": where.hexdigest(),
     }

@@ -525,3 +525,17 @@ def test_a_joint_that_follows_does_so_in_both_formats(arm, tmp_path):
         assert abs(follower.offset - (0.1 - 2 * 2e-3)) < 1e-12
     compiled = mujoco.MjModel.from_xml_path(str(tmp_path / "corrected.xml"))
     assert np.allclose(compiled.eq_data[0][:2], [0.1 - 2 * 2e-3, -2.0], rtol=1e-12)
+
+
+def test_a_loop_that_ends_a_quarter_micrometre_beside_its_body_does_so_in_mujoco(tmp_path):
+    """MuJoCo takes a site so near as its body's own frame, unless it is turned."""
+    robot = prup_pin.load(EXAMPLES / "six_ups.urdf")
+    kinds = {item.name: item for item in calibration_of(robot.mechanism).deviations if item.kind in GEOMETRIC}
+    values = {name: item.nominal + 2.5e-7 for name, item in kinds.items() if item.kind in ("position", "length")}
+    effect = Effect(calibration_of(robot.mechanism), Place("robot"), values)
+    export_model(CorrectedModel(str(EXAMPLES / "six_ups.urdf"), (effect,)), tmp_path / "corrected.xml")
+    compiled = mujoco.MjModel.from_xml_path(str(tmp_path / "corrected.xml"))
+    state = mujoco.MjData(compiled)
+    mujoco.mj_resetDataKeyframe(compiled, state, 0)
+    mujoco.mj_forward(compiled, state)
+    assert np.abs(state.efc_pos[: state.ne]).max() < 1e-9

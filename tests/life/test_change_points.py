@@ -5,7 +5,8 @@ import pytest
 
 from prup_pin.diagnosis.chances import chi2_isf
 from prup_pin.diagnosis.criteria import FALSE_ALARM
-from prup_pin.life.change_points import RAMP, STEP, Values, change_points, estimate, smallest_step
+from prup_pin.life.change_points import RAMP, STEP, Values, change_points
+from prup_pin.life.likelihood import Likelihood, inverse
 
 TIME = np.array([0.0, 3.0, 4.0, 7.0, 8.0, 10.0])
 
@@ -18,7 +19,7 @@ def seen(values, sizes, groups=((0,), (1,)), constant=(False, False), shared=0.0
     n, q = np.shape(values)
     covariance = np.kron(np.eye(n), np.diag(np.square(sizes))) + shared**2 * np.kron(np.ones((n, n)), np.ones((q, q)))
     precision = np.linalg.inv(covariance)
-    return Values(precision, precision @ np.ravel(values), groups, time, constant, tests)
+    return Values(Likelihood(precision, precision @ np.ravel(values)), groups, time, constant, tests)
 
 
 def test_a_step_is_told_with_its_moment_and_size():
@@ -74,7 +75,7 @@ def test_chance_is_told_in_no_more_lives_than_it_is_said_to_be():
 
 def test_the_smallest_step_that_would_be_seen_is_just_seen():
     nothing = seen(np.zeros((6, 2)), (0.5, 1.0))
-    least = smallest_step(nothing, 0, 3)
+    least = nothing.smallest_step(0, 3)
     assert least == pytest.approx(0.5 * np.sqrt(chi2_isf(FALSE_ALARM / (50 * 2 * 5), 1) / 3))
     for share, count in ((1.01, 1), (0.99, 0)):
         values = np.zeros((6, 2))
@@ -86,6 +87,17 @@ def test_each_recordings_value_is_told_beside_the_changes_of_others():
     values = np.zeros((6, 2))
     values[1:, 0], values[4:, 1] = -4.0, 3.0
     said = seen(values, (0.3, 0.4))
-    _, mean, covariance = estimate(said, 0, change_points(said), first=True)
+    _, mean, covariance = said.estimate(0, change_points(said), first=True)
     assert mean[:6] == pytest.approx(values[:, 0])
     assert np.sqrt(np.diagonal(covariance))[:6] == pytest.approx(0.3)
+
+
+def test_values_in_any_units_are_told_beside_one_another():
+    """A tracker's metres beside a multiple of a law: by the largest entries alone the other one was rounding."""
+    values = np.zeros((6, 2))
+    values[1:, 0], values[4:, 1] = 50.0, 2e-4
+    first, second = change_points(seen(values, (0.5, 1e-7)))
+    assert (first.group, first.begin, second.group, second.begin) == (0, 1, 1, 4)
+    assert first.size == pytest.approx([50.0])
+    assert second.size == pytest.approx([2e-4])
+    assert inverse(np.diag([1e-8, 1e14, 0.0])) == pytest.approx(np.diag([1e8, 1e-14, 0.0]))

@@ -17,7 +17,9 @@ from prup_pin.errors import InputError
 from prup_pin.laws.deviations import calibration_of
 from prup_pin.life import fleet as fleets
 from prup_pin.life.fleet import devices_of, fleet
+from prup_pin.life.kept import KEPT, kept
 from prup_pin.recordings import read_recording, read_tolerances
+from prup_pin.simulation import read_model
 
 from ..reference.concealed.fleet import draw_fleet, write
 
@@ -41,16 +43,16 @@ def arms(tmp_path_factory):
 def test_what_a_device_says_of_its_parameters_holds_the_true_ones(arms):
     """Beside noise alone: the tolerances that were declared have no part in it."""
     deviations = {item.name: item for item in calibration_of(prup_pin.load(ARM).mechanism).deviations}
-    for path in sorted((arms.folder / "kept").glob("*.npz")):
-        said = fleets._read(path)
+    for path in sorted((arms.folder / KEPT).glob("*.npz")):
+        about, arrays = kept(arms.folder, path.stem)
         fits = []
         for scatter in arms.truth["scatters"]:
             true = np.array([
-                np.log1p(scatter[name]) if deviations[name].relative else scatter[name] for name in said.names
+                np.log1p(scatter[name]) if deviations[name].relative else scatter[name] for name in about["names"]
             ])  # fmt: skip
-            left = said.score - said.precision @ true
-            size = np.sqrt(np.diagonal(said.precision))
-            values, vectors = np.linalg.eigh(said.precision / np.outer(size, size))
+            left = arrays["score"] - arrays["precision"] @ true
+            size = np.sqrt(np.diagonal(arrays["precision"]))
+            values, vectors = np.linalg.eigh(arrays["precision"] / np.outer(size, size))
             told = values > 1e-4 * values[-1]
             square = float((((left / size) @ vectors[:, told]) ** 2 / values[told]).sum())
             fits.append(chi2_sf(square, int(told.sum())))
@@ -59,7 +61,9 @@ def test_what_a_device_says_of_its_parameters_holds_the_true_ones(arms):
 
 
 def test_a_worker_that_is_lost_costs_its_device_only_and_no_bit(arms, tmp_path, monkeypatch):
-    said = {item.name: fleets._asked(item, str(ARM), fleets.Reading(), "x.json") for item in arms.devices[:1]}
+    said = {
+        item.name: fleets._asked(item, str(ARM), fleets.Reading(), tmp_path / "x.json") for item in arms.devices[:1]
+    }
     here = []
 
     def asked(device, *others):
@@ -97,10 +101,44 @@ def test_a_worker_that_is_lost_costs_its_device_only_and_no_bit(arms, tmp_path, 
     )
     assert np.array_equal(found.own, alone.own)
     here.clear()
-    (next((tmp_path / "lost" / "kept").glob("*.npz"))).unlink()
+    (next((tmp_path / "lost" / KEPT).glob("*.npz"))).unlink()
     again = fleet(arms.devices, tmp_path / "lost", robot_name=str(ARM))
     assert len(here) == 1  # resumed from what is whole
     assert np.array_equal(again.own, alone.own)
+
+
+@pytest.mark.slow
+def test_dask_with_a_killed_worker_gives_the_same_bits(arms, tmp_path):
+    """A scheduler and two workers, each a process of its own; one is killed when the first device is back."""
+    pytest.importorskip("distributed")
+    from scripts.dask_sweep import cluster
+
+    killed = []
+    with cluster(workers=2) as (client, workers), client.get_executor(retries=3) as executor:
+
+        def progress(done, total):
+            if done and not killed:
+                killed.append(workers[0].pid)
+                workers[0].kill()
+
+        there = fleet(arms.devices, tmp_path, robot_name=str(ARM), executor=executor, tell=progress)
+    assert killed
+    assert there.own.tobytes() == arms.found.own.tobytes()
+    assert repr((there.common, there.outliers, there.scatter)) == repr(
+        (arms.found.common, arms.found.outliers, arms.found.scatter)
+    )
+    answers = sorted((arms.folder / KEPT).glob("*.npz"))
+    assert len(answers) == 3
+    for path in answers:
+        assert (tmp_path / KEPT / path.name).read_bytes() == path.read_bytes()
+    for path in sorted((tmp_path / "devices").iterdir()):
+        assert read_model(path).load().name == "elastic_arm"  # wherever the worker stood
+
+
+def test_the_model_of_each_device_is_loaded_from_where_it_lies(arms):
+    paths = sorted((arms.folder / "devices").iterdir())
+    assert [path.stem for path in paths] == ["device01", "device02", "device03"]
+    assert all(read_model(path).load().name == "elastic_arm" for path in paths)
 
 
 def test_the_command_writes_tolerances_that_the_next_diagnosis_takes(arms, tmp_path, monkeypatch):
@@ -118,6 +156,10 @@ def test_the_command_writes_tolerances_that_the_next_diagnosis_takes(arms, tmp_p
     assert "By how much devices scatter" in done.output
     table = pytest.importorskip("pyarrow.parquet").read_table(out / "fleet.parquet")
     assert table.num_rows == 3 * len(arms.found.parameters)
+    page = (out / "fleet.html").read_text(encoding="utf-8")
+    assert "What 3 devices of one drawing say together" in page
+    assert page.count("data:image/svg+xml") == 2  # wide, and for a phone
+    assert all(item.name in page for item in arms.devices)
 
 
 def test_devices_are_told_apart_by_what_they_say_or_by_their_files(arms):

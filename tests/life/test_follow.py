@@ -14,7 +14,8 @@ from prup_pin.cli import app
 from prup_pin.diagnosis import diagnose
 from prup_pin.errors import InputError, RecordingFileError
 from prup_pin.life import follow as following
-from prup_pin.life.follow import KEPT, MODEL, digest_of, follow, in_order_of_time
+from prup_pin.life.follow import MODEL, follow, in_order_of_time
+from prup_pin.life.kept import KEPT, digest_of
 from prup_pin.recordings import read_recording, write_recording
 from prup_pin.views.text.life_words import life_verdict
 
@@ -86,8 +87,10 @@ def test_a_further_recording_alone_is_asked_and_the_answer_is_that_of_all_at_onc
     for one, other in zip(grown.all.series, grown.at_once.series, strict=True):
         for name in ("value", "low", "high"):
             assert np.array_equal(getattr(one, name), getattr(other, name))
-    for path in sorted((grown.folder / KEPT).glob("*.json")):
-        there = grown.folder.with_name("at_once") / KEPT / path.name
+    answers = sorted((grown.folder.with_name("at_once") / KEPT).glob("*.npz"))
+    assert len(answers) == 2 * 4
+    for path in answers:
+        there = grown.folder / KEPT / path.name
         assert there.read_bytes() == path.read_bytes()
 
 

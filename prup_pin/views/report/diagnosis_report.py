@@ -41,7 +41,7 @@ from ..text.diagnosis_words import (
     verdict_text,
 )
 from ..text.values import clean, dimension
-from .pages import Picture, page_template, picture
+from .pages import Picture, as_sentence, page_template, picture
 
 #: Beyond so many points a drawing is a picture of pixels, lest the page grow heavy.
 _MOST_DRAWN = 200
@@ -73,7 +73,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         place=picture(figures.place_figure, robot, diagnosis),
         findings=[_finding(diagnosis, finding) for finding in diagnosis.told],
         proposals=[_proposal(item) for item in diagnosis.proposals],
-        judged=[_sentence(str(item)) for item in diagnosis.judged],
+        judged=[as_sentence(str(item)) for item in diagnosis.judged],
         channels=channels if diagnosis.told else [(what, after, unit) for what, _, after, unit in channels],
         joints=effort_rows(diagnosis),
         samples=picture(figures.sample_figure, diagnosis, pixels=many) if drawn else None,
@@ -82,7 +82,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         efforts=None if efforts is None else picture(figures.effort_figure, efforts, pixels=True),
         hidden=hidden_rows(diagnosis.not_detectable),
         remarks=list(diagnosis.remarks),
-        why=_sentence(str(diagnosis.next_experiment.get("why", ""))),
+        why=as_sentence(str(diagnosis.next_experiment.get("why", ""))),
         plan=_plan(plan, robot),
         poses=[f">pose {count}" for count, _ in enumerate(plan.get("poses", ()), 1)],
         effects=len(diagnosis.effects),
@@ -163,13 +163,13 @@ def _efforts_measured(diagnosis: Diagnosis, recording: Recording) -> list[str]:
 def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
     return {
         "title": finding_text(finding),
-        "statement": _sentence(finding.statement),
-        "cost": _sentence(cost_text(finding)),
-        "remedy": _sentence(finding.remedy),
+        "statement": as_sentence(finding.statement),
+        "cost": as_sentence(cost_text(finding)),
+        "remedy": as_sentence(finding.remedy),
         "places": (places := by_place(finding)),
         "parameters": [] if places else parameter_texts(finding.parameters),
         "response": _response(diagnosis, finding),
-        "doubts": [_sentence(text) for text in alternative_text(diagnosis, finding)],
+        "doubts": [as_sentence(text) for text in alternative_text(diagnosis, finding)],
     }
 
 
@@ -178,7 +178,7 @@ def _proposal(item: Proposal) -> dict[str, Any]:
     return {
         "joint": item.joint,
         "formula": formula,
-        "lines": [_sentence(line) for line in lines],
+        "lines": [as_sentence(line) for line in lines],
         "picture": None if item.curve is None else picture(figures.formula_figure, item, item.curve),
     }
 
@@ -189,13 +189,6 @@ def _response(diagnosis: Diagnosis, finding: Finding) -> Picture | None:
         return picture(figures.response_figure, finding, pixels=len(diagnosis.samples) > _MOST_DRAWN)
     curve = effort_curve_of(finding, diagnosis.efforts)
     return None if curve is None else picture(figures.effort_curve_figure, finding, curve)
-
-
-def _sentence(text: str) -> str:
-    """Return a text with a capital and a full stop; a text that begins with a place keeps its letters."""
-    first = text.split(" ", 1)[0]
-    started = text if "/" in first or "_" in first else text[:1].upper() + text[1:]
-    return started if not started or started.endswith(".") else f"{started}."
 
 
 def _plan(plan: dict[str, Any], robot: Robot) -> list[tuple[str, ...]]:

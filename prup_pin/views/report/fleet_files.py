@@ -1,4 +1,4 @@
-"""The files that a fleet leaves in a folder: JSON, tolerances for the next diagnosis, a table."""
+"""The files that a fleet leaves in a folder: JSON, tolerances for the next diagnosis, a page, a table."""
 
 from __future__ import annotations
 
@@ -11,20 +11,22 @@ import numpy as np
 from ... import __version__
 from ...errors import MissingExtraError
 from ...life.fleet import Fleet
-from ...recordings.writer import check_folder_for, json_lines, write_folder
+from ...recordings.writer import check_folder_for, json_lines, text_of, write_folder
+from ...robot import Robot
 from ...sweep.table import write_table
-from ..text.fleet_words import fleet_verdict
+from ..text.fleet_words import device_rows, fleet_verdict, law_texts, off_rows, scatter_rows
 from .as_json import dump, plain
+from .pages import as_sentence, page_template, picture
 
-DOCUMENT, TOLERANCES, TABLE = "fleet.json", "tolerances.json", "fleet.parquet"
+DOCUMENT, TOLERANCES, PAGE, TABLE = "fleet.json", "tolerances.json", "fleet.html", "fleet.parquet"
 
 
 def check_fleet(folder: Path) -> None:
     """Raise InputError, before anything is computed, where a file would replace what it must not."""
-    check_folder_for(folder, (DOCUMENT, TOLERANCES, TABLE))
+    check_folder_for(folder, (DOCUMENT, TOLERANCES, PAGE, TABLE))
 
 
-def write_fleet(fleet: Fleet, folder: Path, robot_name: str) -> tuple[list[Path], list[str]]:
+def write_fleet(fleet: Fleet, robot: Robot, folder: Path) -> tuple[list[Path], list[str]]:
     """Write the files of a fleet; return their paths, and what was left out for want of an extra, in words."""
     devices = [
         {"device": name, "verdict": answer.verdict, "residual": answer.left, "unknown": answer.unknown}
@@ -33,7 +35,7 @@ def write_fleet(fleet: Fleet, folder: Path, robot_name: str) -> tuple[list[Path]
     document = plain(
         {
             "prup_pin": __version__,
-            "robot": robot_name,
+            "robot": robot.name,
             "sentence": fleet_verdict(fleet),
             "devices": devices,
             "common": [asdict(item) for item in fleet.common],
@@ -46,8 +48,13 @@ def write_fleet(fleet: Fleet, folder: Path, robot_name: str) -> tuple[list[Path]
     files: dict[str, Iterable[str]] = {DOCUMENT: (dump(document) + "\n",)}
     if fleet.tolerances:
         files[TOLERANCES] = json_lines(fleet.tolerances)
-    write_folder(folder, files, (DOCUMENT, TOLERANCES))
-    written, missing = [folder / name for name in files], []
+    missing = []
+    try:
+        files[PAGE] = (text_of(fleet_html(fleet, robot)),)
+    except MissingExtraError as error:
+        missing.append(f"{PAGE}: {error}")
+    write_folder(folder, files, (DOCUMENT, TOLERANCES, PAGE))
+    written = [folder / name for name in files]
     n, p = fleet.own.shape
     columns = {
         "device": np.repeat(np.array(fleet.devices, dtype=str), p),
@@ -55,8 +62,27 @@ def write_fleet(fleet: Fleet, folder: Path, robot_name: str) -> tuple[list[Path]
         "own": fleet.own.ravel(),
     }
     try:
-        write_table(folder / TABLE, columns, {"robot": robot_name, "prup_pin": __version__})
+        write_table(folder / TABLE, columns, {"robot": robot.name, "prup_pin": __version__})
         written.append(folder / TABLE)
     except MissingExtraError as error:
         missing.append(f"{TABLE}: {error}")
     return written, missing
+
+
+def fleet_html(fleet: Fleet, robot: Robot) -> str:
+    """Return one self-contained HTML page. Raises MissingExtraError."""
+    from ..drawing.fleet_figures import fleet_figure
+
+    return page_template("fleet_page.html").render(
+        name=robot.name,
+        version=__version__,
+        script_hashes=[],
+        path=robot.mechanism.description.path.name,
+        sentence=as_sentence(fleet_verdict(fleet)),
+        picture=picture(fleet_figure, fleet) if fleet.parameters else None,
+        scatter=[(kind.replace("_", " "), *cells) for kind, *cells in scatter_rows(fleet)],
+        off=off_rows(fleet),
+        laws=law_texts(fleet),
+        devices=device_rows(fleet),
+        remarks=list(fleet.remarks),
+    )

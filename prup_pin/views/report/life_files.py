@@ -16,7 +16,7 @@ from ...robot import Robot
 from ...sweep.table import write_table
 from ..text.life_words import by_how_much, change_sentence, life_verdict, recording_rows_of, seen_texts
 from .as_json import dump, plain
-from .pages import page_template, picture
+from .pages import as_sentence, page_template, picture
 
 DOCUMENT, PAGE, TABLE = "life.json", "life.html", "life.parquet"
 
@@ -105,12 +105,12 @@ def life_html(life: Life, robot: Robot) -> str:
         script_hashes=[],
         path=robot.mechanism.description.path.name,
         verdict=life.verdict,
-        sentence=_sentence(life_verdict(life)),
+        sentence=as_sentence(life_verdict(life)),
         picture=picture(life_figure, life) if life.series else None,
         changes=[
             {
                 "title": f"{item.physics.replace('_', ' ')} at {item.location}",
-                "sentence": _sentence(change_sentence(life, item)),
+                "sentence": as_sentence(change_sentence(life, item)),
                 "rows": by_how_much(item),
                 "others": ", ".join(item.others),
             }
@@ -121,10 +121,6 @@ def life_html(life: Life, robot: Robot) -> str:
         recordings=recording_rows_of(life),
         remarks=list(life.remarks),
     )
-
-
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}."
 
 
 def _columns(life: Life) -> dict[str, np.ndarray]:

@@ -56,3 +56,11 @@ def picture(draw: Callable[..., Figure], *about: Any, pixels: bool = False) -> P
             draw(*about, narrow=narrow).savefig(buffer, format=kind, dpi=160 if pixels else "figure", metadata=metadata)
             found.append(address + base64.b64encode(buffer.getvalue()).decode("ascii"))
     return Picture(*found)
+
+
+def as_sentence(text: str) -> str:
+    """Return a text with a capital and a full stop; a text that begins with a name keeps its letters."""
+    first = text.split(" ", 1)[0]
+    named = any(letter in "/_" or letter.isdigit() for letter in first)
+    started = text if named else text[:1].upper() + text[1:]
+    return started if not started or started.endswith(".") else f"{started}."

@@ -26,17 +26,43 @@ def fleet_verdict(fleet: Fleet) -> str:
     return "; ".join(said)
 
 
-def off_text(item: Off) -> str:
-    """Return 'joint4.y is off by 771 µm (657 to 885 µm)', and what it cannot be told from."""
+def off_by(item: Off) -> tuple[str, str]:
+    """Return ('+771 µm', '+657 to +885 µm'): by how much a parameter is off, and the 95 % interval."""
     ends, unit = np.array([item.value, *item.interval]), item.unit
     if item.relative:
         ends, unit = 100 * np.expm1(ends), "%"
     value, low, high = ends.tolist()
     name, factor = readable_unit(max(abs(low), abs(high)), unit)
-    by = number(factor * value, 3, True)
-    within = f"{number(factor * low, 3, True)} to {number(factor * high, 3, True)}"
-    text = f"{item.parameter} is off by {by} {name} (95 %: {within} {name})"
+    by, least, most = (number(factor * each, 3, True) for each in (value, low, high))
+    return f"{by} {name}", f"{least} to {most} {name}"
+
+
+def off_text(item: Off) -> str:
+    """Return 'joint4.y is off by +771 µm (95 %: +657 to +885 µm)', and what it cannot be told from."""
+    by, within = off_by(item)
+    text = f"{item.parameter} is off by {by} (95 %: {within})"
     return f"{text}, or {' or '.join(item.others)}, which these tests cannot tell from it" if item.others else text
+
+
+def off_rows(fleet: Fleet) -> list[tuple[str, str, str, str, str]]:
+    """Return a row for each error of the drawing and of single devices: where, parameter, by, 95 %, told from."""
+    return [
+        (item.device or "the drawing", item.parameter, *off_by(item), ", ".join(item.others))
+        for item in (*fleet.common, *fleet.outliers)
+    ]
+
+
+def law_texts(fleet: Fleet) -> list[str]:
+    """Return each law at its place with the number of devices that have it."""
+    return [f"{what}: {counted(count, 'device')} of {len(fleet.devices)}" for what, count in fleet.laws.items()]
+
+
+def device_rows(fleet: Fleet) -> list[tuple[str, str, str, str]]:
+    """Return a row for each device: its name, verdict, what it leaves in multiples of the noise, what it names."""
+    return [
+        (name, answer.verdict.replace("_", " "), number(answer.left, 3), ", ".join(answer.told) or "nothing")
+        for name, answer in zip(fleet.devices, fleet.answers, strict=True)
+    ]
 
 
 def scatter_rows(fleet: Fleet) -> list[tuple[str, str, str, str, str]]:
@@ -68,8 +94,7 @@ def print_fleet(out: Console, fleet: Fleet) -> None:
         heading(out, "By how much devices scatter", "(one standard deviation; tolerances.json holds what is told)")
         columns = ("kind", ">parameters", ">scatters by", ">95 %", ">declared")
         show_table(out, columns, scatter_rows(fleet))
-    told = [f"{what}: {counted(count, 'device')} of {len(fleet.devices)}" for what, count in fleet.laws.items()]
-    bullets(out, "What they have that the robot file lacks", told)
+    bullets(out, "What they have that the robot file lacks", law_texts(fleet))
     unknown = [name for name, answer in zip(fleet.devices, fleet.answers, strict=True) if answer.unknown]
     bullets(out, "With something that no law explains", unknown)
     bullets(out, "Remarks", fleet.remarks)

@@ -84,9 +84,7 @@ def recording_rows_of(life: Life) -> list[tuple[str, str, str, str, str]]:
     """Return a row for each recording: its number, name, date, what it leaves, what it names for itself."""
     rows = []
     for place, (name, day, answer) in enumerate(zip(life.names, life.dates, life.answers, strict=True), 1):
-        named = [f"{item.physics} at {item.location}" for item in answer.named]
-        named += [f"unknown at {location}" for location in answer.unknown]
-        rows.append((str(place), name, day, number(answer.left, 3), ", ".join(named) or "nothing"))
+        rows.append((str(place), name, day, number(answer.left, 3), ", ".join(answer.told) or "nothing"))
     return rows
 
 

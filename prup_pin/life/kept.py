@@ -1,0 +1,104 @@
+"""What tests answered, kept in a folder by what was asked: given again, nothing is asked twice."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import fields
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import __version__
+from ..errors import InputError
+from ..recordings import Recording
+from ..recordings.writer import write_whole
+from ..spatial import Array
+
+__all__ = [
+    "KEPT",
+    "Kept",
+    "check_given_once",
+    "digest",
+    "digest_of",
+    "keep",
+    "kept",
+    "named_in_errors",
+]
+
+#: The folder in that of a life or a fleet.
+KEPT = "kept"
+
+
+class Kept(NamedTuple):
+    """What a test answered: what JSON can hold, and arrays by name."""
+
+    about: Mapping[str, Any]
+    arrays: Mapping[str, Array]
+
+
+def kept(folder: Path, key: str) -> Kept | None:
+    """Return the answer of this key in a folder; None where there is none yet."""
+    path = folder / KEPT / f"{key}.npz"
+    if not path.exists():
+        return None
+    with np.load(path) as found:
+        arrays = {name: found[name] for name in found.files}
+    return Kept(json.loads(str(arrays.pop("about"))), arrays)
+
+
+def keep(folder: Path, key: str, made: Kept) -> Kept:
+    """Write an answer, all of it or nothing; return it as it is read."""
+    held = BytesIO()
+    everything: dict[str, Any] = {"about": np.array(json.dumps(made.about)), **made.arrays}
+    np.savez(held, **everything)
+    path = folder / KEPT / f"{key}.npz"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole({path: [held.getvalue()]})
+    return kept(folder, key) or made
+
+
+def digest(*parts: str | bytes) -> str:
+    """Return a text that stands for all of these, and for this version."""
+    found = hashlib.sha256(__version__.encode())
+    for part in parts:
+        found.update(hashlib.sha256(part if isinstance(part, bytes) else part.encode()).digest())
+    return found.hexdigest()
+
+
+def digest_of(recording: Recording) -> str:
+    """Return a text that is the same for recordings of the same content, whatever they are called."""
+    found = hashlib.sha256()
+    for item in fields(recording):
+        if item.name in ("path", "notes", "remarks", "ignored", "date"):
+            continue
+        value = getattr(recording, item.name)
+        for name, part in sorted(value.items()) if hasattr(value, "items") else [("", value)]:
+            found.update(f"{item.name} {name} ".encode())
+            found.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
+    return found.hexdigest()
+
+
+def check_given_once(recordings: Sequence[Recording], names: Sequence[str]) -> None:
+    """Raise InputError where two recordings are the same."""
+    seen: dict[str, str] = {}
+    for item, name in zip(recordings, names, strict=True):
+        key = digest_of(item)
+        if key in seen:
+            raise InputError(f"{name} is the same recording as {seen[key]}; give each once")
+        seen[key] = name
+
+
+@contextmanager
+def named_in_errors(name: str) -> Iterator[None]:
+    """Say in an error which recording or device it is about."""
+    try:
+        yield
+    except InputError as error:
+        if name in str(error):
+            raise
+        raise InputError(f"{name}: {error}") from error
