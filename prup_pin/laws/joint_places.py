@@ -14,7 +14,7 @@ from ..parameters import Quantity
 from ..spatial import Array, axis_as_z
 from .deeds import Deed, MovedJoint
 from .follows import Followed
-from .law import Law, Place
+from .law import Law, Place, told_of
 from .setup import Setup
 
 _AXES = "xyz"
@@ -43,6 +43,15 @@ class Displaced(Law):
 
     def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
         return {quantity.name: 0.0 for quantity in self.quantities_at(place, mechanism)}
+
+    def told(
+        self,
+        place: Place,
+        values: Mapping[str, float],
+        intervals: Mapping[str, tuple[float, float]],
+        mechanism: Mechanism,
+    ) -> str:
+        return self.statement(place, told_of(self.quantities_at(place, mechanism), values, intervals), mechanism)
 
 
 class JointPosition(Displaced):

@@ -6,13 +6,16 @@ import pytest
 import prup_pin
 from prup_pin.channels import PoseChannel, Stack
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.diagnosis import FittedParameter
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.deviations import calibration_of
+from prup_pin.laws.law import is_untold
 from prup_pin.mechanism import moved_by_length
 from prup_pin.recordings import Noise, Recording, add_noise
 from prup_pin.simulation import Simulator, effect_named, inputs_of
 from prup_pin.spatial import rotation_log
+from prup_pin.views.text.diagnosis_words import parameter_texts
 
 _BODY = (
     '<inertial><origin xyz="{0} 0 0"/><mass value="{1}"/>'
@@ -137,7 +140,7 @@ def test_first_order_is_the_simulations_slope(request, name, length, acting):
 
     def changed(step):
         if acting == "law":
-            values = {item: 0.0 for item in ("rod", "arm")} if name == "five_bar" else {}
+            values = dict.fromkeys(("rod", "arm"), 0.0) if name == "five_bar" else {}
             return effect_named("geometric_offset", place, "", {**values, short: step}, mechanism)
         given = float(mechanism.parameters[length].value)
         return Effect(calibration_of(mechanism), Place("robot"), {length: given + step})
@@ -180,3 +183,20 @@ def test_the_rod_of_a_five_bar_is_named(five_bar, side):
     assert (finding.physics, finding.location, finding.candidates) == ("geometric_offset", side, (side,))
     assert finding.parameters["rod"].value == pytest.approx(8e-4, rel=0.01)
     assert abs(finding.parameters["arm"].value) < 5e-6
+
+
+def test_a_length_that_the_data_cannot_tell_is_told_as_such(five_bar):
+    """Any of its values would do: what a fit leaves there is rounding."""
+    law = effect_named("geometric_offset", "left", "", {"rod": -4.4e-20, "arm": 8e-4}, five_bar.mechanism)
+    intervals = {"rod": (-0.05, 0.05), "arm": (7.9e-4, 8.1e-4)}
+    said = law.law.told(law.place, law.values, intervals, five_bar.mechanism)
+    assert said == "left is not where the drawing has it: arm +800 µm"
+    quantities = {item.name: item for item in law.law.quantities_at(law.place, five_bar.mechanism)}
+    fitted = {
+        name: FittedParameter(law.values[name], "m", ends, untold=is_untold(quantities[name], ends))
+        for name, ends in intervals.items()
+    }
+    assert parameter_texts(fitted) == [
+        ("rod", "not determined by this recording", "-50 to 50 mm"),
+        ("arm", "800 µm", "790 to 810 µm"),
+    ]
