@@ -92,7 +92,8 @@ class PoseChannel(Channel):
     def change(self, setup: Setup, at: Solved, moved: Array) -> Array:
         if not setup.reports and not at.setup.reports:
             return moved
-        frame, first = self.frame, at.first
+        first = at.first
+        frame = first.chain.mechanism.own(self.frame)
         true = first.once(
             ("frame", frame.name), lambda: first.found.evaluation.placements[:, frame.joint] @ frame.placement
         )

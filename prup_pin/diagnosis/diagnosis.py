@@ -48,7 +48,7 @@ class FittedParameter:
     """A fitted value with its unit and 95 % confidence interval.
 
     drawn: what the robot file has, where it has one; before: what an earlier test found; seen: of a way, the least that
-    the recorded positions show.
+    the recorded positions show; untold: any value that there may be would do as well.
     """
 
     value: float
@@ -57,6 +57,7 @@ class FittedParameter:
     drawn: float | None = None
     before: float | None = None
     seen: float = 0.0
+    untold: bool = False
 
     @classmethod
     def about(cls, value: float, unit: str, reach: float, drawn: float | None = None) -> FittedParameter:

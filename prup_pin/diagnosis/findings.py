@@ -10,6 +10,7 @@ import numpy as np
 from ..channels import Noise
 from ..laws import Effect
 from ..laws.deeds import Moved
+from ..laws.law import is_untold
 from ..numbers import counted, number, quantity
 from ..recordings import SENSORS
 from ..robot import Robot
@@ -343,7 +344,8 @@ def parameters_of(problem: Problem, fit: Fit, index: int) -> dict[str, FittedPar
             end = float(candidate.values_of(moved)[place])
             ends.append(float(np.clip(end, each.lower, each.upper)))
         value = float(candidate.values_of(term.coordinates)[place])
-        out[each.name] = FittedParameter(value, each.unit, (ends[0], ends[1]))
+        untold = is_untold(each, (ends[0], ends[1]))
+        out[each.name] = FittedParameter(value, each.unit, (ends[0], ends[1]), untold=untold)
     return out
 
 

@@ -95,6 +95,11 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
     for called, place in parts.places.items():
         if set(place) == set("xyz"):
             bodies[called] = Body(called, stream, {axis: place[axis] for axis in "xyz"})
+    if not bodies:  # of a planar robot two may be all that was measured, where their units say what they are
+        for called, place in parts.places.items():
+            units = [dimension_of(stream.unit_of(name) or "") for name in place.values()]
+            if len(place) == 2 and "w" not in place and set(units) == {"length"}:
+                bodies[called] = Body(called, stream, {axis: place[axis] for axis in sorted(place)})
     for called, axes in parts.turns.items():
         _turn(bodies.setdefault(called, Body(called, stream)), axes, called in parts.vectors)
     for called, cells in parts.matrices.items():

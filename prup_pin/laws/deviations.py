@@ -13,12 +13,23 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..mechanism import Changes, Mechanism
+from ..mechanism import Changes, Mechanism, MovedParts, moved_by_length
 from ..mechanism.tolerances import kind_of_value, value_tolerances, values_following
 from ..numbers import quantity as quantity_in_words
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
-from .deeds import ChangedValue, Deed, Moved, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
+from .deeds import (
+    ChangedLength,
+    ChangedValue,
+    Deed,
+    Moved,
+    MovedJoint,
+    MovedLoopEnd,
+    PoseReport,
+    ScaledMass,
+    Travel,
+    WrenchReading,
+)
 from .encoder import late
 from .joint_places import SeatPosition, across, parts
 from .law import Law, Place, Sharing
@@ -234,15 +245,18 @@ def _with_what_follows(name: str, value: float, setup: Setup) -> Iterator[Deed]:
 def _lengths(mechanism: Mechanism) -> Iterator[Deviation]:
     for length in mechanism.description.lengths:
         name, nominal = length.parameter.name, float(length.parameter.value)
-        act = partial(_other_length, length.moves, nominal)
+        act = partial(_other_length, name, nominal)
         yield Deviation(name, "length", "m", nominal, False, "geometric_offset", name.rpartition(".")[0], act)
 
 
-def _other_length(moves, nominal: float, value: float, setup: Setup) -> Iterator[Deed]:
-    for joint, direction in moves:
-        if joint in (item.name for item in setup.mechanism.joints):
-            shift = (value - nominal) * np.array(direction)
-            yield MovedJoint(joint, (*shift.tolist(), 0.0, 0.0, 0.0))
+def _other_length(name: str, nominal: float, value: float, setup: Setup) -> Iterator[Deed]:
+    parts = moved_by_length(setup.mechanism, name)
+    if not parts.only_joints:  # a fixed joint places frames, too: the robot is drawn anew
+        yield ChangedLength(name, value - nominal)
+        return
+    for joint, rate in parts.joints.items():
+        shift = (value - nominal) * rate
+        yield MovedJoint(setup.mechanism.joint(joint).name, (*shift.tolist(), 0.0, 0.0, 0.0))
 
 
 def _masses(mechanism: Mechanism) -> Iterator[Deviation]:
@@ -260,7 +274,7 @@ def _other_mass(link: str, nominal: float, value: float, setup: Setup) -> Iterat
 
 def _joint_places(mechanism: Mechanism) -> Iterator[Deviation]:
     for part, joint in parts(mechanism).items():
-        left = _not_told_by_lengths(mechanism, joint.name)
+        left = _not_told_by_lengths(mechanism, joint.id)
         for column, axis in enumerate(_AXES):
             if np.any(left[column]):
                 act = partial(_moved, joint.name, np.concatenate((left[column], np.zeros(3))))
@@ -271,19 +285,24 @@ def _joint_places(mechanism: Mechanism) -> Iterator[Deviation]:
                 yield _geometric(f"{joint.name}.{name}", "direction", "rad", part, act)
 
 
-def _not_told_by_lengths(mechanism: Mechanism, joint: str) -> Array:
+def _not_told_by_lengths(mechanism: Mechanism, joint: int) -> Array:
     """Return the displacements (3, 3), by rows, that a joint's position along x, y and z stands for.
 
     The axes, less the directions in which lengths place the joint that have a tolerance of their own: that one says
     how far the joint is off there. What is left scatters alike in all other directions.
     """
-    told = [
-        np.array(direction, float)
-        for length in mechanism.description.lengths
-        if mechanism.parameters[length.parameter.name].tolerance is not None
-        for name, direction in length.moves
-        if name == joint
-    ]
+    told = [moved.joints[joint] for moved in _toleranced(mechanism) if joint in moved.joints]
+    return _beside(told)
+
+
+def _toleranced(mechanism: Mechanism) -> list[MovedParts]:
+    """Return what lengths move that have a tolerance of their own."""
+    names = [length.parameter.name for length in mechanism.description.lengths]
+    return [moved_by_length(mechanism, name) for name in names if mechanism.parameters[name].tolerance is not None]
+
+
+def _beside(told: Sequence[Array]) -> Array:
+    """Return the axes (3, 3), by rows, less the directions that are told."""
     basis, sizes, _ = np.linalg.svd(np.array(told).reshape(-1, 3).T, full_matrices=True)
     span = basis[:, : int((sizes > _SMALL).sum())]
     left = np.eye(3) - span @ span.T
@@ -291,10 +310,14 @@ def _not_told_by_lengths(mechanism: Mechanism, joint: str) -> Array:
 
 
 def _loop_ends(mechanism: Mechanism) -> Iterator[Deviation]:
-    for loop in mechanism.loops:
+    toleranced = _toleranced(mechanism)
+    for index, loop in enumerate(mechanism.loops):
         for end, frame in enumerate((loop.first, loop.second)):
+            left = _beside([moved.loop_ends[index, end] for moved in toleranced if (index, end) in moved.loop_ends])
             for column, axis in enumerate(_AXES):
-                act = partial(_moved_end, loop.name, end, _column(column))
+                if not np.any(left[column]):
+                    continue
+                act = partial(_moved_end, loop.name, end, np.concatenate((left[column], np.zeros(3))))
                 yield _geometric(f"{loop.name}.{frame.name}.{axis}", "position", "m", frame.name, act)
 
 

@@ -12,7 +12,7 @@ from ..mechanism import Mechanism
 from ..numbers import quantity
 from ..parameters import Quantity
 from .deeds import ChangedLength, Deed, Travel
-from .law import Law, Place
+from .law import Law, Place, told_of
 from .setup import Setup
 
 
@@ -52,6 +52,15 @@ class GeometricOffset(Law):
             if held is not None:
                 column, rate = held
                 yield Travel(column, rate * error)
+
+    def told(
+        self,
+        place: Place,
+        values: Mapping[str, float],
+        intervals: Mapping[str, tuple[float, float]],
+        mechanism: Mechanism,
+    ) -> str:
+        return self.statement(place, told_of(self.quantities_at(place, mechanism), values, intervals), mechanism)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         listed = ", ".join(f"{name} {quantity(value, 'm', 3, signed=True)}" for name, value in values.items())

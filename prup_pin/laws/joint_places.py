@@ -8,15 +8,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..mechanism import Joint, LoopClosure, Mechanism
+from ..mechanism import Joint, LoopClosure, Mechanism, moved_by_length
 from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import Array, axis_as_z
 from .deeds import Deed, Moved, MovedJoint, MovedLoopEnd, PoseReport
 from .follows import Followed
-from .law import Law, Place
+from .law import Law, Place, told_of
 from .setup import Setup
 
+#: Displacements per length that are one.
+_ALIKE = 1e-9
 _AXES = "xyz"
 #: Joints nearer than this to the one before them share its place [m].
 _HERE = 1e-9
@@ -43,6 +45,15 @@ class Displaced(Law):
 
     def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
         return {quantity.name: 0.0 for quantity in self.quantities_at(place, mechanism)}
+
+    def told(
+        self,
+        place: Place,
+        values: Mapping[str, float],
+        intervals: Mapping[str, tuple[float, float]],
+        mechanism: Mechanism,
+    ) -> str:
+        return self.statement(place, told_of(self.quantities_at(place, mechanism), values, intervals), mechanism)
 
 
 class JointPosition(Displaced):
@@ -130,7 +141,8 @@ class JointDirection(Law):
 class LoopEndPosition(Displaced):
     """A frame at which a loop closes sits beside its place on its body: a ball joint's seat on a platform.
 
-    In the axes of the body that carries it. Not where a slide carries nothing else, whose own place it is just as well.
+    In the axes of the body that carries it. Not where a slide carries nothing else, whose own place it is just as well,
+    nor along axes along which a length of the robot file moves it, and it alone.
     """
 
     summary = "a joint that closes a loop is not where the drawing has it"
@@ -139,10 +151,15 @@ class LoopEndPosition(Displaced):
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         followed = Followed(mechanism)
-        return [Place(name, self.variant) for name, ends in _ends(mechanism).items() if any(_end_ways(ends, followed))]
+        return [
+            Place(name, self.variant)
+            for name, ends in _ends(mechanism).items()
+            if any(_but_told(_end_ways(ends, followed), end_axes_told(mechanism, ends)))
+        ]
 
     def ways(self, place: Place, mechanism: Mechanism) -> Sequence[bool]:
-        return _end_ways(_ends(mechanism)[place.name], Followed(mechanism))
+        ends = _ends(mechanism)[place.name]
+        return _but_told(_end_ways(ends, Followed(mechanism)), end_axes_told(mechanism, ends))
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         for loop, end in _ends(setup.mechanism)[place.name]:
@@ -155,7 +172,8 @@ class LoopEndPosition(Displaced):
 class SeatPosition(Displaced):
     """The joint that carries a platform sits beside its place on it, in the platform's axes.
 
-    A platform is a body that loops hold too, beside the joint that carries it in the tree.
+    A platform is a body that loops hold too, beside the joint that carries it in the tree. Not along axes along which a
+    length of the robot file moves all that matters on the platform.
     """
 
     summary = "a joint is off its place on the platform that it carries"
@@ -167,11 +185,14 @@ class SeatPosition(Displaced):
         return [
             Place(joint.name, self.variant)
             for joint in mechanism.joints
-            if not joint.slides and _held_elsewhere(mechanism, joint) and any(_body_ways(joint, followed))
+            if not joint.slides
+            and _held_elsewhere(mechanism, joint)
+            and any(_but_told(_body_ways(joint, followed), seat_axes_told(mechanism, joint)))
         ]
 
     def ways(self, place: Place, mechanism: Mechanism) -> Sequence[bool]:
-        return _body_ways(mechanism.joint(place.name), Followed(mechanism))
+        joint = mechanism.joint(place.name)
+        return _but_told(_body_ways(joint, Followed(mechanism)), seat_axes_told(mechanism, joint))
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         mechanism = setup.mechanism
@@ -251,6 +272,38 @@ def parts(mechanism: Mechanism) -> dict[str, Joint]:
         beams = [module for module in own if module.kind.bends_exactly]
         found[(beams or own)[0].name if own else joint.name] = joint
     return found
+
+
+def end_axes_told(mechanism: Mechanism, ends: Sequence[tuple[int, int]]) -> Sequence[bool]:
+    """Return along which axes of its body a length of the robot file moves these ends of loops and nothing else."""
+    return _axes_told(mechanism, set(), set(ends), None)
+
+
+def seat_axes_told(mechanism: Mechanism, joint: Joint) -> Sequence[bool]:
+    """Return along which axes of a joint's body a length of the robot file moves all that matters on that body."""
+    ends = {(index, end) for index, loop in enumerate(mechanism.loops) for end in _on(loop, joint)}
+    return _axes_told(mechanism, {other.id for other in _children(mechanism, joint)}, ends, joint.id)
+
+
+def _axes_told(mechanism: Mechanism, joints: set[int], ends: set[tuple[int, int]], body: int | None) -> Sequence[bool]:
+    tool, told = mechanism.tool, [False, False, False]
+    carried = tool is not None and tool.joint == body
+    for length in mechanism.description.lengths:
+        moved = moved_by_length(mechanism, length.parameter.name)
+        shifts = [*moved.joints.values(), *moved.loop_ends.values()]
+        shown = tool is not None and tool.name in moved.frames
+        if set(moved.joints) != joints or set(moved.loop_ends) != ends or shown != carried or not shifts:
+            continue
+        if shown and tool is not None:
+            shifts.append(moved.frames[tool.name])
+        axes = np.flatnonzero(shifts[0])
+        if len(axes) == 1 and np.ptp(shifts, axis=0).max() < _ALIKE:
+            told[axes[0]] = True
+    return told
+
+
+def _but_told(ways: Sequence[bool], told: Sequence[bool]) -> list[bool]:
+    return [way and not known for way, known in zip(ways, told, strict=True)]
 
 
 def _on(loop: LoopClosure, joint: Joint) -> list[int]:

@@ -219,6 +219,19 @@ class Law(ABC):
         return self.remedy.format(place=place.name)
 
 
+def is_untold(quantity: Quantity, interval: tuple[float, float]) -> bool:
+    """Return whether an interval holds all that a quantity of either sign may be."""
+    return min(interval) <= quantity.lower < 0 < quantity.upper <= max(interval)
+
+
+def told_of(
+    quantities: Sequence[Quantity], values: Mapping[str, float], intervals: Mapping[str, tuple[float, float]]
+) -> Mapping[str, float]:
+    """Return the values without those that are not told; all where none is."""
+    untold = {item.name for item in quantities if item.name in intervals and is_untold(item, intervals[item.name])}
+    return {name: value for name, value in values.items() if name not in untold} or values
+
+
 @dataclass(frozen=True)
 class Effect:
     """A law at a place with values: a piece of physics added to a simulation."""

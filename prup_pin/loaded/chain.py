@@ -120,6 +120,10 @@ class Chain:
         """Return d(residual)/d(wrench on the tool), (N, m, 6)."""
         return derivative.load_columns(self.structure, at)
 
+    def wrench_columns(self, at: Evaluation, bodies: np.ndarray, wrenches: Array) -> Array:
+        """Return d(residual) of base wrenches (N, 6, c) on the bodies of joints (c,), (N, m, c)."""
+        return derivative.wrench_columns(self.structure, at, bodies, wrenches)
+
     def mass_columns(self, at: Evaluation, gravity: Array, links: Sequence[Link]) -> Array:
         """Return d(residual)/d(mass of links), (N, m, c), under gravity (3,) or (N, 3)."""
         return derivative.mass_columns(self.structure, at, gravity, links)

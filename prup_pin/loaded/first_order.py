@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import UnknownNameError
-from ..mechanism import Frame, Link
+from ..mechanism import Frame, Link, MovedParts
 from ..spatial import Array, cross, motion_between, rotation_exp, skew
 from .border import left_solved
 from .border import slack as slack_of
@@ -37,7 +37,8 @@ class FirstOrder:
         """`frames` are watched, by default the tool alone."""
         self.found = found
         self.chain = found.chain
-        self.frames = (self.chain.tool,) if frames is None else tuple(frames)
+        mechanism = self.chain.mechanism
+        self.frames = (self.chain.tool,) if frames is None else tuple(mechanism.own(frame) for frame in frames)
         nq, nd, _, _ = self.chain.sizes
         #: Rows of the equations that state each module's deformation.
         self.rows: dict[str, slice] = {}
@@ -165,6 +166,61 @@ class FirstOrder:
             return self._by_motions(self.chain.loop_end_motions(found.evaluation, found.conditions, [(loop, end)]))
 
         return self.once(("loop end", loop, end), compute)
+
+    def by_parts(self, parts: MovedParts) -> Array:
+        """Return what is watched, (n, R), per amount by which parts of the robot are displaced together.
+
+        Beams and other modules keep their places. NaN where redundant loops do not close any more.
+        """
+        found, chain = self.found, self.chain
+        at, conditions = found.evaluation, found.conditions
+        watched, change = np.zeros(self.by_row.shape[:2]), np.zeros((len(self), sum(chain.sizes)))
+        for shifts, motions_of in (
+            (parts.joints, lambda places: chain.joint_motions(found.state, at, conditions, places)),
+            (parts.loop_ends, lambda places: chain.loop_end_motions(at, conditions, places)),
+        ):
+            if not shifts:
+                continue
+            motions, amounts = motions_of([*shifts]), np.zeros((len(shifts), 6))
+            amounts[:, :3] = [*shifts.values()]
+            moved = [frame_motions(at, frame, motions) for frame in self.frames]
+            watched += np.concatenate(moved, axis=1) @ amounts.ravel()
+            change += chain.motion_columns(at, conditions, motions) @ amounts.ravel()
+        for index, frame in enumerate(self.frames):
+            if frame.name in parts.frames:
+                watched[:, 6 * index : 6 * index + 3] += (
+                    at.placements[:, frame.joint, :3, :3] @ parts.frames[frame.name]
+                )
+        change += self._displaced_loads(parts)
+        return np.where(self._askew(change[..., None]), np.nan, watched + self.by_residual(change))
+
+    def _displaced_loads(self, parts: MovedParts) -> Array:
+        """Return the change of the equations' residual, (n, m), by loads on the tool and on links that are displaced.
+
+        On their own bodies: what the displacement of whole bodies does is in these bodies' motions.
+        """
+        at, conditions, tool = self.found.evaluation, self.found.conditions, self.chain.tool
+        change = np.zeros((len(self), sum(self.chain.sizes)))
+        if tool.name in parts.frames:
+            shift = at.placements[:, tool.joint, :3, :3] @ parts.frames[tool.name]
+            more = np.zeros((len(self), 6))
+            for stiffness, _ in conditions.springs:
+                more[:, :3] -= shift @ stiffness.T
+            more[:, 3:] = cross(shift, conditions.force_at(at.tool[:, :3, 3]))
+            change += (self.chain.load_columns(at) @ more[..., None])[..., 0]
+        for index, link in enumerate(self.chain.mechanism.links):
+            if link.name not in parts.links or (conditions.gravity is None and conditions.inertia is None):
+                continue
+            factor = 1.0 if conditions.mass_factors is None else conditions.mass_factors[index]
+            force = np.zeros((len(self), 3))
+            if conditions.gravity is not None:
+                force += factor * link.mass * conditions.gravity
+            if conditions.inertia is not None:
+                force += factor * conditions.inertia[:, index, :3]
+            shift = at.placements[:, link.joint, :3, :3] @ parts.links[link.name]
+            wrench = np.concatenate((np.zeros_like(force), cross(shift, force)), axis=1)
+            change += self.chain.wrench_columns(at, np.array([link.joint]), wrench[..., None])[..., 0]
+        return change
 
     def by_mass(self, link: Link, gravity: Array) -> Array:
         """Return what is watched per mass of a link, (n, R), under gravity (3,) or (n, 3), or as in `mass_columns`."""

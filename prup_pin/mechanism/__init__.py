@@ -3,6 +3,7 @@
 from .changes import Changes, JointDynamics
 from .coupling import Coupling
 from .joints import Joint
+from .lengths import MovedParts, moved_by_length
 from .links import Link
 from .mechanism import Frame, LoopClosure, Mechanism, Module
 from .yielding import WAYS, yielding_module
@@ -18,5 +19,7 @@ __all__ = [
     "LoopClosure",
     "Mechanism",
     "Module",
+    "MovedParts",
+    "moved_by_length",
     "yielding_module",
 ]

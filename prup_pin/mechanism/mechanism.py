@@ -36,7 +36,7 @@ from .links import Link, links_of
 from .load_paths import LoadPaths
 from .yielding import yielding_modules
 
-__all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module", "with_lengths"]
+__all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module", "frames_by_name", "model_of", "with_lengths"]
 
 
 #: Motions [m or rad] along and about what a loop leaves free, by which two descriptions of it are compared, and how far
@@ -167,8 +167,8 @@ class Mechanism:
         self.description = description
         self.name = description.name
         self.locked = locked
-        self.model = model if model is not None else _build_model(description)
-        frames = _frames_by_name(self.model)
+        self.model = model if model is not None else model_of(description)
+        frames = frames_by_name(self.model)
         self._frames = frames
         #: Acceleration of free fall [m/s^2], base axes: that of the model, which every computation shares.
         self.gravity = np.array(self.model.gravity.linear)
@@ -226,6 +226,10 @@ class Mechanism:
     def frame(self, name: str) -> Frame:
         """Return a frame by the name of a link, a joint or a site. Raises UnknownNameError."""
         return named("frame", name, self._frames)
+
+    def own(self, frame: Frame) -> Frame:
+        """Return the frame of that name as it stands here, where lengths may have moved it; else the frame itself."""
+        return self._frames.get(frame.name, frame)
 
     def need_tool(self) -> Frame:
         """Return the tool frame, or raise PrupPinError with the frames that could be meant."""
@@ -749,7 +753,7 @@ def _all_parameters(description: RobotDescription, modules: tuple[Module, ...]) 
     return parameters
 
 
-def _frames_by_name(model: pin.Model) -> dict[str, Frame]:
+def frames_by_name(model: pin.Model) -> dict[str, Frame]:
     """Return every frame of the model; where a link and a joint share a name, the link's."""
     frames: dict[str, Frame] = {}
     for wanted_body in (True, False):
@@ -763,7 +767,7 @@ def _file_error(description: RobotDescription, message: str, line: int | None = 
     return RobotFileError(description.path, [Problem(message, line)])
 
 
-def _build_model(description: RobotDescription) -> pin.Model:
+def model_of(description: RobotDescription) -> pin.Model:
     """Return Pinocchio's model of the tree, with the lengths and the gravity of the description applied."""
     try:
         if description.source == "MJCF":

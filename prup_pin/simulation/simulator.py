@@ -84,6 +84,7 @@ class Run:
     def pose_of(self, frame: Frame) -> tuple[Array, Array]:
         """Return position (N, 3) and rotation (N, 3, 3) of a frame as the pose sensor reports them; NaN if unsolved."""
         n, good = len(self.solved), self.equilibria.converged
+        frame = self.equilibria.chain.mechanism.own(frame)
         placed = self.equilibria.evaluation.placements[good]
         placements = placed[:, frame.joint] @ frame.placement
         if self.setup.base is not None:

@@ -517,3 +517,16 @@ def test_a_place_has_one_unit():
     places = {"TCP x": 3 * values, "TCP y": 400 * values, "TCP z": values}
     read = yaml.safe_load(guess(log_of({"t [s]": values, "q1": values, **places}), None).text)
     assert {read["columns"][f"p.{axis}"]["unit"] for axis in "xyz"} == {"mm"}
+
+
+@pytest.mark.parametrize("third", [None, "Z [mm]"])
+def test_two_coordinates_are_a_place_where_they_are_lengths(third):
+    """A planar robot is measured in its plane; what is no length is left alone."""
+    rows = np.linspace(0.0, 1.0, 20)
+    columns = {"t": rows, "X [mm]": 100 * rows, "Y [mm]": 500 + rows, "Flow X [l/min]": rows, "Flow Y [l/min]": rows}
+    if third is not None:
+        columns[third] = 0 * rows
+    lines = yaml.safe_load(guess(log_of(columns)).text)["columns"]
+    places = {target: line["from"] for target, line in lines.items() if target.startswith("p")}
+    axes = "xy" if third is None else "xyz"
+    assert places == {f"p.{axis}": f"{axis.upper()} [mm]" for axis in axes}

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...dynamics import InMotion
-from ...laws.efforts.effort_law import usual_way
+from ...laws.efforts.effort_law import joint_unit, usual_way
 from ...laws.efforts.variables import VARIABLES, variable_of
 from ...numbers import number, quantity
 from ...spatial import Array
@@ -261,7 +261,7 @@ def _repeating(final: FinalState) -> Iterator[Finding]:
         found = _repeated(left[here, column], *along, rms_of(measured[here, column]))
         if found is not None:
             at, height, share = found
-            where = quantity(at, VARIABLES["position"][1 if final.mechanism.joint(name).slides else 0])
+            where = quantity(at, joint_unit(VARIABLES["position"], name, final.mechanism))
             yield unknown_at(
                 name,
                 f"the residual at {name} comes back wherever it passes {where}, up to "

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import UnknownNameError
-from ...mechanism import Changes
+from ...mechanism import Changes, moved_by_length
 from ...spatial import Array
 from .deed import Deed, Solved
 
@@ -79,16 +79,8 @@ class ChangedLength(Deed):
 
 
 def _by_length(at: Solved, name: str) -> Array:
-    """Return what is watched per length, (n, R): the joints that it places are moved at the present state."""
-    mechanism = at.setup.mechanism
-    moves = next(length.moves for length in mechanism.description.lengths if length.parameter.name == name)
-    total = np.zeros(at.first.by_row.shape[:2])
-    for joint, direction in moves:
-        index = int(mechanism.model.getJointId(joint))
-        if 0 < index < mechanism.model.njoints:
-            axes = np.flatnonzero(direction)
-            total += at.first.by_joint(index)[..., axes] @ np.array(direction)[axes]
-    return total
+    """Return what is watched per length, (n, R): what it places is moved at the present state."""
+    return at.first.by_parts(moved_by_length(at.setup.mechanism, name))
 
 
 @dataclass(frozen=True)

@@ -350,7 +350,9 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
         if fitted.value == 0 and factor * max(abs(low), abs(high)) > 0.99 * _ABSURD:
             rows.append((words, "not determined by this recording", "any size"))
             continue
-        if _is_open(fitted):
+        if fitted.untold:
+            unit, factor = readable_unit(high, fitted.unit)
+        if fitted.untold or _is_open(fitted):
             value = "not determined by this recording"
         elif max(abs(fitted.value), 0.5 * abs(high)) < fitted.seen:
             rows.append((words, f"below {quantity(fitted.seen, fitted.unit)}", "less than the encoder shows"))
