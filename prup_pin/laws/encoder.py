@@ -42,7 +42,8 @@ class EncoderOffset(Law):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "m" if _slides(place, mechanism) else "rad"
-        return f"the encoder at {place} is off by {quantity(values['offset'], unit, signed=True)}"
+        size, side = quantity(abs(values["offset"]), unit), "little" if values["offset"] > 0 else "much"
+        return f"the encoder at {place} reads {size} too {side}"
 
 
 def _slides(place: Place, mechanism: Mechanism) -> bool:

@@ -426,7 +426,8 @@ def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
         texts.append(f"it may sit in {places_text(parts)} alone")
     if finding.alternatives:
         laws = [name.partition(" at ") for name in finding.alternatives]
-        told = ", ".join(law.replace("_", " ") + at + place for law, at, place in laws[:_MOST_RIVALS])
+        # a way of writing the log stands there as it is declared
+        told = ", ".join((law.replace("_", " ") if at else law) + at + place for law, at, place in laws[:_MOST_RIVALS])
         more = len(laws) - _MOST_RIVALS
         texts.append(f"as good a fit: {told}{f' and {more} more, in diagnosis.json' if more > 0 else ''}")
     return texts
