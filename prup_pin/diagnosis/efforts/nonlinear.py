@@ -12,7 +12,7 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...spatial import Array
-from ..criteria import EFFORT_INDISTINCT, ROUNDS, SURE, WIDEST_STEP
+from ..criteria import EFFORT_INDISTINCT, GAIN, ROUNDS, SURE, WIDEST_STEP
 from ..normal_equations import NormalEquations
 from .evidence import CrossValidation, held_out, relative_gain
 from .prepare import PreparedEfforts
@@ -113,7 +113,7 @@ def settled_together(efforts: PreparedEfforts, model: EffortModel) -> EffortMode
     """Return the model with all nonlinear parameters where the squares are least together.
 
     Laws that do much the same in two ways, as friction turns round on a way or sets in with the speed, do so in the
-    other one at all places where that surely leaves less of blocks held out: a friction that lags and a signal that is
+    other one at all places where that surely leaves less of blocks held out, and by more than a law has to: a friction that lags and a signal that is
     late would make up for each other, and no law alone leads from one way to the other.
     """
     found = _descended(efforts, model)
@@ -125,7 +125,8 @@ def settled_together(efforts: PreparedEfforts, model: EffortModel) -> EffortMode
     if other is found:
         return found
     other = _descended(efforts, other)
-    if relative_gain(held_out(found), held_out(other))[1] > SURE:
+    share, sure = relative_gain(held_out(found), held_out(other))
+    if share > GAIN and sure > SURE:
         return other
     found.problem.columns.cut(size)
     return found
