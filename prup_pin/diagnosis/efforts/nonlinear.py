@@ -113,8 +113,8 @@ def settled_together(efforts: PreparedEfforts, model: EffortModel) -> EffortMode
     """Return the model with all nonlinear parameters where the squares are least together.
 
     Laws that do much the same in two ways, as friction turns round on a way or sets in with the speed, do so in the
-    other one at all places where that surely leaves less of blocks held out, and by more than a law has to: a friction that lags and a signal that is
-    late would make up for each other, and no law alone leads from one way to the other.
+    other one at all places where that surely leaves less of blocks held out, and by more than a law has to: a friction
+    that lags and a signal that is late would make up for each other, and no law alone leads from one way to the other.
     """
     found = _descended(efforts, model)
     other, size = found, found.problem.columns.size
