@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -12,24 +11,21 @@ from ..mechanism import Mechanism
 from ..numbers import quantity
 from ..parameters import Quantity
 from .deeds import ChangedLength, Deed, Travel
-from .law import Law, Place, told_of
+from .law import OffTheDrawing, Place
 from .setup import Setup
 
 
-class GeometricOffset(Law):
+class GeometricOffset(OffTheDrawing):
     """The lengths that the robot file gives for a place are off, each by a small amount.
 
     What lies beyond a part moves with its error. Where a robot file has a length that leaves the far end in place,
     because the actuator's position is counted to there (a longer yoke, a shorter rod), the far end moves all the same.
     """
 
-    physics = "geometric_offset"
     summary = "a part is not where the drawing has it"
     called = "calibration, kinematic error, Denavit-Hartenberg, misalignment"
     remedy = "measure where {place} really is, then enter it in the robot file or shim the part"
-    cost = 3.0
     quantities = ()
-    neutral: ClassVar = {}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         names = [length.parameter.name.rpartition(".")[0] for length in mechanism.description.lengths]
@@ -41,9 +37,6 @@ class GeometricOffset(Law):
             for name in _lengths(mechanism, place.name)
         )
 
-    def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
-        return {quantity.name: 0.0 for quantity in self.quantities_at(place, mechanism)}
-
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         for name, moves in _lengths(setup.mechanism, place.name).items():
             error = values[name.rpartition(".")[2]]
@@ -52,15 +45,6 @@ class GeometricOffset(Law):
             if held is not None:
                 column, rate = held
                 yield Travel(column, rate * error)
-
-    def told(
-        self,
-        place: Place,
-        values: Mapping[str, float],
-        intervals: Mapping[str, tuple[float, float]],
-        mechanism: Mechanism,
-    ) -> str:
-        return self.statement(place, told_of(self.quantities_at(place, mechanism), values, intervals), mechanism)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         listed = ", ".join(f"{name} {quantity(value, 'm', 3, signed=True)}" for name, value in values.items())

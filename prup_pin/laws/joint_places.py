@@ -14,7 +14,7 @@ from ..parameters import Quantity
 from ..spatial import Array, axis_as_z
 from .deeds import Deed, Moved, MovedJoint, MovedLoopEnd, PoseReport
 from .follows import Followed
-from .law import Law, Place, told_of
+from .law import Law, OffTheDrawing, Place
 from .setup import Setup
 
 #: Displacements per length that are one.
@@ -24,16 +24,13 @@ _AXES = "xyz"
 _HERE = 1e-9
 
 
-class Displaced(Law):
+class Displaced(OffTheDrawing):
     """A part that sits beside its place, by x, y and z, along those axes that the loops let it go."""
 
-    physics = "geometric_offset"
-    cost = 3.0
     quantities: ClassVar[tuple[Quantity, ...]] = tuple(
         Quantity(axis, "m", f"of the part along {axis} of the body that it is on", 1e-4, lower=-0.05, upper=0.05)
         for axis in _AXES
     )
-    neutral: ClassVar = {}
 
     @abstractmethod
     def ways(self, place: Place, mechanism: Mechanism) -> Sequence[bool]:
@@ -42,18 +39,6 @@ class Displaced(Law):
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         ways = self.ways(place, mechanism)
         return tuple(quantity for quantity, way in zip(self.quantities, ways, strict=True) if way)
-
-    def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
-        return {quantity.name: 0.0 for quantity in self.quantities_at(place, mechanism)}
-
-    def told(
-        self,
-        place: Place,
-        values: Mapping[str, float],
-        intervals: Mapping[str, tuple[float, float]],
-        mechanism: Mechanism,
-    ) -> str:
-        return self.statement(place, told_of(self.quantities_at(place, mechanism), values, intervals), mechanism)
 
 
 class JointPosition(Displaced):

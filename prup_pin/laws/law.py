@@ -232,6 +232,26 @@ def told_of(
     return {name: value for name, value in values.items() if name not in untold} or values
 
 
+class OffTheDrawing(Law):
+    """A part is not where the drawing has it, by lengths of which what data do not tell is not told."""
+
+    physics = "geometric_offset"
+    cost = 3.0
+    neutral: ClassVar = {}
+
+    def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
+        return {quantity.name: 0.0 for quantity in self.quantities_at(place, mechanism)}
+
+    def told(
+        self,
+        place: Place,
+        values: Mapping[str, float],
+        intervals: Mapping[str, tuple[float, float]],
+        mechanism: Mechanism,
+    ) -> str:
+        return self.statement(place, told_of(self.quantities_at(place, mechanism), values, intervals), mechanism)
+
+
 @dataclass(frozen=True)
 class Effect:
     """A law at a place with values: a piece of physics added to a simulation."""

@@ -86,7 +86,7 @@ class FinalState:
         self.laws = [term for term in sure if not term.law.is_curve and term not in imitating]
         self.x, self._apart, self.normal = self._coefficients()
         self.laws = self._material(self.laws)
-        self.held_out = held_out(self.model)
+        self.held_out = self._validation.squares
         self.impossible = self._impossible_bodies(fit(self.model)[0])
         self.laws = [term for term in self.laws if not self._imitates_impossible(term)]
         self.squared_strain = squared_strain(self.model)
@@ -166,7 +166,7 @@ class FinalState:
         A fit follows each block that it is fitted to, and hides a part of how these scatter: they are taken where they
         were not fitted (MacKinnon and White, J. Econometrics 29, 1985).
         """
-        gradients = self.problem.columns.gradients(CrossValidation(self.model).residual, self.model.where)
+        gradients = self.problem.columns.gradients(self._validation.residual, self.model.where)
         middle = gradients.T @ gradients
         white = NormalEquations.of(self.normal, least=1e-12).solve(np.eye(len(self.normal)))
         count = self.problem.columns.count
@@ -258,6 +258,10 @@ class FinalState:
             for left in (self.efforts.held_out_residual(rest, kept), self._left)
         ]
         return float(np.sqrt(sizes[0] / max(sizes[1], np.finfo(float).tiny)))
+
+    @cached_property
+    def _validation(self) -> CrossValidation:
+        return CrossValidation(self.model)
 
     @cached_property
     def _columns(self) -> Array:

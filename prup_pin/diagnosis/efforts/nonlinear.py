@@ -79,7 +79,7 @@ def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]
 
     columns = model.problem.columns
     for place in which:
-        term, problem = model.terms[place], model.problem
+        term = model.terms[place]
         law, count = term.law, len(term.law.free(term.values))
         if not count:
             continue
@@ -96,14 +96,11 @@ def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]
             continue
         values = _scaled(term, np.clip(found.x, -WIDEST_STEP, WIDEST_STEP))
         size = columns.size
-        own = columns.add([efforts.whitened(law.efforts_per(term.place, values, profile.at))])[0]
-        prior = np.concatenate((problem.prior, efforts.prior_of(law, term.place)))
-        other = EffortCandidate(law, term.place, values, own)
-        wider = efforts.with_candidates(columns, problem.candidates, prior)
-        within = model.in_problem(wider)
-        before, after = CrossValidation(within.without(term)).with_each([term, other]).sum(axis=1)
+        tried = _replaced(efforts, model, place, values, profile.at)
+        rest = model.in_problem(tried.problem).without(term)
+        before, after = CrossValidation(rest).with_each([term, tried.terms[place]]).sum(axis=1)
         if after < before:
-            model = within.replaced(place, other)
+            model = tried
         else:
             columns.cut(size)
     return model
