@@ -450,6 +450,19 @@ def test_an_effort_that_was_never_logged_is_told_first_and_left_out(value):
     assert prospects(robot, recording).premises == found.premises
 
 
+def test_an_effort_that_stays_at_nothing_but_for_blips_was_not_measured():
+    """So do the wrists of a real robot whose drivers log their current only while it is large."""
+    robot, whole = load("ur5"), swung()
+    blips = np.zeros(len(whole))
+    blips[::9] = np.round(np.random.default_rng(3).normal(0.0, 0.02, len(blips[::9])), 3)
+    found = diagnose(robot, replace(whole, efforts=whole.efforts | {"wrist_2_joint": blips}))
+    assert named(found) == {("viscous_friction", "shoulder_lift_joint")}
+    assert found.premises[0].startswith("tau.wrist_2_joint stays at 0 in 8")
+    rounded = np.round(whole.efforts["wrist_2_joint"] / 0.5) * 0.5  # mostly nothing, and still an effort
+    found = diagnose(robot, replace(whole, efforts=whole.efforts | {"wrist_2_joint": rounded}))
+    assert not found.premises and "wrist_2_joint" in found.efforts.joints
+
+
 def bumped(robot_log, joint, force=5.0, at=0.7, width=0.03):
     """Return a recording with an effort more wherever a joint passes one place."""
     q = robot_log.positions[joint]

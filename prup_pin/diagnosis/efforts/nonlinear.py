@@ -24,8 +24,8 @@ __all__ = ["optimised", "profile_intervals", "refined", "settled_together"]
 _SETTLED = 0.5
 #: Logarithm of a parameter over its best value beyond which data do not bound it.
 _NEVER = 7.0
-#: Change of a logarithm for a derivative.
-_SMALL = 0.05
+#: Share of the change within which the best values lie by which a derivative is taken.
+_SMALL = 0.25
 
 
 def refined(
@@ -70,39 +70,26 @@ def refined(
     return optimised(efforts, model, which)
 
 
-def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]) -> EffortModel:
-    """Return the model with nonlinear parameters where the squares are least, all coefficients free.
+def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int] | None = None) -> EffortModel:
+    """Return the model with the nonlinear parameters of some terms, or of all, where the squares are least together.
 
-    A friction that turns round on a way a little too long looks like a delay, where it is large.
+    By Gauss and Newton's steps, all coefficients free: one after the other they would creep along a valley. A friction
+    that turns round on a way a little too long looks like a delay, where it is large. What follows from what is known
+    does so with the coefficients of the whole fit.
     """
-    from scipy.optimize import minimize  # heavy; not needed to load a robot
-
-    columns = model.problem.columns
-    for place in which:
-        term = model.terms[place]
-        law, count = term.law, len(term.law.free(term.values))
-        if not count:
-            continue
-        profile = _Profile.of(efforts, model, place)
-
-        def cost(step: Array, profile: _Profile = profile) -> float:
-            return profile(np.clip(step, -WIDEST_STEP, WIDEST_STEP))
-
-        near = law.near(term.values)
-        simplex = np.vstack((np.zeros(count), near * np.eye(count)))
-        options = {"initial_simplex": simplex, "maxfev": 25 * count, "xatol": 0.02 * near, "fatol": _SETTLED}
-        found = minimize(cost, np.zeros(count), method="Nelder-Mead", options=options)
-        if not cost(np.zeros(count)) - found.fun > _SETTLED:
-            continue
-        values = _scaled(term, np.clip(found.x, -WIDEST_STEP, WIDEST_STEP))
-        size = columns.size
-        tried = _replaced(efforts, model, place, values, profile.at)
-        rest = model.in_problem(tried.problem).without(term)
-        before, after = CrossValidation(rest).with_each([term, tried.terms[place]]).sum(axis=1)
-        if after < before:
-            model = tried
-        else:
+    which = range(len(model.terms)) if which is None else which
+    columns, cost = model.problem.columns, _cost(model)
+    for _ in range(ROUNDS):
+        steps = _steps_together(efforts, model, which)
+        for share in (1.0, 0.5, 0.25, 0.0):  # the last: with what is known now, and no step
+            size = columns.size
+            tried = _with_factors(efforts, model, {index: np.exp(share * step) for index, step in steps.items()})
+            if (now := _cost(tried)) < cost - _SETTLED:
+                break
             columns.cut(size)
+        else:
+            return model
+        model, cost = tried, now
     return model
 
 
@@ -113,7 +100,7 @@ def settled_together(efforts: PreparedEfforts, model: EffortModel) -> EffortMode
     other one at all places where that surely leaves less of blocks held out, and by more than a law has to: a friction
     that lags and a signal that is late would make up for each other, and no law alone leads from one way to the other.
     """
-    found = _descended(efforts, model)
+    found = optimised(efforts, model)
     other, size = found, found.problem.columns.size
     for index, term in enumerate(found.terms):
         values = term.law.otherwise(term.place, term.values, efforts.at)
@@ -121,33 +108,12 @@ def settled_together(efforts: PreparedEfforts, model: EffortModel) -> EffortMode
             other = _replaced(efforts, other, index, values, efforts.at)
     if other is found:
         return found
-    other = _descended(efforts, other)
+    other = optimised(efforts, other)
     share, sure = relative_gain(held_out(found), held_out(other))
     if share > GAIN and sure > SURE:
         return other
     found.problem.columns.cut(size)
     return found
-
-
-def _descended(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
-    """Return the model after Gauss and Newton's steps of all nonlinear parameters.
-
-    One after the other they would creep along a valley. What follows from what is known does so with the coefficients
-    of the whole fit.
-    """
-    columns, cost = model.problem.columns, _cost(model)
-    for _ in range(ROUNDS):
-        steps = _steps_together(efforts, model)
-        for share in (1.0, 0.5, 0.25, 0.0):  # the last: with what is known now, and no step
-            size = columns.size
-            tried = _with_factors(efforts, model, [np.exp(share * step) for step in steps])
-            if (now := _cost(tried)) < cost - _SETTLED:
-                break
-            columns.cut(size)
-        else:
-            return model
-        model, cost = tried, now
-    return model
 
 
 def _cost(model: EffortModel) -> float:
@@ -157,19 +123,22 @@ def _cost(model: EffortModel) -> float:
     return float(x @ matrix @ x - 2 * moment @ x)
 
 
-def _steps_together(efforts: PreparedEfforts, model: EffortModel) -> list[Array]:
-    """Return Gauss and Newton's steps of the logarithms of each term's free parameters, all coefficients free."""
+def _steps_together(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]) -> dict[int, Array]:
+    """Return Gauss and Newton's steps of the logarithms of the free parameters of some terms, all coefficients free."""
     problem, columns, x = model.problem, model.problem.columns, fit(model)[0]
-    size, counts = columns.size, [len(term.law.free(term.values)) for term in model.terms]
+    size, counts = columns.size, [len(model.terms[index].law.free(model.terms[index].values)) for index in which]
 
     def changes() -> Iterator[SparseColumns]:
-        for term, count in zip(model.terms, counts, strict=True):
+        for index, count in zip(which, counts, strict=True):
             if count:
+                term = model.terms[index]
                 law, place, own = term.law, term.place, x[model.slice_of(term)]
-                now = law.efforts_per(place, term.values, efforts.at) @ own
-                moved = [law.scaled(term.values, np.exp(_SMALL * axis).tolist()) for axis in np.eye(count)]
-                after = [law.efforts_per(place, values, efforts.at) @ own for values in moved]
-                yield efforts.whitened(np.stack([each - now for each in after], axis=-1) / _SMALL)
+                small = _SMALL * law.near(term.values)
+                at = _motion_of(efforts, model, index)
+                now = law.efforts_per(place, term.values, at) @ own
+                moved = [law.scaled(term.values, np.exp(small * axis).tolist()) for axis in np.eye(count)]
+                after = [law.efforts_per(place, values, at) @ own for values in moved]
+                yield efforts.whitened(np.stack([each - now for each in after], axis=-1) / small)
 
     columns.add(changes())
     where = np.array([*model.where, *range(size, columns.size)], int)
@@ -179,16 +148,17 @@ def _steps_together(efforts: PreparedEfforts, model: EffortModel) -> list[Array]
     matrix[:linear, :linear] += problem.precision(model.where)
     matrix[linear:, linear:] += np.eye(len(where) - linear)  # what data do not tell stays where it is
     step = np.clip(NormalEquations.of(matrix).solve(moment)[linear:], -WIDEST_STEP, WIDEST_STEP)
-    return np.split(step, np.cumsum(counts)[:-1]) if counts else []
+    return dict(zip(which, np.split(step, np.cumsum(counts)[:-1]), strict=True)) if counts else {}
 
 
-def _with_factors(efforts: PreparedEfforts, model: EffortModel, factors: Sequence[Array]) -> EffortModel:
-    """Return the model with so many times its free parameters, term by term, and what follows from what is known."""
-    for index, factor in enumerate(factors):
+def _with_factors(efforts: PreparedEfforts, model: EffortModel, factors: Mapping[int, Array]) -> EffortModel:
+    """Return the model with so many times its free parameters, by term, and what follows from what is known there."""
+    for index, factor in factors.items():
         term = model.terms[index]
         if len(factor):
             model = _replaced(efforts, model, index, term.law.scaled(term.values, factor.tolist()), efforts.at)
-    for index, term in enumerate(model.terms):
+    for index in factors:
+        term = model.terms[index]
         if term.law.of_what_is_known:
             before, x = model.with_terms(model.terms[:index]), fit(model)[0]
             values = term.law.fitted(term.place, x[model.slice_of(term)], term.values)

@@ -17,7 +17,7 @@ from ...recordings import Recording, Together, suspicions
 from ...robot import Robot
 from ...simulation import as_recorded, simulate
 from ...spatial import Array
-from ..criteria import EFFORT_TARED, MOST_SAMPLES
+from ..criteria import EFFORT_TARED, FEWEST_NUMBERS, MOST, MOST_SAMPLES
 from ..diagnosis import VERDICTS, Diagnosis, Finding
 from ..prepare import unused_columns
 from .diagnose import diagnose_efforts
@@ -55,20 +55,36 @@ def without_dead_efforts(
     kept, told, columns = [], [], []
     for recording in recordings:
         positions = [name for name in mechanism.actuated if name in recording.positions]
-        known = {name: own[np.isfinite(own)] for name, own in recording.efforts.items() if name in mechanism.actuated}
-        dead = {name: own[0] for name, own in known.items() if len(own) > 1 and not np.ptp(own) > 0}
+        known = {name: own for name, own in recording.efforts.items() if name in mechanism.actuated}
+        dead = {name: value for name, own in known.items() if (value := _stays_at(own, recording.positions.get(name)))}
         if dead and not is_standing(recording, positions):
             others = {name: own for name, own in recording.efforts.items() if name not in dead}
             recording = recording.with_measurements(efforts=others)
-            columns += (own := [f"tau.{name}" for name in dead])
-            values = dict.fromkeys(number(float(value), 4) for value in dead.values())
+            columns += [f"tau.{name}" for name in dead]
+            alike = {value: [f"tau.{name}" for name in dead if dead[name] == value] for value in dead.values()}
+            stay = [f"{', '.join(own)} {'stays' if len(own) == 1 else 'stay'} at {value}" for value, own in alike.items()]
             told.append(
-                f"{', '.join(own)} {'stays' if len(own) == 1 else 'stay'} at {', '.join(values)} in every row, while "
-                "joints move: no effort was measured there, and it is left out of the comparison. Check what the "
-                "controller logged."
+                f"{'; '.join(stay)}, while joints move: no effort was measured there, and it is left out of the "
+                "comparison. Check what the controller logged."
             )
         kept.append(recording)
     return kept, list(dict.fromkeys(told)), list(dict.fromkeys(columns))
+
+
+def _stays_at(effort: Array, position: Array | None) -> str:
+    """Return the number at which an effort (N,) stays while its joint moves, in words; nothing of one that follows it.
+
+    Most rows at one of many numbers are no rounding: what is rounded goes through those beside it.
+    """
+    known = effort[np.isfinite(effort)]
+    if len(known) > 1 and not np.ptp(known) > 0:
+        return f"{number(float(known[0]), 4)} in every row"
+    moves = np.isfinite(effort) & (np.gradient(position) != 0 if position is not None else False)
+    values, counts = np.unique(effort[moves], return_counts=True)
+    if len(values) < 2 or not np.ptp(values) > FEWEST_NUMBERS * np.diff(values).min():
+        return ""
+    share, most = counts.max() / counts.sum(), float(values[np.argmax(counts)])
+    return f"{number(most, 4)} in {number(100 * share, 2)} % of the rows" if share > MOST else ""
 
 
 def has_poses(recordings: Sequence[Recording], mechanism: Mechanism) -> bool:
