@@ -293,6 +293,7 @@ class _Search:
         if together:
             return False
         changed = (np.minimum(before, after) < ALIKE * np.maximum(before, after)) & np.isfinite(before)
+        changed &= np.minimum(before, after) < EFFORT_SENSE**2  # what neither reading explains speaks for none
         if not changed.any():
             return False
         left = _rms(before[changed])
