@@ -50,49 +50,59 @@ WEIGHT_SHOWS: Final = 2 * INDISTINCT
 
 #: Share of the held-out squared residual that a law must remove, or of its own gain by which another one is as good:
 #: less cries wolf on clean recordings, may be a trace of what the rigid model and its filters leave, and is of no use.
+#: What leaves more than this share of what an effect took away makes that doubtful. Poses are measured better than this
+#: share of what they were seen to move; loads that differ by less are one load, repeated; and where the drawing, each
+#: module as soft as suits, leaves no more of what loads move, they are as they are written.
 GAIN: Final = 0.02
-#: Share below which nobody minds: of a joint's effort, friction is no better known; of what is left of the joints in
-#: which a law acts where the drawing is taken to hold but for a few laws, gears that yield leave a trace; of what is
-#: left in all, what a curve of no law takes away is not told.
+#: Share below which nobody minds: of what a law takes away, what a curve does in its place, or a body that cannot exist
+#: does more than one that can, before the law only imitates it; of a joint's effort, friction is no better known; of
+#: what is left of the joints in which a law acts where the drawing is taken to hold but for a few laws, gears that
+#: yield leave a trace; of what is left in all, what a curve of no law takes away is not told.
 NO_MATTER: Final = 0.05
 #: So small a share is little: what may be left of what is explained; numbers of all that may be gross, before they
 #: scatter more widely than their middle half says; distances of all reach that are no other machine's; a step of its
-#: own uncertainty; of held-out squares what weights may do to a trace of the filters.
+#: own uncertainty; of held-out squares what weights may do to a trace of the filters, or units of single drives save.
 LITTLE: Final = 0.1
 #: More than this share is most.
 MOST: Final = 0.5
 #: Places, laws, parameters, and variables that a deformation may follow, that take away at least this share of the
 #: squares that the best one does, or of each other's, cannot be told from it.
 ALIKE: Final = 0.95
-#: A law is doubtful that gains less than so many times what is left.
-IMITATED: Final = 100.0
-#: A law at the same joint imitates a curve where the curve saves more than this share of what the law does; a body, one
-#: that cannot exist where that one saves so much more than one that can.
-EFFORT_IMITATED = 0.03
+#: Share that is left where something leaves far less: of a log, as read otherwise, since faults of any size change
+#: single parts and rarely bring a drastic change so near to the drawing; of efforts at rest without the robot's weight,
+#: which are tared. Efforts of which more is left are strange: columns may be meant otherwise; a curve of no law that
+#: takes more of what is left at its own joint is unknown physics; and no more of all numbers are gross.
+FAR_LESS: Final = 1 / 3
+#: What makes some sense leaves less than this share, and less than this share for each column that is read otherwise:
+#: one of several that are wrong saves less. Efforts follow those of the rigid robot where shapes are so much alike.
+MOSTLY: Final = 0.8
 #: What leaves so many times as much as the best does is as good; what leaves more than so many times the noise lacks
-#: something: of efforts, and while parameters are calibrated, whose last digits are not looked for then.
+#: something: of efforts, and while parameters are calibrated, whose last digits are not looked for then. Efforts that
+#: are fewer or more times the rigid robot's are in another unit: masses are known to tens of per cent.
 AS_GOOD: Final = 1.5
 #: So many times as much is another thing: noise declared that is larger than repeats show, residuals in an interval
-#: beside all others, positions beyond a joint's limits, a module that is softer than drawn, masses.
+#: beside all others, positions beyond a joint's limits, a module that is softer than drawn, masses; what joints leave
+#: that share one robot, of what they do with masses of their own; efforts after a correction that only took the robot
+#: away; and of efforts whose noise is not declared, what is new in less than a tenth of its power from one sample to
+#: the next, though nothing foretells it.
 MUCH: Final = 3.0
-#: Share of what is left of its own joint that a curve of no law must take away, held out, to be told as unknown.
-EFFORT_CURVE_OWN = 0.3
-#: ... and the share of what the laws take away there: less is what every real joint has beyond any law.
+#: Share of what laws take away at a joint that a curve of no law must: less is what every real joint has beyond any.
 EFFORT_MATERIAL = 0.005
 
 # == what decides: sizes ===============================================================================================
 
-#: Declared noise is rarely known better than this: a residual of so many times the noise may be noise; a finding
-#: without which no more would be left is told after what is unknown.
-NOISE_LIKE: Final = 1.10
-#: Where a law takes away all but GAIN, a slightly rough law is still the right one up to this many times the noise,
-#: beside toleranced parameters that shift the load at which a gap closes or a joint slides.
-ROUGH: Final = 1.25
+#: Nearly the same: declared noise is rarely known better, and a residual of so many times the noise may be noise; a
+#: finding without which no more would be left is told after what is unknown; units of single drives differ by more.
+NEARLY: Final = 1.10
+#: Roughly the same: where a law takes away all but GAIN, a slightly rough one is still the right one up to this many
+#: times the noise, beside toleranced parameters that shift the load at which a gap closes or a joint slides; drives are
+#: in one unit where most are so near to the usual one.
+ROUGHLY: Final = 1.25
 #: What varies or acts by less does not [N, N m, m, rad, K, s]; nor is less than this share of anything something.
 NOTHING: Final = 1e-6
 #: A parameter whose usual change moves the whole residual by less than this share of the noise is not seen, nor one in
 #: a combination of which it is less; nor is a preference for smooth curves, so weak beside what the data say; loads
-#: below this share of their span are none.
+#: below this share of their span are none; and first-order changes may misjudge a rival by this share of the effect.
 UNSEEN: Final = 1e-3
 #: Offsets and the like are rarely this many times larger than where a fit starts.
 USUAL_MULTIPLE: Final = 30.0
@@ -109,7 +119,7 @@ def chance_bound(count: int) -> float:
 
 def clean_bound(count: int) -> float:
     """Return the residual, in multiples of the noise, above which something is missing."""
-    return max(NOISE_LIKE, chance_bound(count))
+    return max(NEARLY, chance_bound(count))
 
 
 def beyond_tolerance(count: int) -> float:
@@ -161,8 +171,6 @@ ITERATIONS: Final = 60
 ROUNDING: Final = 1e-9
 #: Share of a parameter's tolerance or unit by which the simulation is differentiated.
 STEP: Final = 1e-3
-#: First-order changes may misjudge a rival's chi squared by this share of the effect's.
-CURVATURE: Final = 1.5e-3
 #: Logarithms beyond this are no numbers any more; intervals end there.
 WIDEST_LOGARITHM: Final = 50.0
 #: Farthest that a logarithm is moved at a time: a slope is trusted for no more.
@@ -182,17 +190,10 @@ CALIBRATION_STEP: Final = 0.01
 #: Logarithm by which a parameter may be off that may take what it likes: a stiffness may be a twentieth then, or so,
 #: and robots that hang in threads take long to balance. A frame may stand anywhere.
 FREELY: Final = 3.0
-#: Tolerances by which a parameter may move before the simulation is differentiated anew.
-STALE: Final = 0.5
 
 # == what is known of sensors ==========================================================================================
 
-#: Share of what poses were seen to move that may be left where nothing tells the noise but what is left: a pose sensor
-#: is better than this.
-POSE_UNTOLD: Final = 0.02
-#: Wrenches of one block that differ by less than this share of the largest are one load, repeated.
-SAME_LOAD: Final = 0.02
-#: Fewer numbers tell no scatter: those of eight repeats of a position.
+#: Fewer numbers tell no scatter, nor how a log is written: those of eight repeats of a position.
 FEWEST_NUMBERS: Final = 2 * FEWEST_IN_BLOCK
 #: What a good sensor has, where nothing is declared and nothing repeats [m, rad].
 USUAL_POSITION_NOISE: Final = 1e-6
@@ -204,28 +205,16 @@ COARSE: Final = (*3 * (USUAL_POSITION_NOISE / LITTLE,), *3 * (USUAL_ROTATION_NOI
 #: Runs without which it is not asked whether the pose sensor stands elsewhere in each, unless that is declared; drives
 #: of which some show what one thing does to all; outlier intervals, beyond which such a thing is the robot's own.
 FEWEST_OF_KIND: Final = 3
-#: More than LITTLE of all numbers may be gross, up to this share, where the nearest of them is so many times as far off
-#: as the farthest of the others: no law leaves that gap.
-MOST_APART: Final = 0.3
+#: More than LITTLE of all numbers may be gross where the nearest of them is so many times as far off as the farthest of
+#: the others: no law leaves that gap.
 APART: Final = 20.0
-#: Multiple of one sample's noise beyond which more than LITTLE is none, where no noise was declared: it would be new
-#: in less than a sixteenth of its power from sample to sample, though nothing foretells it.
-EFFORT_NO_NOISE = 4.0
-#: Share of the efforts that the drawing leaves beyond which a correction that leaves more than LITTLE only took the
-#: robot away.
-EFFORT_FOREIGN = 2.0
 
 # == is the log written as it says, and does it belong to the robot? ===================================================
 
-#: Share (RMS) of what a log leaves as it is written, that it may leave as read otherwise for that to be told. Faults
-#: of any size change single parts, and rarely bring a drastic change so near to the drawing.
-CONVENTION_LEAVES: Final = 1 / 3
 #: Below this share of the robot's reach, and this angle, poses are the drawn ones as far as a convention can tell.
 CONVENTION_FINE: Final = 3e-4
 #: A sensor's frame up to this angle [rad], and this share of the reach, is nearly the base's.
 CONVENTION_NEAR: Final = 0.05
-#: Loads are asked where the drawing, each module as soft as suits, leaves more of what they move than this share.
-CONVENTION_SHOWN: Final = 0.03
 #: A robot smaller than this is compared as if it were so large [m].
 LEAST_REACH: Final = 0.1
 #: A frame's tolerance beyond which its sensor stands anywhere [m], a turn counted at this lever [m]; and a target's.
@@ -236,28 +225,9 @@ OPEN_TARGET: Final = LITTLE * OPEN_FRAME
 FEWEST_REGISTERED: Final = 6
 #: Orientations farther apart than this are no deflections either [rad]; by so much a base is tilted to tell weight.
 TURNED: Final = 0.2
-#: Share of the efforts beyond which columns may be meant otherwise: one of seven joints whose sign is turned round
-#: leaves more; another reading must leave no more than most of that, and of all. Samples below which nothing is said.
-EFFORT_STRANGE, EFFORT_FEWEST = 0.35, 50
-#: ... or a third of what is left, where that makes some sense of the efforts.
-EFFORT_SENSE: Final = 0.75
-#: What each column that is read otherwise must leave of what was left before: one of several that are wrong saves less.
-EFFORT_STEP = 0.85
-#: Efforts follow those of the rigid robot where their shapes are so much alike. They are suspected to be in another
-#: unit where they are so many times larger or smaller at most joints and right at none, for masses may be off as well.
-EFFORT_FOLLOWS, EFFORT_APART, EFFORT_RIGHT = 0.8, 1.4, 1.12
-#: Drives report in units of their own where free gains save this share of the held-out squares, and at least two of
-#: them are so many times beside the others; one alone is a law of its joint. With them the joints, sharing one robot,
-#: may leave so many times what each leaves with masses of its own: more is no matter of units.
-EFFORT_GAINS_SAVE, EFFORT_GAINS_APART, EFFORT_GAINS_LEAVE = 0.2, 1.1, 2.0
 #: How far the logarithms of gains scatter about their middle; and robot files' masses about the true ones where nothing
 #: is declared: drawings lack motors, or are of another make.
 EFFORT_GAINS, EFFORT_MASSES = 1.0, 0.3
-#: Efforts at rest of which so little is left without the robot's weight, as a share of what is left with it, are tared.
-EFFORT_TARED = 0.25
-#: Efforts of all drives that are so many times the rigid robot's, or fewer, are in another unit: masses are known to
-#: tens of per cent. They are in one unit where this share of the drives is no farther than that from the usual one.
-EFFORT_UNIT, EFFORT_UNIT_SHARE, EFFORT_OF_A_UNIT = 1.6, 0.6, 1.2
 
 # == what is known of bodies ===========================================================================================
 

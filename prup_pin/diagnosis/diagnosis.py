@@ -16,7 +16,7 @@ from ..recordings import Convention, Together
 from ..simulation import Run
 from ..spatial import Array
 from .calibrate import CalibratedParameter
-from .criteria import NOISE_LIKE
+from .criteria import NEARLY
 from .locate import Agreement, LocalCurve, Recovered, Residuals
 
 if TYPE_CHECKING:
@@ -214,7 +214,7 @@ class Diagnosis:
 
         def place(item: Finding) -> tuple[bool, bool, bool, bool, float]:
             unknown = item.physics == "unknown"
-            little = not unknown and not item.conventions and item.cost < NOISE_LIKE
+            little = not unknown and not item.conventions and item.cost < NEARLY
             return not item.conventions, little, not item.is_fault, unknown, 0.0 if unknown else -item.heldout_gain
 
         return tuple(sorted(self.findings, key=place))

@@ -20,7 +20,7 @@ from .calibrate import (
 )
 from .candidates import Candidate
 from .chances import WITHIN_95
-from .criteria import INDISTINCT, MUCH, POSE_UNTOLD, WEIGHT_SHOWS, WIDEST_LOGARITHM
+from .criteria import GAIN, INDISTINCT, MUCH, WEIGHT_SHOWS, WIDEST_LOGARITHM
 from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated, implausible, scale_of
 from .noise import could_show_structure, is_white
@@ -218,7 +218,7 @@ def no_noise(problem: Problem, fit: Fit, blocks: np.ndarray) -> Finding | None:
     alike = replace(fit, residual=fit.residual / np.where(sizes > 0, sizes, 1.0))
     share = _share_left(problem, fit)
     labels = blocks[fit.samples]
-    if share > POSE_UNTOLD:
+    if share > GAIN:
         why = f"it is {number(100 * share, 2)} % of what was seen to move, and no pose sensor scatters so much"
     elif could_show_structure(labels) and not is_white(problem, alike, labels):
         why = "it follows time or pose, and noise does not"

@@ -23,9 +23,9 @@ from .criteria import (
     AS_GOOD,
     CHANCE_DEVIATIONS,
     COARSE,
-    CONVENTION_LEAVES,
-    CONVENTION_SHOWN,
+    FAR_LESS,
     FEWEST_IN_BLOCK,
+    GAIN,
     MUCH,
 )
 
@@ -56,7 +56,7 @@ class _Loaded:
         """Squares beyond the noise below which nothing shows: by chance, or where no noise is declared."""
         if self.noise:
             return CHANCE_DEVIATIONS * float(np.sqrt(2 / self.moved.size)) * self.noise
-        return CONVENTION_SHOWN**2 * float((self.free(self.moved) ** 2).sum())
+        return GAIN**2 * float((self.free(self.moved) ** 2).sum())
 
     def select(self, rows: np.ndarray) -> _Loaded:
         return replace(
@@ -103,7 +103,7 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
         # what is nearly as good is told by the commoner word
         near = max(1.2 * min(item[0] for item in tried), alike)
         left, convention, other = next(item for item in tried if item[0] <= near)
-        if not left < CONVENTION_LEAVES**2 * least:
+        if not left < FAR_LESS**2 * least:
             break
         others = [
             (*taken, item[1])
@@ -117,7 +117,7 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
     if half.all() or (~half).sum() < FEWEST_IN_BLOCK or half.sum() < FEWEST_IN_BLOCK:
         half = np.arange(len(half)) % 2 == 0
     held = [_softened(loaded, item, half) for item in (loaded.wrench, now.wrench)]
-    if not held[1] < CONVENTION_LEAVES**2 * held[0]:
+    if not held[1] < FAR_LESS**2 * held[0]:
         return None
     return Evidence(
         tuple(taken), "what loads move", "", float(np.sqrt(first / size)), float(np.sqrt(least / size)),

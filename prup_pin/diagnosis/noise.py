@@ -22,9 +22,9 @@ from .criteria import (
     BLOCKS,
     FEWEST_IN_BLOCK,
     FEWEST_NUMBERS,
+    GAIN,
     INDISTINCT,
     LITTLE,
-    SAME_LOAD,
     STRUCTURE_CHANCE,
     SURE,
     USUAL_POSITION_NOISE,
@@ -107,7 +107,7 @@ def _scatter(values: Array) -> float | None:
 
 
 def _repeats(inputs: Inputs, here: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return pairs of samples of one block under wrenches that are one load, but for SAME_LOAD of the largest.
+    """Return pairs of samples of one block under wrenches that are one load, but for GAIN of the largest.
 
     And under one gravity: a base that is tilted is no repeat.
     """
@@ -123,7 +123,7 @@ def _repeats(inputs: Inputs, here: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         members = np.flatnonzero((blocks == block) & here)
         free = np.ones(len(members), bool)
         for place, member in enumerate(members):
-            near = (np.abs(loads[members[place + 1 :]] - loads[member]).max(axis=1) < SAME_LOAD) & free[place + 1 :]
+            near = (np.abs(loads[members[place + 1 :]] - loads[member]).max(axis=1) < GAIN) & free[place + 1 :]
             if free[place] and near.any():
                 other = place + 1 + int(np.argmax(near))
                 first.append(member)
@@ -299,7 +299,7 @@ class _Residual:
         loads (n, 6): sizes of the wrenches. A wrench sensor scatters less than by what makes another load of one.
         """
         size = np.array([loads[:, :3].max(initial=0.0), loads[:, 3:].max(initial=0.0)])
-        most = np.array([noise.position, noise.rotation, *(SAME_LOAD * size)])
+        most = np.array([noise.position, noise.rotation, *(GAIN * size)])
         seen = [self.exists[:, _columns(self.stack, unit)].any() for unit in ("m", "rad")]
         free = np.flatnonzero(np.append(seen, size > 0))
 

@@ -23,7 +23,7 @@ from ..recordings.conventions import AXES, GEARS, POSITION_UNITS, Evidence, exch
 from ..robot import Robot
 from ..simulation import drawn_for
 from ..spatial import Array, rigid_motion, rotation_exp, turn_between
-from .criteria import AS_GOOD, CONVENTION_FINE, CONVENTION_LEAVES, CONVENTION_NEAR, LEAST_REACH, ROUNDS
+from .criteria import AS_GOOD, CONVENTION_FINE, CONVENTION_NEAR, FAR_LESS, LEAST_REACH, ROUNDS
 from .quarter_turns import quarter_turns
 
 __all__ = ["conventions_of_poses"]
@@ -165,7 +165,7 @@ class _Postures:
         """Return whether one of both leaves a third and the other no more than before."""
         before, after = (np.maximum(item.sizes, self.floor) for item in (first, other))
         ratio = after / before
-        return bool((ratio < CONVENTION_LEAVES).any() and (ratio < 1.3).all())
+        return bool((ratio < FAR_LESS).any() and (ratio < 1.3).all())
 
     def cost(self, misfit: _Misfit) -> float:
         return float(np.log(np.maximum(misfit.sizes, self.floor)).sum())
@@ -272,7 +272,7 @@ def conventions_of_poses(robot: Robot, recording: Recording, anywhere: bool) -> 
         start = near if by else far
         found = _with_quarter_turns(postures, written, _forward(postures, written, start, by), by)
         # what a unit makes small enough is near everything
-        sense = found.misfit.sizes < CONVENTION_LEAVES * postures.spread(found.read)
+        sense = found.misfit.sizes < FAR_LESS * postures.spread(found.read)
         if not found.conventions or not sense[_most_changed(postures, start, found.misfit)]:
             continue
         # a tracker that stands elsewhere is as good a reason, unless what is read so stands nearly as drawn
@@ -290,7 +290,7 @@ def conventions_of_poses(robot: Robot, recording: Recording, anywhere: bool) -> 
     half = np.arange(len(written)) % 2 == 0
     held = [postures.misfit(item, by, half).squares[~half, column] for item in (written, read)]
     sums = [float(np.nansum(item)) for item in held]
-    if not sums[1] < CONVENTION_LEAVES * sums[0]:
+    if not sums[1] < FAR_LESS * sums[0]:
         return None
     return Evidence(
         conventions,
@@ -354,7 +354,7 @@ def _with_quarter_turns(postures: _Postures, written: Recording, found: _Found, 
 
     What is so near to the drawing counts from where that does.
     """
-    spread = CONVENTION_LEAVES * postures.spread(found.read)
+    spread = FAR_LESS * postures.spread(found.read)
     if (found.misfit.sizes <= spread).all():
         return found
     measured = tuple(item for item in found.conventions if item.group != "q")

@@ -22,7 +22,7 @@ from ..simulation import Run, Simulator
 from ..spatial import Array
 from .calibrate import Calibrated, Toleranced, changes_per_tolerance, settled, shortened
 from .candidates import Candidate, Term
-from .criteria import LITTLE, NOTHING, SETTLED, STALE, UNSEEN, WIDEST_STEP
+from .criteria import LITTLE, MOST, NOTHING, SETTLED, UNSEEN, WIDEST_STEP
 from .influence import Influence
 from .nuisance import Nuisance, least_step, without
 
@@ -386,7 +386,7 @@ class Problem:
         for _ in range(_MOST_STEPS):
             if not (fit.terms or len(fit.x)) or not np.isfinite(fit.chi2):
                 return fit
-            if np.abs(fit.x - taken_at).max(initial=0.0) > STALE:
+            if np.abs(fit.x - taken_at).max(initial=0.0) > MOST:
                 fit, taken_at = self.relinearised(fit), fit.x
             step = self._step(fit, reach)
             tries = (self._moved(fit, share * step) for share in shortened(LITTLE))

@@ -12,7 +12,7 @@ from itertools import pairwise, product
 
 from ..mechanism import Mechanism
 from ..recordings import Convention
-from .criteria import EFFORT_STEP, FEW_ROUNDS
+from .criteria import FEW_ROUNDS, MOSTLY
 
 __all__ = ["quarter_turns"]
 
@@ -22,7 +22,7 @@ _Reading = tuple[Convention, ...]
 def quarter_turns(mechanism: Mechanism, names: Sequence[str], cost: Callable[[_Reading], float]) -> _Reading:
     """Return how positions of joints `names` may be written, in quarter turns and either way, so that it costs least.
 
-    cost: of what a log leaves as it is read by conventions; each must leave EFFORT_STEP of what was left without. Of
+    cost: of what a log leaves as it is read by conventions; each must leave MOSTLY of what was left without. Of
     loops, whose joints do not go one by one, all together are tried.
     """
     turning = [name for name in names if mechanism.joint(name).turns]
@@ -44,7 +44,7 @@ def quarter_turns(mechanism: Mechanism, names: Sequence[str], cost: Callable[[_R
 
 
 def _weighed(cost: Callable[[_Reading], float], reading: _Reading) -> float:
-    return cost(reading) / EFFORT_STEP ** len(reading)
+    return cost(reading) / MOSTLY ** len(reading)
 
 
 def _flat(chosen: dict[str, _Reading]) -> _Reading:

@@ -22,7 +22,6 @@ from .candidates import Candidate
 from .chances import WITHIN_95
 from .criteria import (
     BEYOND,
-    CURVATURE,
     GAIN,
     INDISTINCT,
     LEAD,
@@ -31,6 +30,7 @@ from .criteria import (
     MOST_TERMS,
     MUCH,
     NOTHING,
+    UNSEEN,
     beyond_tolerance,
 )
 from .evidence import Rival, cost_of, cross_validated, is_clean, penalty, scale_of, threshold
@@ -355,7 +355,7 @@ def _first_order_error(problem: Problem, fit: Fit, index: int) -> float:
     It grows with all that the term moves, be it that parameters within tolerance could move most of it as well.
     """
     kept = [term.effect for term in fit.others(index)[1]]
-    return CURVATURE * float((problem.change(fit, kept) ** 2).sum())
+    return UNSEEN * float((problem.change(fit, kept) ** 2).sum())
 
 
 def simulated_alternatives(

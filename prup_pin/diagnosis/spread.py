@@ -47,10 +47,10 @@ from .chances import chi2_isf, chi2_median
 from .criteria import (
     APART,
     FALSE_ALARM,
+    FAR_LESS,
     FOLDS,
     ITERATIONS,
     LITTLE,
-    MOST_APART,
     MOST_LISTED,
     MOST_TERMS,
     NOTHING,
@@ -814,7 +814,7 @@ def far_off(squares: Array) -> tuple[np.ndarray, float]:
 
 def _stand_apart(squares: Array, far: np.ndarray) -> bool:
     """Return True where those that are far off, by squares of distances (n,), leave a gap to all others."""
-    most = far.sum() <= MOST_APART * len(far)
+    most = far.sum() <= FAR_LESS * len(far)
     return bool(most and squares[far].min() > APART**2 * squares[~far].max())
 
 

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 import prup_pin
 from prup_pin.diagnosis import diagnose, spread
-from prup_pin.diagnosis.criteria import POSE_UNTOLD
+from prup_pin.diagnosis.criteria import GAIN
 from prup_pin.recordings import read_recording
 
 from ..reference.concealed.efforts import KINDS
@@ -47,7 +47,7 @@ def test_what_no_sensor_scatters_is_no_noise(robot, tmp_path):
     unknown = found.findings[-1]
     assert unknown.physics == "unknown"
     assert "is not noise" in unknown.statement
-    assert found.noise.position > POSE_UNTOLD * recording.position.std()
+    assert found.noise.position > GAIN * recording.position.std()
 
 
 def test_an_arm_at_rest_of_which_nothing_was_told_is_explained(tmp_path):

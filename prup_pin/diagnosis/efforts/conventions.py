@@ -25,23 +25,17 @@ from ...spatial import Array
 from ..criteria import (
     ALIKE,
     AS_GOOD,
-    CONVENTION_LEAVES,
-    EFFORT_APART,
-    EFFORT_FEWEST,
-    EFFORT_FOLLOWS,
-    EFFORT_OF_A_UNIT,
-    EFFORT_RIGHT,
-    EFFORT_SENSE,
-    EFFORT_STEP,
-    EFFORT_STRANGE,
-    EFFORT_UNIT,
-    EFFORT_UNIT_SHARE,
+    FAR_LESS,
+    FEWEST_NUMBERS,
     FEWEST_OF_KIND,
     GAIN,
     LITTLE,
     MOST,
     MOST_LISTED,
+    MOSTLY,
     MUCH,
+    NEARLY,
+    ROUGHLY,
 )
 from ..quarter_turns import quarter_turns
 from .gains import in_any_unit
@@ -96,7 +90,7 @@ def _clock(mechanism: Mechanism, recording: Recording) -> Evidence | None:
     step = float(np.median(steps)) if len(steps) else 0.0
     unit = next((word for low, high, word in _CLOCKS if low < step <= high), None)
     known = [q[np.isfinite(q)] for name, q in recording.positions.items() if name in mechanism.actuated]
-    moving = [q for q in known if len(q) > EFFORT_FEWEST and np.ptp(q) > 0]
+    moving = [q for q in known if len(q) > FEWEST_NUMBERS and np.ptp(q) > 0]
     if unit is None or not moving:
         return None
     ways = [float(np.median(np.abs(np.diff(q)))) / float(np.ptp(q)) for q in moving]
@@ -176,7 +170,7 @@ class _Search:
 
     def found(self) -> Evidence | None:
         """Return what would be read otherwise, and how much less that leaves."""
-        if len(self.rows) < EFFORT_FEWEST or not np.isfinite(self.efforts).all() or not self.efforts.any():
+        if len(self.rows) < FEWEST_NUMBERS or not np.isfinite(self.efforts).all() or not self.efforts.any():
             return None
         first = self.left(self.written)
         signed = gains_of_efforts(self.motion, self.efforts, self.rigid)
@@ -184,7 +178,7 @@ class _Search:
         tried = [self._found((), self.written)]
         if unit is not None:
             tried.append(self._found((unit,), read_as(self.written, [unit], self.drawn)))
-        elif first > EFFORT_STRANGE and gains_apart({name: abs(gain) for name, gain in signed.items()}):
+        elif first > FAR_LESS and gains_apart({name: abs(gain) for name, gain in signed.items()}):
             # each drive in a unit of its own is no sign turned round: what is read otherwise is looked for beside that
             sizes = gains_of_efforts(self.motion, self.efforts, self.rigid, follows=0.0)
             own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
@@ -210,7 +204,7 @@ class _Search:
         which = [
             name
             for name, written, read in zip(motion.driven, *both, strict=True)
-            if not signed.get(name, 0.0) > 0 and read < CONVENTION_LEAVES**2 < MOST * written
+            if not signed.get(name, 0.0) > 0 and read < FAR_LESS**2 < MOST * written
         ]
         if not which or set(which) >= set(signed) or np.isfinite(self._hung(self.written)).any():
             return None  # or gravity pulls another way
@@ -242,7 +236,7 @@ class _Search:
         now = least = _rms(shares)
         taken: tuple[Convention, ...] = ()
         others: tuple[tuple[Convention, ...], ...] = ()
-        if np.nanmax(shares, initial=0.0) > EFFORT_STRANGE**2:
+        if np.nanmax(shares, initial=0.0) > FAR_LESS**2:
             taken, least, others = self._forward(begin, now)
             if taken and not self._makes_sense(begin, taken):
                 # signs of efforts say nothing of one another: those that are sure by themselves are told
@@ -269,7 +263,7 @@ class _Search:
         def cost(reading: Sequence[Convention]) -> float:
             return self.left(read_as(self.written, with_efforts(reading), self.drawn))
 
-        if not first > EFFORT_STRANGE:
+        if not first > FAR_LESS:
             return None
         found = with_efforts(quarter_turns(self.mechanism, list(self.written.positions), cost))
         if not found or not self._makes_sense(self.written, found):
@@ -286,19 +280,19 @@ class _Search:
         before, hung = self.shares(written), self._hung(written)
         after = self.shares(read_as(written, taken, self.drawn))
         together = [item for item in taken if item.word in _TOGETHER]
-        if together and _rms(after) > EFFORT_STEP * self._left_by_motors(written, taken):
+        if together and _rms(after) > MOSTLY * self._left_by_motors(written, taken):
             return False
         if _rms(after) < min(_limit(_rms(before)), _rms(hung)):
             return True
         if together:
             return False
         changed = (np.minimum(before, after) < ALIKE * np.maximum(before, after)) & np.isfinite(before)
-        changed &= np.minimum(before, after) < EFFORT_SENSE**2  # what neither reading explains speaks for none
+        changed &= np.minimum(before, after) < MOSTLY**2  # what neither reading explains speaks for none
         if not changed.any():
             return False
         left = _rms(before[changed])
         several = changed.sum() > 1 or left > 1
-        return bool(several and _rms(after[changed]) < min(CONVENTION_LEAVES * min(left, 1.0), _rms(hung[changed])))
+        return bool(several and _rms(after[changed]) < min(FAR_LESS * min(left, 1.0), _rms(hung[changed])))
 
     def _left_by_motors(self, written: Recording, taken: Sequence[Convention]) -> float:
         """Return what is left where only friction counts axes together, and bodies are as written: a share, RMS.
@@ -326,7 +320,7 @@ class _Search:
         except InputError:  # loops that do not close
             return np.full(efforts.shape[1], np.inf)
         plain = shares_of_efforts(motion, efforts, rigid, noise)
-        if not _rms(plain) > EFFORT_STRANGE or (held := self._held(motion, efforts, rigid)) is None:
+        if not _rms(plain) > FAR_LESS or (held := self._held(motion, efforts, rigid)) is None:
             return plain
         return min(plain, shares_of_efforts(motion, efforts, rigid + held, noise), key=_rms)
 
@@ -384,7 +378,7 @@ class _Search:
         while len(taken) < _MOST:
             tried = []
             for step in self._readings(now):
-                if first <= EFFORT_STRANGE and any(item.word != "reversed" for item in step):
+                if first <= FAR_LESS and any(item.word != "reversed" for item in step):
                     continue  # where most of a log fits, a joint or two count the other way round
                 read = read_as(now, step, self.drawn)
                 tried.append((self.left(read), step, read))
@@ -395,7 +389,7 @@ class _Search:
             cost = [left * (1 + GAIN * len(step)) for left, step, _ in tried]
             best = int(np.argmin(cost))
             left, step, read = tried[best]
-            if left > EFFORT_STEP * least:
+            if left > MOSTLY * least:
                 break
             others = tuple(
                 (*taken, *item[1])
@@ -403,7 +397,7 @@ class _Search:
                 if cost[place] < 1.01 * cost[best] and place != best
             )
             taken, now, least = (*taken, *step), read, left
-            if left < EFFORT_STEP * without:
+            if left < MOSTLY * without:
                 found = taken, left, others
             without = min(without, self._left_by_friction(now))
         return found
@@ -463,14 +457,14 @@ class _Search:
             return None
         usual = float(np.median(sizes))
         # a load may make some of them larger besides
-        apart, alike = np.log(sizes / usual), np.log(EFFORT_OF_A_UNIT)
-        most = float(np.mean(np.abs(apart) < alike)) > EFFORT_UNIT_SHARE and apart.min() > -alike
-        if abs(np.log(usual)) < np.log(EFFORT_UNIT) or not most:
+        apart, alike = np.log(sizes / usual), np.log(ROUGHLY)
+        most = float(np.mean(np.abs(apart) < alike)) > MOST and apart.min() > -alike
+        if abs(np.log(usual)) < np.log(AS_GOOD) or not most:
             return None
         slides = {self.mechanism.joint(name).slides for name in self.motion.driven}
         for word in WORDS:
             known = "tau" in word.groups and word.factor is not None and slides == {word.slide}
-            if known and abs(np.log(usual * word.factor)) < np.log(EFFORT_RIGHT):  # type: ignore[operator]
+            if known and abs(np.log(usual * word.factor)) < np.log(NEARLY):  # type: ignore[operator]
                 return Convention("tau", word.name)
         # of two drives a load may be so much larger as well
         if len(sizes) < FEWEST_OF_KIND or self._held_would_do(usual):
@@ -496,7 +490,7 @@ class _Search:
 
     def _geared(self, first: float) -> Evidence | None:
         """Return that positions are the motors', before gears of one ratio; and efforts too, where these are so."""
-        if self.mechanism.loops or not first > EFFORT_STRANGE or self.at.motion.standing:
+        if self.mechanism.loops or not first > FAR_LESS or self.at.motion.standing:
             return None
         few = _rows(len(self.rows), _SCANNED)
         tried = []
@@ -510,7 +504,7 @@ class _Search:
             read = read_as(self.written, steps, self.drawn)
             moved, efforts, _ = self.read(read)
             gains = list(gains_of_efforts(moved, efforts, self.at.rigid_of(moved)).values())
-            if gains and abs(np.log(np.median(np.abs(gains)) * ratio)) < np.log(EFFORT_UNIT) / 2:
+            if gains and abs(np.log(np.median(np.abs(gains)) * ratio)) < np.log(AS_GOOD) / 2:
                 steps.append(Convention("tau", "gear", (ratio,)))
                 read = read_as(read, steps[1:], self.drawn)
             found.append((self.left(read), ratio, tuple(steps)))
@@ -518,7 +512,7 @@ class _Search:
         best = min(item[0] for item in found)
         near = [item for item in found if item[0] < 1.03 * best]
         least, _, taken = min(near, key=lambda item: (item[1] % 10 > 0, item[1] % 5 > 0, item[0]))
-        if not least < min(_limit(first), EFFORT_STEP * self._left_by_friction(self.written)):
+        if not least < min(_limit(first), MOSTLY * self._left_by_friction(self.written)):
             return None
         return Evidence(taken, "efforts", "", first, least, 1 - (least / first) ** 2)
 
@@ -541,17 +535,15 @@ def _limit(written: float) -> float:
     What is worse than no effort at all is turned round somewhere, whatever else is off. Where it is a joint or two of
     many, laws could take as much away.
     """
-    if written < EFFORT_STRANGE:
-        return CONVENTION_LEAVES * written
-    return max(MOST * min(written, 1.0), min(CONVENTION_LEAVES * written, EFFORT_SENSE))
+    if written < FAR_LESS:
+        return FAR_LESS * written
+    return max(MOST * min(written, 1.0), min(FAR_LESS * written, MOSTLY))
 
 
 def gains_apart(gains: dict[str, float]) -> bool:
     """Return whether no joint's effort is in the unit of the rigid robot's; gains: of each, above 0."""
     apart = np.abs(np.log(list(gains.values())))
-    return not (
-        len(gains) < FEWEST_OF_KIND or np.median(apart) < np.log(EFFORT_APART) or apart.min() < np.log(EFFORT_RIGHT)
-    )
+    return not (len(gains) < FEWEST_OF_KIND or np.median(apart) < np.log(AS_GOOD) or apart.min() < np.log(NEARLY))
 
 
 def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -635,7 +627,7 @@ def _friction(motion: Motion, joint: str) -> Array:
     return np.column_stack((speed / np.hypot(speed, motion.slow[column]), speed))
 
 
-def gains_of_efforts(motion: Motion, efforts: Array, rigid: Array, follows: float = EFFORT_FOLLOWS) -> dict[str, float]:
+def gains_of_efforts(motion: Motion, efforts: Array, rigid: Array, follows: float = MOSTLY) -> dict[str, float]:
     """Return by how much efforts are larger than the rigid robot's, of joints where they follow them or minus them.
 
     follows: the correlation without friction, of either sign, from which they do.
@@ -665,13 +657,13 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
     """
     _check_places(at)
     rows, motion, efforts = sampled(at)
-    if len(rows) < EFFORT_FEWEST or not np.isfinite(efforts).all() or not efforts.any():
+    if len(rows) < FEWEST_NUMBERS or not np.isfinite(efforts).all() or not efforts.any():
         return []
     rigid = at.rigid[rows]
     scale = np.ones(len(at.driven)) if known is None else known
     in_units = not bool((scale == 1).all())
     first = left_of_efforts(motion, efforts / scale, rigid)
-    if first > EFFORT_STRANGE:
+    if first > FAR_LESS:
         _check_limits(at, motion, first)
     gains = {name: gain for name, gain in gains_of_efforts(motion, efforts, rigid).items() if gain > 0}
     if not in_units and gains_apart(gains):

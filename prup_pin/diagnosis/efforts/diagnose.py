@@ -15,13 +15,12 @@ from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
 from ..criteria import (
-    EFFORT_CURVE_OWN,
-    EFFORT_GAINS_SAVE,
-    EFFORT_IMITATED,
     EFFORT_MATERIAL,
+    FAR_LESS,
     GAIN,
+    LITTLE,
+    NEARLY,
     NO_MATTER,
-    NOISE_LIKE,
     SURE,
 )
 from .band import band_of, in_motion
@@ -99,7 +98,7 @@ def diagnose_efforts(
         unknown = [item for item in found.findings if item.physics == "unknown"]
         joints = [item.location for item in sorted(unknown, key=lambda item: -item.heldout_gain)]
         if found.declared:  # what laws leave beyond the noise is no less a matter of something else
-            joints += [name for name, sizes in found.by_joint.items() if sizes["after"] > NOISE_LIKE]
+            joints += [name for name, sizes in found.by_joint.items() if sizes["after"] > NEARLY]
     proposed = tuple(proposals(final, list(dict.fromkeys(joints))))
     advice = "; ".join(text for text in (*(item.apart for item in proposed), found.advice) if text)
     return replace(found, proposals=proposed, advice=advice)
@@ -139,7 +138,7 @@ def _final_state(
             plain = searched_beside(None, 0.7, 0.75)
             squares = plain[1].held_out_unwhitened(plain[2])
             share, sure = relative_gain(squares, efforts.held_out_unwhitened(model))
-            if not (sure > SURE and share > EFFORT_GAINS_SAVE):
+            if not (sure > SURE and share > LITTLE):
                 gains, (doubts, efforts, model) = None, plain
     tell("what no law explains", 0.75)
     model = with_relieving_laws(efforts, model)
@@ -213,7 +212,7 @@ def _with_curves(
             share, sure = relative_gain(validation.squares, held_out(model.with_term(score.candidate)))
             saving, own = share * float(validation.squares.sum()), validation.squares_at(score.candidate)
             material = saving > EFFORT_MATERIAL * (began.squares_at(score.candidate) - own) or not model.terms
-            much = share > NO_MATTER or saving > EFFORT_CURVE_OWN * own
+            much = share > NO_MATTER or saving > FAR_LESS * own
             if sure > SURE and much and material:
                 tried.append((share, score.candidate))
         curve = max(tried, key=lambda item: item[0])[1] if tried else relieving_curve(model, curves)
@@ -230,7 +229,7 @@ def _with_curves(
             if term.law.is_curve or term.place.name != curve.place.name or curve.is_of_time:
                 continue  # what changes with time is still what it is
             own = cost_of(model.without(term)) - here
-            if term.law.by_shape or shape > EFFORT_IMITATED * own:
+            if term.law.by_shape or shape > NO_MATTER * own:
                 imitating.append(term)
         # what imitated that shape, or made room for it elsewhere
         doubtful = [term for term in model.terms if term.place.name != curve.place.name] + imitating
@@ -239,7 +238,7 @@ def _with_curves(
         # what is left of it beside those that came later
         rest = model.without(curve)
         cost = cost_of(rest)
-        matters = min(NO_MATTER * cost, EFFORT_CURVE_OWN * CrossValidation(rest).squares_at(curve))
+        matters = min(NO_MATTER * cost, FAR_LESS * CrossValidation(rest).squares_at(curve))
         if cost - cost_of(model) < matters:
             model = rest
             found.remove(curve)

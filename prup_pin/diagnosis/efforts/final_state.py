@@ -15,7 +15,7 @@ from ...recordings.columns import AS_LOGGED
 from ...robot import Robot
 from ...spatial import Array
 from ..chances import hotelling_sf, student_95, student_sf
-from ..criteria import EFFORT_IMITATED, FALSE_ALARM, GAIN, LITTLE, MOST, SURE
+from ..criteria import FALSE_ALARM, GAIN, LITTLE, MOST, NO_MATTER, SURE
 from ..normal_equations import NormalEquations
 from .conventions import gains_apart
 from .evidence import CrossValidation, held_out, relative_gain
@@ -138,14 +138,14 @@ class FinalState:
         without = self.model.without(*beyond)
         fits = ((self.model, x), (self.model, possible), (without, fit(without)[0]))
         free, bound, drawn = (float(block_squares(model, at).sum()) for model, at in fits)
-        return beyond if bound - free > max(GAIN * bound, EFFORT_IMITATED * (drawn - bound)) else []
+        return beyond if bound - free > max(GAIN * bound, NO_MATTER * (drawn - bound)) else []
 
     def _imitates_impossible(self, term: EffortCandidate) -> bool:
         """Return whether a law is an impossible body, or hardly saves anything without one at its joint."""
         if term in self.impossible:
             return True
         beside = [other for other in self.impossible if self.joint_of(other.place.name) == term.place.name]
-        return any(self.held_out_saving(other) > EFFORT_IMITATED * self.held_out_saving(term) for other in beside)
+        return any(self.held_out_saving(other) > NO_MATTER * self.held_out_saving(term) for other in beside)
 
     @property
     def read_scale(self) -> Array:

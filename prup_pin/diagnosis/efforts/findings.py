@@ -12,7 +12,7 @@ from ...numbers import number
 from ...recordings import Convention
 from ...spatial import Array
 from ..chances import WITHIN_95, student_95
-from ..criteria import ALIKE, EFFORT_IMITATED, FALSE_ALARM, MOST, MOST_COMBINATIONS, beyond_tolerance
+from ..criteria import ALIKE, FALSE_ALARM, MOST, MOST_COMBINATIONS, NO_MATTER, beyond_tolerance
 from ..diagnosis import Finding, FittedParameter, heldout_gain
 from ..findings import beyond_its_tolerance
 from .evidence import CrossValidation, held_out
@@ -146,7 +146,7 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
         for i in differ[np.argsort(chance[differ], kind="stable")][:MOST_COMBINATIONS]
     }
     share, told, advice = _alone_of_all(final, term, without)
-    nearly_all = share > 1 - EFFORT_IMITATED
+    nearly_all = share > 1 - NO_MATTER
     whole = (
         f"the links' masses, centres and inertias are not those of the robot file: of {len(change)} combinations that "
         f"this motion tells, {len(differ)} surely have other values"

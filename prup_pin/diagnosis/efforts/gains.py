@@ -21,18 +21,16 @@ from ...laws.efforts import EFFORT_LAWS, EffortLaw
 from ...laws.efforts.effort_law import motor_pairs, usual_way
 from ...spatial import Array
 from ..criteria import (
-    EFFORT_FEWEST,
+    AS_GOOD,
     EFFORT_GAINS,
-    EFFORT_GAINS_APART,
-    EFFORT_GAINS_LEAVE,
-    EFFORT_GAINS_SAVE,
     EFFORT_MASSES,
-    EFFORT_UNIT,
+    FEWEST_NUMBERS,
     FEWEST_OF_KIND,
     FOLDS,
     LEAST_REACH,
     LITTLE,
     MUCH,
+    NEARLY,
     ROUNDING,
     SURE,
 )
@@ -95,7 +93,7 @@ def law_of_gains() -> EffortLaw:
 
 def in_any_unit(tolerances: Mapping[str, float]) -> bool:
     """Return whether drives are declared to report in units of their own, whatever these are."""
-    return tolerances.get(law_of_gains().physics, 0.0) > EFFORT_UNIT - 1
+    return tolerances.get(law_of_gains().physics, 0.0) > AS_GOOD - 1
 
 
 def in_newtons(at: InMotion, gains: Array) -> InMotion:
@@ -122,21 +120,21 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
         after.append(_left(products, block, own.inertial, np.exp(own.log)))
     saving = np.array(before) - np.array(after)
     sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(FOLDS), np.finfo(float).tiny)
-    if np.sum(after) > EFFORT_GAINS_LEAVE * products.size:
+    if np.sum(after) > MUCH * products.size:
         return None
     whole = products.without(None)
     found = _solved(whole, drawn, 1.0, start)
     log, covariance = found.log, found.covariance
     apart = covariance - covariance.mean(axis=0)
     apart = apart - apart.mean(axis=1, keepdims=True)
-    much = saving.sum() > EFFORT_GAINS_SAVE * np.sum(before) and sure > SURE
+    much = saving.sum() > LITTLE * np.sum(before) and sure > SURE
     # drives count otherwise, be it all alike, where only masses of the whole robot that no drawing is so far from
     # would do without; of two drives a load may be so much as well
     light, right = (
         float(x @ drawn) / float(drawn @ drawn) for x in (_inertial(whole, drawn, 1.0, alike)[0], found.inertial)
     )
-    unlikely = not 1 / EFFORT_UNIT < light < EFFORT_UNIT and 1 / EFFORT_UNIT < right < EFFORT_UNIT
-    unit = len(log) >= FEWEST_OF_KIND and abs(np.median(log)) > np.log(EFFORT_UNIT) and _several(log, covariance)
+    unlikely = not 1 / AS_GOOD < light < AS_GOOD and 1 / AS_GOOD < right < AS_GOOD
+    unit = len(log) >= FEWEST_OF_KIND and abs(np.median(log)) > np.log(AS_GOOD) and _several(log, covariance)
     if not (much and _several(log - np.median(log), apart)) and not (unlikely and unit):
         return None
     return Gains(np.exp(log), np.sqrt(np.maximum(np.diag(covariance), 0.0)), float(np.sqrt(covariance.mean())))
@@ -145,7 +143,7 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
 def _several(log: Array, covariance: Array) -> bool:
     """Return whether at least two gains are surely and markedly others; log (k,): of each."""
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return int((np.abs(log) > np.maximum(np.log(EFFORT_GAINS_APART), SURE * deviation)).sum()) > 1
+    return int((np.abs(log) > np.maximum(np.log(NEARLY), SURE * deviation)).sum()) > 1
 
 
 def _told(products: _Products, drawn: Array, spread: Array) -> tuple[_Products, Array]:
@@ -186,7 +184,7 @@ def _products(at: InMotion) -> _Products | None:
     motion = at.motion
     rows = kept_samples(at)
     rows = rows[:: max(1, len(rows) // _SAMPLES)]
-    if len(rows) < EFFORT_FEWEST:
+    if len(rows) < FEWEST_NUMBERS:
         return None
     measured = motion.band(motion.efforts, motion.piece)[rows]
     if not np.isfinite(measured).all():
@@ -205,7 +203,7 @@ def _products(at: InMotion) -> _Products | None:
         good = low_pass.settled(motion.piece)[rows]
         if name in motion.names:
             good &= ~motion.still[rows, motion.names.index(name)]
-        if good.sum() < EFFORT_FEWEST:
+        if good.sum() < FEWEST_NUMBERS:
             continue
         own = low_pass(_own(at, name), motion.piece)[rows]
         values = np.column_stack((measured[:, joint], inertial))

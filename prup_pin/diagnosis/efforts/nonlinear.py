@@ -12,7 +12,7 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...spatial import Array
-from ..criteria import EFFORT_INDISTINCT, GAIN, ROUNDS, SURE, WIDEST_STEP
+from ..criteria import EFFORT_INDISTINCT, GAIN, LEAD, ROUNDS, SURE, WIDEST_STEP
 from ..normal_equations import NormalEquations
 from .evidence import CrossValidation, held_out, relative_gain
 from .prepare import PreparedEfforts
@@ -20,8 +20,6 @@ from .problem import EffortCandidate, EffortModel, SparseColumns, fit
 
 __all__ = ["optimised", "profile_intervals", "refined", "settled_together"]
 
-#: Squares of white noise that settle a parameter.
-_SETTLED = 0.5
 #: Logarithm of a parameter over its best value beyond which data do not bound it.
 _NEVER = 7.0
 #: Share of the change within which the best values lie by which a derivative is taken.
@@ -84,7 +82,7 @@ def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]
         for share in (1.0, 0.5, 0.25, 0.0):  # the last: with what is known now, and no step
             size = columns.size
             tried = _with_factors(efforts, model, {index: np.exp(share * step) for index, step in steps.items()})
-            if (now := _cost(tried)) < cost - _SETTLED:
+            if (now := _cost(tried)) < cost - LEAD:
                 break
             columns.cut(size)
         else:

@@ -29,15 +29,14 @@ from ...spatial import Array
 from ..criteria import (
     AS_GOOD,
     BEYOND,
-    EFFORT_CURVE_OWN,
-    EFFORT_FOREIGN,
-    EFFORT_NO_NOISE,
     FALSE_ALARM,
+    FAR_LESS,
     FEWEST_BLOCKS,
     FEWEST_NUMBERS,
     FLIPS,
     LITTLE,
     MOST,
+    MUCH,
     NO_MATTER,
     ROUNDING,
     SURE,
@@ -141,7 +140,7 @@ def _is_foreign(share: Mapping[str, float]) -> bool:
 
     A correction that takes the drawn efforts away leaves the noise, which speaks for no robot at all.
     """
-    return share["rigid"] > EFFORT_FOREIGN and share["heldout"] > LITTLE
+    return share["rigid"] > MUCH and share["heldout"] > LITTLE
 
 
 def _foreign(share: Mapping[str, float]) -> Finding:
@@ -172,7 +171,7 @@ def _no_noise(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding
     loud = {
         name: shares[name]["heldout"] * rms_of(residuals.measured[final.efforts.good[:, column], column])
         for column, name in enumerate(final.at.driven)
-        if shares[name]["heldout"] > LITTLE and not by_joint[name]["after"] <= EFFORT_NO_NOISE
+        if shares[name]["heldout"] > LITTLE and not by_joint[name]["after"] <= MUCH
     }
     if loud:
         worst = max(loud, key=lambda name: loud[name])
@@ -195,7 +194,7 @@ def _unmoved(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]
 
     Friction at rest may hold any part of what the load on the joint changes by, and no more.
     """
-    scatter = EFFORT_NO_NOISE * final.noise_sizes * final.scale
+    scatter = MUCH * final.noise_sizes * final.scale
     for column, name in enumerate(final.at.driven):
         good = final.efforts.good[:, column]
         if final.at.moves(name) or final.motion.standing or not good.any():
@@ -311,7 +310,7 @@ def _repeated(left: Array, position: Array, forth: np.ndarray, size: float) -> t
     foretold = [_by_others(left, *own) for own in passes]
     told = max(foretold, key=lambda each: taken(left, each))
     saved, most = taken(left, told), int(np.argmax(np.abs(told)))
-    if not (saved > EFFORT_CURVE_OWN * float(left @ left) and abs(told[most]) > LITTLE * size):
+    if not (saved > FAR_LESS * float(left @ left) and abs(told[most]) > LITTLE * size):
         return None
     for lag in (np.linspace(LITTLE, 1 - LITTLE, FLIPS) * len(left)).astype(int):
         shifted = np.roll(left, lag)
@@ -387,7 +386,7 @@ def time_varying(efforts: PreparedEfforts, left: Array, measured: Array, noise: 
     by_chance = (np.max(others, axis=0)[:, None] >= np.array(own)).mean(axis=0)
     sure = [each for each, chance in zip(found, by_chance, strict=True) if chance < FALSE_ALARM and each.size > 0]
     most = max(sure, key=lambda each: each.share, default=None)
-    return most if most is not None and most.share > EFFORT_CURVE_OWN else None
+    return most if most is not None and most.share > FAR_LESS else None
 
 
 def _motions(at: InMotion, joint: str) -> Iterator[tuple[str, str, Array]]:

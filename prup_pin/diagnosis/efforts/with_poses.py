@@ -17,7 +17,7 @@ from ...recordings import Recording, Together, suspicions
 from ...robot import Robot
 from ...simulation import as_recorded, simulate
 from ...spatial import Array
-from ..criteria import EFFORT_TARED, FEWEST_NUMBERS, MOST, MOST_SAMPLES
+from ..criteria import FAR_LESS, FEWEST_NUMBERS, MOST, MOST_SAMPLES
 from ..diagnosis import VERDICTS, Diagnosis, Finding
 from ..prepare import unused_columns
 from .diagnose import diagnose_efforts
@@ -62,7 +62,9 @@ def without_dead_efforts(
             recording = recording.with_measurements(efforts=others)
             columns += [f"tau.{name}" for name in dead]
             alike = {value: [f"tau.{name}" for name in dead if dead[name] == value] for value in dead.values()}
-            stay = [f"{', '.join(own)} {'stays' if len(own) == 1 else 'stay'} at {value}" for value, own in alike.items()]
+            stay = [
+                f"{', '.join(own)} {'stays' if len(own) == 1 else 'stay'} at {value}" for value, own in alike.items()
+            ]
             told.append(
                 f"{'; '.join(stay)}, while joints move: no effort was measured there, and it is left out of the "
                 "comparison. Check what the controller logged."
@@ -240,7 +242,7 @@ def _held(robot: Robot, recording: Recording, effects: Sequence[Effect]) -> tupl
         return bare, []
     heavy = simulate(robot, recording, (*others, *weight)).efforts
     left = [sum(float(np.nansum((recording.efforts[name] - one[name]) ** 2)) for name in one) for one in (bare, heavy)]
-    if left[0] < EFFORT_TARED * left[1]:
+    if left[0] < FAR_LESS * left[1]:
         return bare, ["the efforts do not hold the robot's weight: they were taken as those beyond it"]
     return heavy, []
 
