@@ -9,7 +9,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 import prup_pin
-from prup_pin.diagnosis import diagnose, spread
+from prup_pin.diagnosis import diagnose, variance_components
 from prup_pin.diagnosis.criteria import GAIN
 from prup_pin.recordings import read_recording
 
@@ -59,7 +59,7 @@ def test_an_arm_at_rest_of_which_nothing_was_told_is_explained(tmp_path):
 
 def test_no_fit_stands_that_leaves_more_than_the_drawing(tmp_path, monkeypatch):
     _, robot, recording = drawn(tmp_path, 32, "ur5", moving=False, rows=60)
-    monkeypatch.setattr(spread._Linear, "left", lambda self, x: 1e30)
+    monkeypatch.setattr(variance_components.SensorEquations, "left", lambda self, x: 1e30)
     given = asked(robot, recording)
     assert given.spread is None
     assert given.problem.noise.position < 2e-6

@@ -10,7 +10,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 import prup_pin
-from prup_pin.diagnosis import spread
+from prup_pin.diagnosis import gross_errors, spread, variance_components
 from prup_pin.diagnosis.calibrate import calibrated_parameters
 from prup_pin.recordings import Noise
 from prup_pin.simulation import compare, simulate
@@ -76,18 +76,18 @@ def test_gross_errors_are_named_with_their_line_and_left_out(given):
 
 def test_a_third_of_all_is_gross_where_nothing_lies_between_and_a_machine_where_something_does():
     squares = np.r_[np.linspace(0, 9, 20), np.full(8, 1e5)]
-    assert spread._stand_apart(squares, squares > 36)
-    assert not spread._stand_apart(np.where(np.arange(28) == 27, 1e3, squares), squares > 36)
-    assert not spread._stand_apart(squares[8:], squares[8:] > 36)
+    assert gross_errors._stand_apart(squares, squares > 36)
+    assert not gross_errors._stand_apart(np.where(np.arange(28) == 27, 1e3, squares), squares > 36)
+    assert not gross_errors._stand_apart(squares[8:], squares[8:] > 36)
 
 
 def test_one_gross_pose_is_told_though_a_tenth_of_all_scatters_more_widely_than_the_middle_half():
     """As a real arm's hand was seen: two dozen poses, three of them beyond six sigma of the middle half."""
     told = [0.4, 0.5, 0.5, 0.7, 0.8, 0.9, 0.9, 1, 1.1, 1.1, 1.3, 1.3, 1.7, 1.8, 2.3, 2.7, 2.8, 3.3, 3.6, 3.6, 4.6]
-    far, size = spread.far_off(np.square([*told, 8.3, np.nan, 8.7, 73.9]))
+    far, size = gross_errors.far_off(np.square([*told, 8.3, np.nan, 8.7, 73.9]))
     assert np.flatnonzero(far).tolist() == [24]
     assert 1 < size < 16  # what the others scatter by, not what the gross one does
-    alike, _ = spread.far_off(np.square([*told, 65.0, 70.0, 73.9]))
+    alike, _ = gross_errors.far_off(np.square([*told, 65.0, 70.0, 73.9]))
     assert not alike.any()  # an eighth of all is the machine
 
 
@@ -101,14 +101,14 @@ def test_what_neighbours_in_posture_share_is_the_machine_and_no_gross_error():
     slips = [np.flatnonzero(corner)[3], np.flatnonzero(~corner)[40]]
     off[slips] = [-20.0, 0.0, 20.0]
     far = np.linalg.norm(off, axis=1) > 6
-    shared = spread._shared(far, off, actuators, blocks)
+    shared = gross_errors._shared(far, off, actuators, blocks)
     assert not shared[slips].any()
     assert shared.sum() > 0.6 * corner.sum() > 5
     # samples of one block, taken while nothing moved, are no neighbours
     off[far] = 0.0
     slips = [40, 41]
     off[slips] = [0.0, 20.0, 0.0]
-    assert not spread._shared(np.isin(np.arange(300), slips), off, actuators, blocks).any()
+    assert not gross_errors._shared(np.isin(np.arange(300), slips), off, actuators, blocks).any()
 
 
 def test_a_sensor_that_slips_for_a_while_along_a_way_is_not_the_machine():
@@ -116,7 +116,7 @@ def test_a_sensor_that_slips_for_a_while_along_a_way_is_not_the_machine():
     actuators, blocks = np.stack((np.sin(way), np.cos(way)), axis=1), np.arange(200)
     off = np.random.default_rng(1).standard_normal((200, 3))
     off[60:66, 0] += 20.0
-    assert not spread._shared(np.abs(off).max(axis=1) > 8, off, actuators, blocks).any()
+    assert not gross_errors._shared(np.abs(off).max(axis=1) > 8, off, actuators, blocks).any()
 
 
 def test_the_noise_is_that_which_the_tracker_has(given):
@@ -150,7 +150,9 @@ def test_calibration_that_nothing_was_told_predicts_other_poses(given):
 
 def test_what_comes_towards_its_load_does_not_yield():
     labels = np.array(["yields own"] * 3 + ["position"])
-    fit = spread._Fit(np.ones(4), np.ones(2), np.array([2.0, -0.5, 0.1, -9.0]), np.diag([0.01, 0.01, 0.01, 1.0]), 0.0)
+    fit = variance_components.VarianceEstimate(
+        np.ones(4), np.ones(2), np.array([2.0, -0.5, 0.1, -9.0]), np.diag([0.01, 0.01, 0.01, 1.0]), 0.0
+    )
     assert spread._gives_way(fit, labels, "yields own")
     assert not spread._gives_way(replace(fit, mean=-fit.mean), labels, "yields own")
     assert not spread._gives_way(fit, labels, "position")
@@ -173,11 +175,11 @@ def columns(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return draw.standard_normal((40, 6)), draw.standard_normal(40)
 
 
-def of_units(matrix: np.ndarray, right: np.ndarray, first: int) -> spread._Linear:
+def of_units(matrix: np.ndarray, right: np.ndarray, first: int) -> variance_components.SensorEquations:
     """Return a linear problem of which so many numbers come first and are of one unit, the others of another."""
     parts = (slice(None, first), slice(first, None))
     sums = [(m.T @ m, m.T @ r, r @ r, len(r)) for m, r in ((matrix[part], right[part]) for part in parts)]
-    return spread._Linear(*(np.array(each) for each in zip(*sums, strict=True)))
+    return variance_components.SensorEquations(*(np.array(each) for each in zip(*sums, strict=True)))
 
 
 def test_the_likelihood_is_that_of_the_numbers_with_the_parameters_integrated_out():
@@ -188,7 +190,7 @@ def test_the_likelihood_is_that_of_the_numbers_with_the_parameters_integrated_ou
     variances, noise = np.array([0.3, 2.0, 1.0, 0.1, 5.0, 0.7]), np.array([1.7, 0.6])
     covariance = np.diag(np.repeat(noise, [15, 25])) + matrix @ np.diag(variances) @ matrix.T
     expected = -2 * multivariate_normal(cov=covariance).logpdf(right) - 40 * np.log(2 * np.pi)
-    found = spread._posterior(data, variances, noise)
+    found = variance_components.posterior(data, variances, noise)
     assert found.cost == pytest.approx(expected, rel=1e-9)
     assert found.mean == pytest.approx(np.diag(variances) @ matrix.T @ np.linalg.solve(covariance, right), rel=1e-9)
 
@@ -200,14 +202,14 @@ def test_no_other_spread_is_likelier():
     right = matrix @ (np.array([3.0] * 3 + [0.5] * 3) * draw.standard_normal(6)) + 0.2 * draw.standard_normal(40)
     right[20:] += 0.8 * draw.standard_normal(20)
     data = of_units(matrix, right, 20)
-    found = spread._fitted(data, np.ones(6), np.ones(2), labels, np.full(6, 1e-12), 0.0)
+    found = variance_components.estimated(data, np.ones(6), np.ones(2), labels, np.full(6, 1e-12), 0.0)
     for factor in (0.9, 1.1):
         for label in "ab":
             other = np.where(labels == label, factor, 1.0) * found.variances
-            assert spread._posterior(data, other, found.noise).cost > found.cost
+            assert variance_components.posterior(data, other, found.noise).cost > found.cost
         for unit in range(2):
             other = np.where(np.arange(2) == unit, factor, 1.0) * found.noise
-            assert spread._posterior(data, found.variances, other).cost > found.cost
+            assert variance_components.posterior(data, found.variances, other).cost > found.cost
 
 
 @pytest.mark.parametrize("size", [1.0, 1e8])
@@ -218,4 +220,4 @@ def test_no_variance_is_likelier_by_rounding(size):
     right = columns @ (5 * rng.normal(size=12)) + rng.normal(size=600)
     data = of_units(columns, right, 300)
     least = right - columns @ np.linalg.lstsq(columns, right, rcond=None)[0]
-    assert spread._posterior(data, np.full(12, size), np.ones(2)).cost > float(least @ least)
+    assert variance_components.posterior(data, np.full(12, size), np.ones(2)).cost > float(least @ least)

@@ -12,9 +12,10 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 import prup_pin
-from prup_pin.diagnosis import diagnose, spread
+from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.evidence import fold_labels
 from prup_pin.diagnosis.search import Selection
+from prup_pin.diagnosis.variance_components import SensorEquations, estimated, unusual
 from prup_pin.laws import Effect
 from prup_pin.laws.payload import Payload
 from prup_pin.recordings import Noise, read_recording
@@ -190,16 +191,16 @@ def test_of_two_kinds_that_do_the_same_the_usual_one_is_off():
     both = np.concatenate((matrix_, 0.03 * matrix_), axis=1)  # the second must be off by thirty times what is usual
     right = matrix_ @ draw.standard_normal(6) + 0.1 * draw.standard_normal(60)
     sums = (both.T @ both, both.T @ right, right @ right, len(right))
-    data = spread._Linear(*(np.array([each]) for each in sums))
+    data = SensorEquations(*(np.array([each]) for each in sums))
     labels, floors = np.repeat(["usual", "unusual"], 6).astype(object), np.full(12, 1e-12)
     costs = {}
     for kind in ("usual", "unusual"):
         alone = np.where(labels == kind, labels, "")
-        costs[kind] = spread._fitted(data, np.ones(12), np.ones(1), alone, floors, 0.0, spread._unusual).cost
-    plain = [spread._fitted(data, np.ones(12), np.ones(1), np.where(labels == kind, labels, ""), floors, 0.0).cost
+        costs[kind] = estimated(data, np.ones(12), np.ones(1), alone, floors, 0.0, unusual).cost
+    plain = [estimated(data, np.ones(12), np.ones(1), np.where(labels == kind, labels, ""), floors, 0.0).cost
              for kind in ("usual", "unusual")]  # fmt: skip
     assert plain[0] == pytest.approx(plain[1], abs=0.1)
     assert costs["unusual"] - costs["usual"] > 10
-    slope = (spread._unusual(np.exp(2.01))[0] - spread._unusual(np.exp(1.99))[0]) / 0.02
-    assert spread._unusual(np.exp(2.0))[1] == pytest.approx(slope, rel=1e-6)
-    assert spread._unusual(0.5) == (0.0, 0.0)
+    slope = (unusual(np.exp(2.01))[0] - unusual(np.exp(1.99))[0]) / 0.02
+    assert unusual(np.exp(2.0))[1] == pytest.approx(slope, rel=1e-6)
+    assert unusual(0.5) == (0.0, 0.0)
