@@ -94,6 +94,13 @@ def test_what_is_written_otherwise_is_told_as_it_is_declared(ur5, recording, sai
     assert told(ur5, written(recording, *said)) == list(said)
 
 
+def test_gears_are_told_of_efforts_of_which_they_leave_no_more_than_the_noise(ur5, recording):
+    motion = motion_of(recording, ur5)
+    exact = dict(zip(ur5.actuated, InMotion.of(ur5, motion).rigid.T, strict=True))
+    log = written(replace(recording.select(motion.rows), efforts=exact), "q=gear:100", "tau=gear:100")
+    assert told(ur5, replace(log, noise=replace(log.noise, effort=0.3))) == ["q=gear:100", "tau=gear:100"]
+
+
 def slow_log(ur5, turned, friction=0.0):
     """A motion of which noise of the positions makes more of the wrists than all that they give, but friction."""
     rng, time = np.random.default_rng(6), np.arange(3000) * 0.004

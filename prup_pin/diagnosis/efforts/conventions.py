@@ -510,7 +510,7 @@ class _Search:
             found.append((self.left(read), ratio, tuple(steps)))
         # of ratios that do as well the roundest is the usual one
         best = min(item[0] for item in found)
-        near = [item for item in found if item[0] < 1.03 * best]
+        near = [item for item in found if item[0] <= 1.03 * best]
         least, _, taken = min(near, key=lambda item: (item[1] % 10 > 0, item[1] % 5 > 0, item[0]))
         if not least < min(_limit(first), MOSTLY * self._left_by_friction(self.written)):
             return None
