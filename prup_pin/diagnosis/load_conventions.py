@@ -95,22 +95,22 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
     while True:
         tried = []
         for readings in (_of_wrench(), _of_wrench_axes(), _of_wrench_point(loaded, now.wrench)):
-            for convention in readings:
-                other = read_as(now, [convention], drawn)
-                tried.append((_softened(loaded, other.wrench), convention, other))
+            for reading in readings:
+                other = read_as(now, reading, drawn)
+                tried.append((_softened(loaded, other.wrench), reading, other))
             if min(item[0] for item in tried) < alike:
                 break
         # what is nearly as good is told by the commoner word
         near = max(1.2 * min(item[0] for item in tried), alike)
-        left, convention, other = next(item for item in tried if item[0] <= near)
+        left, reading, other = next(item for item in tried if item[0] <= near)
         if not left < FAR_LESS**2 * least:
             break
         others = [
-            (*taken, item[1])
+            (*taken, *item[1])
             for item in tried
-            if item[0] <= max(AS_GOOD**2 * left, alike) and item[1] is not convention and not item[1].argument
+            if item[0] <= max(AS_GOOD**2 * left, alike) and item[1] is not reading and not item[1][0].argument
         ]
-        taken, now, least = [*taken, convention], other, left
+        taken, now, least = [*taken, *reading], other, left
     if not taken:
         return None
     half = np.unique(loaded.blocks, return_inverse=True)[1] % 2 == 0
@@ -223,21 +223,20 @@ def _softened(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) 
     return max(float(rest @ rest) - judged.noise, 0.0)
 
 
-def _of_wrench() -> Iterator[Convention]:
-    yield Convention("wrench", "reaction")
-    yield Convention("wrench", "tool_frame")
-    yield Convention("wrench", "about_base")
+def _of_wrench() -> Iterator[tuple[Convention, ...]]:
+    reaction, others = Convention("wrench", "reaction"), ("tool_frame", "about_base")
+    yield (reaction,)
+    yield from ((Convention("wrench", word),) for word in others)
     for group in ("force", "moment"):
-        for word in WORDS:
-            if group in word.groups:
-                yield Convention(group, word.name)
+        yield from ((Convention(group, word.name),) for word in WORDS if group in word.groups)
+    yield from ((reaction, Convention("wrench", word)) for word in others)  # neither alone comes nearer
 
 
-def _of_wrench_axes() -> Iterator[Convention]:
-    yield from (Convention("wrench", "axes", item) for item in AXES if item != ("-x", "-y", "-z"))  # a reaction
+def _of_wrench_axes() -> Iterator[tuple[Convention, ...]]:
+    yield from ((Convention("wrench", "axes", item),) for item in AXES if item != ("-x", "-y", "-z"))  # a reaction
 
 
-def _of_wrench_point(loaded: _Loaded, wrench: Array) -> Iterator[Convention]:
+def _of_wrench_point(loaded: _Loaded, wrench: Array) -> Iterator[tuple[Convention, ...]]:
     """Yield that moments are about the point that fits best, in the tool's axes from the tool point [m]."""
     whole = loaded.parts.sum(axis=0)
     target = loaded.free(loaded.moved - (whole @ wrench[..., None])[..., 0]).ravel()
@@ -249,4 +248,4 @@ def _of_wrench_point(loaded: _Loaded, wrench: Array) -> Iterator[Convention]:
     table = np.column_stack(columns)
     if np.linalg.norm(table) > 0:
         point = np.linalg.lstsq(table, target, rcond=1e-6)[0]
-        yield Convention("wrench", "about", tuple(float(round(value, 5)) for value in point))
+        yield (Convention("wrench", "about", tuple(float(round(value, 5)) for value in point)),)
