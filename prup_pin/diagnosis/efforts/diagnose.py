@@ -138,7 +138,8 @@ def _final_state(
             plain = searched_beside(None, 0.7, 0.75)
             squares = plain[1].held_out_unwhitened(plain[2])
             share, sure = relative_gain(squares, efforts.held_out_unwhitened(model))
-            if not (sure > SURE and share > LITTLE):
+            several = sum(term.law.of_gain for term in plain[2].terms) > 1
+            if not several and not (sure > SURE and share > LITTLE):
                 gains, (doubts, efforts, model) = None, plain
     tell("what no law explains", 0.75)
     model = with_relieving_laws(efforts, model)
