@@ -61,7 +61,7 @@ GAIN: Final = 0.02
 NO_MATTER: Final = 0.05
 #: So small a share is little: what may be left of what is explained; numbers of all that may be gross, before they
 #: scatter more widely than their middle half says; distances of all reach that are no other machine's; a step of its
-#: own uncertainty; of held-out squares what weights may do to a trace of the filters, or units of single drives save.
+#: own uncertainty; of held-out squares what weights may do to a trace of the filters.
 LITTLE: Final = 0.1
 #: More than this share is most.
 MOST: Final = 0.5
@@ -70,7 +70,8 @@ MOST: Final = 0.5
 ALIKE: Final = 0.95
 #: Share that is left where something leaves far less: of a log, as read otherwise, since faults of any size change
 #: single parts and rarely bring a drastic change so near to the drawing; of efforts at rest without the robot's weight,
-#: which are tared. Efforts of which more is left are strange: columns may be meant otherwise; a curve of no law that
+#: which are tared; and units of single drives save as much, or else a gain or two are laws of their joints.
+#: Efforts of which more is left are strange: columns may be meant otherwise; a curve of no law that
 #: takes more of what is left at its own joint is unknown physics; and no more of all numbers are gross.
 FAR_LESS: Final = 1 / 3
 #: What makes some sense leaves less than this share, and less than this share for each column that is read otherwise:

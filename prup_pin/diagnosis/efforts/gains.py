@@ -24,6 +24,7 @@ from ..criteria import (
     AS_GOOD,
     EFFORT_GAINS,
     EFFORT_MASSES,
+    FAR_LESS,
     FEWEST_NUMBERS,
     FEWEST_OF_KIND,
     FOLDS,
@@ -127,7 +128,7 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     log, covariance = found.log, found.covariance
     apart = covariance - covariance.mean(axis=0)
     apart = apart - apart.mean(axis=1, keepdims=True)
-    much = saving.sum() > LITTLE * np.sum(before) and sure > SURE
+    much = saving.sum() > FAR_LESS * np.sum(before) and sure > SURE
     # drives count otherwise, be it all alike, where only masses of the whole robot that no drawing is so far from
     # would do without; of two drives a load may be so much as well
     light, right = (
