@@ -35,7 +35,6 @@ from ..criteria import (
     MOSTLY,
     MUCH,
     NEARLY,
-    ROUGHLY,
 )
 from ..quarter_turns import quarter_turns
 from .gains import in_any_unit
@@ -237,7 +236,7 @@ class _Search:
         taken: tuple[Convention, ...] = ()
         others: tuple[tuple[Convention, ...], ...] = ()
         if np.nanmax(shares, initial=0.0) > FAR_LESS**2:
-            taken, least, others = self._forward(begin, now)
+            taken, least, others = self._forward(begin, shares)
             if taken and not self._makes_sense(begin, taken):
                 # signs of efforts say nothing of one another: those that are sure by themselves are told
                 signs = [item for item in taken if item.word == "reversed" and item.columns.startswith("tau.")]
@@ -282,12 +281,12 @@ class _Search:
         together = [item for item in taken if item.word in _TOGETHER]
         if together and _rms(after) > MOSTLY * self._left_by_motors(written, taken):
             return False
-        if _rms(after) < min(_limit(_rms(before)), _rms(hung)):
+        told = _told(before, after)
+        if _rms(after[told]) < min(_limit(_rms(before[told])), _rms(hung[told])):
             return True
         if together:
             return False
-        changed = (np.minimum(before, after) < ALIKE * np.maximum(before, after)) & np.isfinite(before)
-        changed &= np.minimum(before, after) < MOSTLY**2  # what neither reading explains speaks for none
+        changed = told & _changed(before, after)
         if not changed.any():
             return False
         left = _rms(before[changed])
@@ -341,8 +340,8 @@ class _Search:
         possible = 0 < mass < sum(float(body.mass) for body in model.inertias)
         return held @ x if possible and float(np.linalg.norm(moments)) <= mass * reach else None
 
-    def _left_by_friction(self, recording: Recording) -> float:
-        """Return what is left where no joint needs more for its rigid body than it helps: a share, RMS of the joints.
+    def _left_by_friction(self, recording: Recording) -> Array:
+        """Return the shares of squares (k,) that are left where no joint needs more for its rigid body than it helps.
 
         Nor more than a constant does: what positions scatter by is less of a motion that is read in a smaller unit, in
         which the robot hardly moves, and neither speaks for the unit.
@@ -351,7 +350,7 @@ class _Search:
         rigid = self.at.rigid_of(motion)
         still = np.broadcast_to(efforts.mean(axis=0), efforts.shape)
         shares = (shares_of_efforts(motion, efforts, own, noise) for own in (rigid, np.zeros_like(rigid), still))
-        return _rms(np.minimum.reduce(list(shares)))
+        return np.minimum.reduce(list(shares))
 
     def read(self, recording: Recording, rows: np.ndarray | None = None) -> tuple[Motion, Array, Array]:
         """Return motion, efforts (n, k) and their noise (k,) of samples, or of some rows, as a recording has them."""
@@ -365,41 +364,42 @@ class _Search:
         return self.motion.select(rows).with_motion(*moved), efforts[rows], noise
 
     def _forward(
-        self, begin: Recording, first: float
+        self, begin: Recording, first: Array
     ) -> tuple[tuple[Convention, ...], float, tuple[tuple[Convention, ...], ...]]:
         """Return what is read otherwise, one step after the other, what that leaves, and what would do as well.
 
         As far as each reading leaves less than friction alone would before it: it is to make sense of the rigid robot.
+        first: shares of the squares of each joint (k,) that are left as it is written.
         """
         taken: tuple[Convention, ...] = ()
         others: tuple[tuple[Convention, ...], ...] = ()
-        found = taken, first, others
+        found = taken, _rms(first), others
         now, least, without = begin, first, self._left_by_friction(begin)
         while len(taken) < _MOST:
             tried = []
             for step in self._readings(now):
-                if first <= FAR_LESS and any(item.word != "reversed" for item in step):
+                if _rms(first) <= FAR_LESS and any(item.word != "reversed" for item in step):
                     continue  # where most of a log fits, a joint or two count the other way round
                 read = read_as(now, step, self.drawn)
-                tried.append((self.left(read), step, read))
-            tried = [item for item in tried if item[0] < np.inf]
+                tried.append((self.shares(read), step, read))
+            tried = [item for item in tried if _rms(item[0]) < np.inf]
             if not tried:
                 break
             # what takes more words must leave less for each of them
-            cost = [left * (1 + GAIN * len(step)) for left, step, _ in tried]
+            cost = [_rms(shares) * (1 + GAIN * len(step)) for shares, step, _ in tried]
             best = int(np.argmin(cost))
-            left, step, read = tried[best]
-            if left > MOSTLY * least:
+            shares, step, read = tried[best]
+            if not _makes_more(least, shares):
                 break
             others = tuple(
                 (*taken, *item[1])
                 for place, item in enumerate(tried)
-                if cost[place] < 1.01 * cost[best] and place != best
+                if cost[place] < 1.01 * cost[best] and item[1] != step
             )
-            taken, now, least = (*taken, *step), read, left
-            if left < MOSTLY * without:
-                found = taken, left, others
-            without = min(without, self._left_by_friction(now))
+            taken, now, least = (*taken, *step), read, shares
+            if _makes_more(without, shares, _changed(without, shares)):
+                found = taken, _rms(shares), others
+            without = min(without, self._left_by_friction(now), key=_rms)
         return found
 
     def _readings(self, recording: Recording) -> Iterator[tuple[Convention, ...]]:
@@ -457,7 +457,7 @@ class _Search:
             return None
         usual = float(np.median(sizes))
         # a load may make some of them larger besides
-        apart, alike = np.log(sizes / usual), np.log(ROUGHLY)
+        apart, alike = np.log(sizes / usual), np.log(NEARLY)
         most = float(np.mean(np.abs(apart) < alike)) > MOST and apart.min() > -alike
         if abs(np.log(usual)) < np.log(AS_GOOD) or not most:
             return None
@@ -512,7 +512,7 @@ class _Search:
         best = min(item[0] for item in found)
         near = [item for item in found if item[0] <= 1.03 * best]
         least, _, taken = min(near, key=lambda item: (item[1] % 10 > 0, item[1] % 5 > 0, item[0]))
-        if not least < min(_limit(first), MOSTLY * self._left_by_friction(self.written)):
+        if not least < min(_limit(first), MOSTLY * _rms(self._left_by_friction(self.written))):
             return None
         return Evidence(taken, "efforts", "", first, least, 1 - (least / first) ** 2)
 
@@ -559,6 +559,23 @@ def left_of_efforts(motion: Motion, efforts: Array, rigid: Array, noise: Array |
     noise (k,): of a sample of each, which is not counted: a wrist whose efforts are hardly more tells nothing.
     """
     return _rms(shares_of_efforts(motion, efforts, rigid, noise))
+
+
+def _told(one: Array, other: Array) -> np.ndarray:
+    """Return the joints (k,) of which either of two readings makes sense: what neither explains speaks for none."""
+    told = np.fmin(one, other) < MOSTLY**2
+    return told if told.any() else np.ones(len(one), bool)
+
+
+def _changed(one: Array, other: Array) -> np.ndarray:
+    """Return the joints (k,) of which two readings leave different shares of the squares."""
+    return (np.minimum(one, other) < ALIKE * np.maximum(one, other)) & np.isfinite(one)
+
+
+def _makes_more(before: Array, after: Array, among: np.ndarray | bool = True) -> bool:
+    """Return whether a reading makes more sense of joints than one before it; shares of squares (k,) that are left."""
+    told = _told(before, after) & among
+    return _rms(after[told]) < MOSTLY * _rms(before[told])
 
 
 def _rms(shares: Array) -> float:
