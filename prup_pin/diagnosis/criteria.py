@@ -50,7 +50,8 @@ WEIGHT_SHOWS: Final = 2 * INDISTINCT
 
 #: Share of the held-out squared residual that a law must remove, or of its own gain by which another one is as good:
 #: less cries wolf on clean recordings, may be a trace of what the rigid model and its filters leave, and is of no use.
-#: What leaves more than this share of what an effect took away makes that doubtful. Poses are measured better than this
+#: What leaves more than this share of what an effect took away makes that doubtful, and a curve of no law that takes
+#: less than it of what laws do at its joint is what every real joint has beyond any. Poses are measured better than this
 #: share of what they were seen to move; loads that differ by less are one load, repeated; and where the drawing, each
 #: module as soft as suits, leaves no more of what loads move, they are as they are written.
 GAIN: Final = 0.02
@@ -87,8 +88,6 @@ AS_GOOD: Final = 1.5
 #: away; and of efforts whose noise is not declared, what is new in less than a tenth of its power from one sample to
 #: the next, though nothing foretells it.
 MUCH: Final = 3.0
-#: Share of what laws take away at a joint that a curve of no law must: less is what every real joint has beyond any.
-EFFORT_MATERIAL = 0.005
 
 # == what decides: sizes ===============================================================================================
 

@@ -15,7 +15,6 @@ from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
 from ..criteria import (
-    EFFORT_MATERIAL,
     FAR_LESS,
     GAIN,
     LITTLE,
@@ -212,7 +211,7 @@ def _with_curves(
                 continue
             share, sure = relative_gain(validation.squares, held_out(model.with_term(score.candidate)))
             saving, own = share * float(validation.squares.sum()), validation.squares_at(score.candidate)
-            material = saving > EFFORT_MATERIAL * (began.squares_at(score.candidate) - own) or not model.terms
+            material = saving > GAIN * (began.squares_at(score.candidate) - own) or not model.terms
             much = share > NO_MATTER or saving > FAR_LESS * own
             if sure > SURE and much and material:
                 tried.append((share, score.candidate))
