@@ -97,9 +97,11 @@ def test_without_a_k_forces_alone_have_a_stiffness_by_its_name(arm):
         assert ("arcs of 524.3 mm" in yielding.note) == depends
 
 
-def test_of_a_planar_arm_it_has_the_axes_that_yield():
-    pendulum = prup_pin.load("double_pendulum", joint_stiffness=1e4)
-    bent = pendulum.compliance(pendulum.pose_from_actuators([0.4, 0.9]))
+def test_where_axes_are_rigid_it_has_the_others():
+    arm = prup_pin.load("ur5", joint_stiffness={"shoulder_lift_joint": 1e4, "elbow_joint": 2e4})
+    bent = arm.compliance(arm.pose_from_actuators([0, 0.4, 0.9, 0, 0, 0]))
     axes, stiffness = Answer(bent).translation_stiffness
-    assert axes == [1, 2]
-    np.testing.assert_allclose(stiffness, np.linalg.inv(bent.C[1:3, 1:3]))
+    assert axes == [0, 2]
+    np.testing.assert_allclose(stiffness, np.linalg.inv(bent.C[::2, ::2][:2, :2]))
+    turned = arm.compliance(arm.pose_from_actuators([0.3, 0.4, 0.9, 0, 0, 0]))
+    assert Answer(turned).translation_stiffness is None  # what is rigid lies between x and y
