@@ -158,9 +158,14 @@ def test_how_far_it_is_off_is_told_with_how_to_declare_it(recording):
     logs = read_logs(load("ur5"), written(recording, "tau.elbow_joint=reversed"))
     (finding,) = logs.findings()
     assert (finding.physics, finding.location) == ("log_convention", "elbow_joint")
-    assert "--convention tau.elbow_joint=reversed" in finding.statement
-    assert '"conventions": {"tau.elbow_joint": "reversed"}' in finding.statement
-    assert "% of efforts as it is written" in finding.statement
+    times = finding.evidence["as_written"] / finding.evidence["as_read"]
+    assert finding.statement.endswith(
+        "tau.elbow_joint with the opposite sign. As it is written, the robot file leaves "
+        f"{times:.3g} times as much of efforts as when it is read so"
+    )
+    assert "--convention tau.elbow_joint=reversed" in finding.remedy  # behind what was found
+    assert '"conventions": {"tau.elbow_joint": "reversed"}' in finding.remedy
+    assert logs.statements[0].index(finding.statement) < logs.statements[0].index('"conventions"')
     assert finding.evidence["as_read"] < 0.5 * finding.evidence["as_written"]
     np.testing.assert_allclose(logs.recordings[0].efforts["elbow_joint"], recording.efforts["elbow_joint"])
 

@@ -120,9 +120,9 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
         statement=(
             "the drives report in units of their own; all gains together and all masses together are one unknown, "
             "which the robot file's masses decide"
-            + f". Where that is right, declare it: {' '.join(f'--convention {c}' for c in conventions)}"
-            * final.in_own_units
         ),
+        advice=f"where that is right, declare it: {' '.join(f'--convention {c}' for c in conventions)}"
+        * final.in_own_units,
         conventions=conventions,
     )
 

@@ -315,8 +315,8 @@ def _beside(diagnosis: Diagnosis) -> tuple[str, str]:
 
 def cost_text(finding: Finding) -> str:
     """Return what leaving a finding out would cost."""
-    if finding.physics == "unknown":
-        return ""  # what a law for it would take stands in its statement, beside what that is a share of
+    if finding.physics == "unknown" or finding.evidence:
+        return ""  # their statements say what they are worth, of what is a share or how many times
     if finding.heldout_gain < _NO_GAIN and finding.effect is not None:
         return "other errors could compensate for it" if finding.parameters else "is always present"
     of = "" if math.isnan(finding.times) else " of the efforts"
