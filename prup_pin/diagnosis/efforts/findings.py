@@ -88,6 +88,7 @@ def _of_law(final: FinalState, term: EffortCandidate) -> Finding:
         effect=effect,
         alternatives=tuple(dict.fromkeys(laws)),
         times=final.times_without(term.place.name, term),
+        one_body=tuple(term.law.same_places(term.place, final.mechanism)) if term.is_body else (),
     )
 
 

@@ -280,8 +280,8 @@ def summary_text(diagnosis: Diagnosis) -> str:
     firsts = [next((item for item in items if item.remedy), None) for items in (logs, (*doubted, *named))]
     for word, to_do in zip(("To do first", "Then" if firsts[0] else "To do first"), firsts, strict=True):
         if to_do is not None:
-            others = [place for place in to_do.candidates if place not in (to_do.location, *to_do.at_each)]
-            also = f", or look at {places_text(others)}: these data cannot tell them from it" if others else ""
+            others = places_text(to_do.rivals)
+            also = f", or look at {others}: these data cannot tell them from it" if others else ""
             texts.append(f"{word}: {to_do.remedy}{also}.")
     return " ".join(texts)
 
@@ -320,8 +320,9 @@ def cost_text(finding: Finding) -> str:
     if finding.heldout_gain < _NO_GAIN and finding.effect is not None:
         return "other errors could compensate for it" if finding.parameters else "is always present"
     of = "" if math.isnan(finding.times) else " of the efforts"
-    if of and finding.effect is not None and finding.effect.place.name == finding.location != "robot":
-        of = f" of {finding.location}"
+    at = None if finding.effect is None or finding.one_body else finding.effect.place.name
+    if of and at == finding.location != "robot":
+        of = f" of {at}"
     if finding.cost > _BEYOND_COUNTING:
         return f"without it the residual{of} would be more than {_BEYOND_COUNTING} times as large"
     if finding.cost < 1 + _NO_GAIN:
@@ -415,10 +416,12 @@ def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
     """Return what these data cannot tell from a finding, as sentences."""
     texts = []
     here = finding.location
-    others = [place for place in finding.candidates if place not in (here, *finding.at_each)]
-    wholes = [place for place in others if here.startswith(f"{place}/")]
-    parts = [place for place in others if place.startswith(f"{here}/")]
-    if rivals := [place for place in others if place not in (*wholes, *parts)]:
+    wholes = [place for place in finding.rivals if here.startswith(f"{place}/")]
+    parts = [place for place in finding.rivals if place.startswith(f"{here}/")]
+    if finding.one_body:
+        link = "all that is fixed to it" if here == finding.one_body[0] else finding.one_body[0]
+        texts.append(f"{here} is one rigid body with {link}: only the mass, centre and inertia of the whole show")
+    if rivals := [place for place in finding.rivals if place not in (*wholes, *parts)]:
         texts.append(f"these data cannot tell {here} from {places_text(rivals)}")
     if wholes:
         texts.append(f"{here} is part of {places_text(wholes)}, which may be meant as a whole")
