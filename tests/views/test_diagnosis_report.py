@@ -221,7 +221,7 @@ def test_a_part_and_what_it_belongs_to_are_no_rivals(diagnosed):
     joint = dataclasses.replace(drive, location="joint3", candidates=(*names, "joint30"))
     assert alternative_text(diagnosis, joint) == [
         "these data cannot tell joint3 from joint30",
-        "it may sit in joint3/drive alone",
+        "of joint3, joint3/drive alone would explain as much",
     ]
 
 

@@ -426,7 +426,8 @@ def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
     if wholes:
         texts.append(f"{here} is part of {places_text(wholes)}, which may be meant as a whole")
     if parts:
-        texts.append(f"it may sit in {places_text(parts)} alone")
+        alone = "each alone" if len(parts) > 1 else "alone"
+        texts.append(f"of {here}, {places_text(parts)} {alone} would explain as much")
     if finding.alternatives:
         laws = [name.partition(" at ") for name in finding.alternatives]
         # a way of writing the log stands there as it is declared
