@@ -87,7 +87,7 @@ def test_a_mechanic_reads_at_its_top_what_is_wrong_and_what_to_do_first(diagnose
     _, _, diagnosis = diagnosed
     said, first = summary_text(diagnosis), diagnosis.findings[0]
     text = words(page)
-    order = ("How much better it is now", "Where it sits", "What was left out", "What was measured", "Remarks")
+    order = ("How much better it is now", "Where it sits", "Left out", "What was measured", "Remarks")
     assert sorted(order, key=text.index) == list(order)
     assert text.index(said) < text.index("What was measured")
     assert f"{quantity(1e-6 * diagnosis.by_channel['position']['before_um'], 'm')} (root mean square)" in said

@@ -205,6 +205,23 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     return "\n".join(lines)
 
 
+def finding_groups(diagnosis: Diagnosis) -> dict[str, list[tuple[int, Finding]]]:
+    """Return the findings with their numbers below what each group is: the log, what was left out, what is no fault.
+
+    A robot's weight that acts is nothing that the robot lacks. Against an earlier test all are what has changed.
+    """
+    left_out = "Left out" if diagnosis.since is None else "Changed"
+    groups: dict[str, list[tuple[int, Finding]]] = {}
+    for index, finding in enumerate(diagnosis.told, 1):
+        heading = left_out
+        if finding.physics == "log_convention":
+            heading = "How the log is written"
+        elif not finding.is_fault and diagnosis.since is None:
+            heading = "How to simulate it"
+        groups.setdefault(heading, []).append((index, finding))
+    return groups
+
+
 def finding_lines(diagnosis: Diagnosis, finding: Finding, most: int = MOST_PARAMETERS) -> list[str]:
     """Return what is told of a finding below its name; of more than `most` values, that there are more."""
     places = by_place(finding)
@@ -323,6 +340,7 @@ def cost_text(finding: Finding) -> str:
     at = None if finding.effect is None or finding.one_body else finding.effect.place.name
     if of and at == finding.location != "robot":
         of = f" of {at}"
+    of = of if finding.is_fault else " of a simulation"
     if finding.cost > _BEYOND_COUNTING:
         return f"without it the residual{of} would be more than {_BEYOND_COUNTING} times as large"
     if finding.cost < 1 + _NO_GAIN:
@@ -479,6 +497,18 @@ def length_of(diagnosis: Diagnosis, recording: Recording) -> str:
         return counted(poses, "pose")
     lasted = sum(float(np.ptp(recording.time[run])) for run in pieces(recording.run))
     return f"{number(lasted, 3)} s of motion"
+
+
+def used_text(diagnosis: Diagnosis, samples: int) -> str:
+    """Return how many of so many samples were used, and why no more."""
+    from ...diagnosis.criteria import MOST_SAMPLES
+
+    used, why = len(diagnosis.samples), ""
+    if used < samples and diagnosis.efforts is not None and not diagnosis.efforts.standing:
+        why = ": filtered, as many as the compared frequencies need"
+    elif used < samples > MOST_SAMPLES:
+        why = ", evenly chosen: more would tell hardly more"
+    return f"{used} used{why}"
 
 
 def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
