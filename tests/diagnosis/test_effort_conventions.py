@@ -196,6 +196,7 @@ def test_drives_in_units_of_their_own_are_told_by_their_sizes(ur5, recording):
     (doubt,) = checked(ur5, changed(recording, "efforts", amperes))
     assert "tau.elbow_joint 0.08" in doubt
     assert "are they in per cent or A?" in doubt
+    assert '"tolerances": {"effort_gain": 1} in the JSON file' in doubt
     turned = changed(recording, "efforts", amperes | {"elbow_joint": -1 / 12})
     assert "tau.elbow_joint=reversed" in told(ur5, turned)
 

@@ -680,7 +680,8 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
         told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:MOST_LISTED])
         return [
             "the efforts follow the rigid robot's, but are other multiples of them at each joint "
-            f"({told}): are they in per cent or A? Expected N m or N."
+            f"({told}): are they in per cent or A? Expected N m or N; where gains are not known, declare "
+            '"tolerances": {"effort_gain": 1} in the JSON file beside the log'
         ]
     shares = shares_of_efforts(motion, efforts / scale, rigid)
     # no robot at all would leave less, and of most drives: a few report next to nothing, or are counterbalanced

@@ -124,13 +124,8 @@ def _fell(before: str, after: str) -> str:
 
 def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording]) -> list[tuple[str, list[str]]]:
     recording = Together.of(recordings, robot.mechanism.actuated, robot.mechanism.gravity).recording
-    used = len(diagnosis.samples)
-    rows = [
-        (
-            "Samples",
-            [str(len(recording)), used_text(diagnosis, len(recording))] if used != len(recording) else [str(used)],
-        )
-    ]
+    count = len(recording)
+    rows = [("Samples", [str(count), *[used_text(diagnosis, count)] * (len(diagnosis.samples) != count)])]
     if len(recordings) > 1:
         rows += [(name, [*texts]) for name, *texts in recording_rows(diagnosis)]
     rows.append(("Length", [length_of(diagnosis, recording)]))
