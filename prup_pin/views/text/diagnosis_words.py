@@ -34,6 +34,8 @@ _MOST_RIVALS = 4
 MOST_PARAMETERS = 6
 #: Multiples of the noise up to which what is left is little more than that.
 _LITTLE_MORE = 1.5
+#: Share of an effort of which that little is left, but which is most of it.
+_MOSTLY = 0.5
 _COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six")
 #: How the noise of an effort was told, in words.
 _WAYS = {
@@ -374,7 +376,9 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
         if fitted.untold or _is_open(fitted):
             value = "not determined by this recording"
         elif max(abs(fitted.value), 0.5 * abs(high)) < fitted.seen:
-            rows.append((words, f"below {quantity(fitted.seen, fitted.unit)}", "less than the encoder shows"))
+            # it may be nothing: what is known is a bound, no finer than the encoder shows
+            bound, seen = (quantity(size, fitted.unit) for size in (max(high, fitted.seen), fitted.seen))
+            rows.append((words, f"below {bound}", f"0 to {bound}; the encoder shows no less than {seen}"))
             continue
         elif low == 0 < high:  # it may be nothing, and is no more than that
             unit, factor = readable_unit(high, fitted.unit)
@@ -486,7 +490,8 @@ def effort_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
         noise = quantity(*told[joint]) if joint in told and math.isfinite(told[joint][0]) else "-"
         ends = [number(values[key], 3) for key in ("before", "after")]
         shares = [number(100 * values[key], 3) for key in ("before_share", "left_share")]
-        rows.append((joint or "all", noise, " → ".join(ends), " → ".join(shares)))
+        is_noise = values["after"] < _LITTLE_MORE and values["left_share"] > _MOSTLY
+        rows.append((joint or "all", noise, " → ".join(ends), " → ".join(shares) + ", mostly noise" * is_noise))
     return rows
 
 
