@@ -698,10 +698,12 @@ def _check_places(at: InMotion) -> None:
     """Raise InputError where an effort was recorded of a joint whose place is neither recorded nor told by loops."""
     unseen = [name for name in at.driven if name not in at.motion.names]
     if unseen and not at.mechanism.loops:
-        name = unseen[0]
         raise InputError(
-            f"tau.{name} was recorded, but no q.{name}: where {name} stood is not known. Add the column, constant "
-            f"where the joint is held, or leave tau.{name} out"
+            "\n".join(
+                f"tau.{name} was recorded, but no q.{name}: where {name} stood is not known. Add the column, constant "
+                f"where the joint is held, or leave tau.{name} out"
+                for name in unseen
+            )
         )
 
 
