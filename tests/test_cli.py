@@ -85,6 +85,14 @@ print(sorted(set(sys.modules) - before))
 # -- stiffness: text -------------------------------------------------------------------------------------------------
 
 
+def test_a_pose_given_in_part_says_that_the_rest_is_at_home_and_how_far_a_joint_is_beyond_its_limits(run):
+    done = run("stiffness", "ur5_limited", "--joint-stiffness", "1e4", "--at", "elbow_joint=900deg")
+    text = " ".join(done.stdout.split())
+    assert "Pose (by --at; what it does not name is at home)" in text
+    assert "stand at 15.708 rad (900 deg, 2.5 turns), outside its limits -3.14159 … 3.14159 rad" in text
+    assert "degrees meant" not in text
+
+
 def test_stiffness_prints_pose_matrices_shares_sag_and_assumptions(run, compliance):
     done = run("stiffness", "--at", POSE, "--wrench", "fx=300,mz=100")
     assert done.exit_code == 0, done.output

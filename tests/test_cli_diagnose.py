@@ -314,7 +314,7 @@ def test_a_log_in_another_convention_is_read_so_and_told_first(
     assert document["verdict"] == "explained"
     assert first["physics"] == "log_convention"
     assert first["conventions"] == {columns: said}
-    assert f"--convention {columns}={said}" in first["statement"]
+    assert f"--convention {columns}={said}" in first["remedy"]
     assert {item["physics"] for item in others} <= {"finite_deflection", "self_weight"}
     # the model reads the next log so, and predicts it as it is written
     model = tmp_path / "out" / "corrected_model.json"

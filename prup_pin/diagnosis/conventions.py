@@ -26,6 +26,9 @@ from .pose_conventions import conventions_of_poses
 
 __all__ = ["Logs", "as_diagnosed", "read_logs"]
 
+#: How many times as much is beyond counting.
+_BEYOND_COUNTING = 1000
+
 
 @dataclass(frozen=True)
 class Logs:
@@ -51,8 +54,8 @@ class Logs:
 
     @property
     def statements(self) -> tuple[str, ...]:
-        """Sentences on all that is written otherwise."""
-        return tuple(finding.statement for finding in self.findings())
+        """Sentences on all that is written otherwise, each with how to declare it."""
+        return tuple(f"{found.statement}. {found.remedy[:1].upper()}{found.remedy[1:]}" for found in self.findings())
 
     def before(self, diagnosis: Diagnosis) -> Diagnosis:
         """Return a diagnosis of what was read that begins with how that was written."""
@@ -158,28 +161,34 @@ def _how_far(found: Evidence) -> str:
     read = _size(found.read, found.unit)
     if found.written is None:
         return f"the robot cannot stand as it is written; {what[found.what]} {read} apart as it is read"
-    written = _size(found.written, found.unit)
     if found.what in what:
+        written = _size(found.written, found.unit)
         return f"{what[found.what]} {written} apart as it is written, and {read} as it is read"
-    return f"the residual of the robot file is {written} of {found.what} as it is written, and {read} as it is read"
+    # a ratio alone: shares of what friction and noise leave would stand beside those of a diagnosis, which are others
+    if found.written > _BEYOND_COUNTING * found.read:
+        return f"read so, the robot file leaves hardly more than noise of {found.what}; as it is written, much"
+    times = number(found.written / found.read, 3)
+    return f"as it is written, the robot file leaves {times} times as much of {found.what} as when it is read so"
 
 
 def _size(value: float, unit: str) -> str:
     if not np.isfinite(value):
         return "all"
-    if not unit:
-        return f"{number(100 * value, 3)} %" if value < 10 else "more than 1000 %"
     if unit == "m" and value < 1:
         return f"{number(1e3 * value, 3)} mm"
     return f"{number(value, 3)} {unit}"
 
 
 def _finding(found: Evidence, name: str, mechanism: Mechanism) -> Finding:
-    words = "; ".join(f"{item.columns} {_meaning(item)}" for item in found.conventions)
+    columns: dict[str, list[str]] = {}
+    for item in found.conventions:
+        columns.setdefault(_meaning(item), []).append(item.columns)
+    words = "; ".join(f"{', '.join(those)} {meaning}" for meaning, those in columns.items())
     beside = ", ".join(f'"{key}": {_quoted(value)}' for key, value in as_json(found.conventions).items())
-    others = [", ".join(map(str, other)) for other in found.others[:MOST_LISTED]]
+    said = ", ".join(map(str, found.conventions))
+    others = [text for other in found.others[:MOST_LISTED] if (text := ", ".join(map(str, other))) != said]
     equal = f". As good on this log: {' or '.join(others)}" if others else ""
-    places = tuple(dict.fromkeys(_place(item) for item in found.conventions))
+    places, far = tuple(dict.fromkeys(_place(item) for item in found.conventions)), _how_far(found)
     return Finding(
         physics="log_convention",
         location=places[0] if len(places) == 1 else "robot",
@@ -188,9 +197,11 @@ def _finding(found: Evidence, name: str, mechanism: Mechanism) -> Finding:
         heldout_gain=float(np.clip(found.held, 0.0, 1.0)),
         statement=(
             f"{'' if name == 'the log' else 'the log '}{name} does not seem to be written as it says: {words}. "
-            f"{_how_far(found).capitalize()}"
-            f'{equal}. Where that is right, declare it: "conventions": {{{beside}}} in its JSON file, or '
-            f"{_declared(found.conventions)}"
+            f"{far[:1].upper()}{far[1:]}{equal}"
+        ),
+        advice=(
+            f'where that is right, declare it, "conventions": {{{beside}}} in its JSON file or '
+            f"{_declared(found.conventions)}; or write it otherwise"
         ),
         alternatives=tuple(others),
         conventions=found.conventions,

@@ -78,6 +78,7 @@ class Finding:
     without one effect; `advice`: what to do about it, where its physics does not say. `approached`: of what is unknown,
     the joint from whose side of approach it follows. `untold`: whether too little was recorded to say anything.
     `times`: of efforts, how many times as large their held-out residual (RMS) would be without it, in their own unit.
+    `one_body`: of the candidates those that are one rigid body with the place, its link first.
     """
 
     physics: str
@@ -97,6 +98,7 @@ class Finding:
     approached: str = ""
     untold: bool = False
     times: float = float("nan")
+    one_body: tuple[str, ...] = ()
 
     @property
     def cost(self) -> float:
@@ -122,6 +124,11 @@ class Finding:
         """False for what every robot has and a simulation may lack: its weight, equilibrium deformed by its loads."""
         law = self.law if self.effect is None else self.effect.law
         return self.physics not in _NO_FAULT and (law is None or not law.weighs)
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """The other candidates, without what is one rigid body with the place and places that each have it."""
+        return tuple(p for p in self.candidates if p not in (self.location, *self.at_each, *self.one_body))
 
     @property
     def at_each(self) -> tuple[str, ...]:

@@ -625,11 +625,17 @@ class LoopKinematics:
         """Return 'z = 0.4 m, theta = 0.436 rad (25 deg)'."""
         parts = []
         for name, value in values.items():
-            unit = self._unit(name)
             value = 0.0 if abs(value) < 1e-12 else value
-            degrees = f" ({number(np.degrees(value), 4)} deg)" if unit == "rad" else ""
-            parts.append(f"{name} = {number(value, _DIGITS)} {unit}{degrees}")
+            parts.append(f"{name} = {self._told(value, self._unit(name), _DIGITS)}")
         return ", ".join(parts)
+
+    @staticmethod
+    def _told(value: float, unit: str, digits: int = 6) -> str:
+        """Return '0.436 rad (25 deg)'; beyond a turn with how many, '15.708 rad (900 deg, 2.5 turns)'."""
+        if unit != "rad":
+            return f"{number(value, digits)} {unit}"
+        turns = f", {number(value / (2 * np.pi), 3)} turns" if abs(value) > 2 * np.pi * (1 + _ROUNDING) else ""
+        return f"{number(value, digits)} rad ({number(np.degrees(value), 4)} deg{turns})"
 
     def _unit(self, name: str) -> str:
         """Return m or rad, of a task coordinate or a joint."""
@@ -655,20 +661,20 @@ class LoopKinematics:
         if outside is None or (only is not None and outside[0] not in only):
             return
         name, value, lower, upper = outside
-        unit = self.mechanism.joint(name).unit
+        unit = self._unit(name)
         text = (
-            f"joint '{name}' would stand at {number(value, 6)} {unit}, outside its limits {number(lower, 6)} … "
+            f"joint '{name}' would stand at {self._told(value, unit)}, outside its limits {number(lower, 6)} … "
             f"{number(upper, 6)} {unit}"
         )
+        if unit == "rad":
+            text += f" ({number(np.degrees(lower), 4)} … {number(np.degrees(upper), 4)} deg)"
         if not requested and self.mechanism.description.described and np.array_equal(q, self.home):
             raise UnreachablePoseError(
                 f"'{self.mechanism.name}' cannot stand at its home: {text}. {self._far_homes() or 'Give'} a position "
                 f'within them with <home {name}="value"/>{self._home_line()} (or home={{...}})'
             )
-        if unit == "rad" and abs(value) > 2 * np.pi:
-            text += f" (were degrees meant? {number(value, 6)} of them are {number(np.radians(value), 6)} rad)"
         if not self.mechanism.description.described:
-            warnings.warn(f"{text} (of a controller: C is defined there all the same)", JointLimitWarning, stacklevel=4)
+            warnings.warn(f"{text}; C is defined there all the same", JointLimitWarning, stacklevel=4)
             return
         found = self._nearest_feasible(requested, q)
         nearest = None if found is None else self._confirmed(requested, found)

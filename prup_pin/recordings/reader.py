@@ -857,20 +857,26 @@ def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequenc
     if blank:
         remarks.append(f"{len(blank)} blank lines within the table are skipped, the first is line {blank[0]}.")
     loads = [f"w.{name}" for name in WRENCH_NAMES if f"w.{name}" not in numbers]
-    if len(loads) == 6:
+    if len(loads) == 6 and not _of_efforts_alone(numbers):
         remarks.append(
             "There is no column w.fx … w.mz: the external wrench is taken as zero, and nothing but weight and motion "
             "load the robot."
         )
-    elif loads:
+    elif 0 < len(loads) < 6:
         remarks.append(f"There is no column {', '.join(loads)}: these components of the wrench are taken as zero.")
     return remarks
+
+
+def _of_efforts_alone(numbers: Mapping[str, Array]) -> bool:
+    """Return whether a table is a log of drives' efforts, on which nobody meant to measure poses or loads."""
+    return any(name.startswith("tau.") for name in numbers) and not any(name[:2] in ("p.", "r.") for name in numbers)
 
 
 def _unmeasured(numbers: Mapping[str, Array]) -> list[str]:
     """Return sentences on what was not measured."""
     remarks = []
-    triples = {"p": "position", "r": "orientation"}
+    alone = _of_efforts_alone(numbers)
+    triples = {} if alone else {"p": "position", "r": "orientation"}
     for name in numbers:
         if marker := marker_of(name):
             triples[f"{name[0]}.{marker[1]}"] = f"{triples[name[0]]} of {marker[1]}"
@@ -894,7 +900,7 @@ def _unmeasured(numbers: Mapping[str, Array]) -> list[str]:
     loose = [f"tau.{joint}" for joint in efforts if joint not in positions]
     if loose:
         remarks.append(f"{', '.join(loose)} has no column q. of the same joint.")
-    if "temperature" not in numbers:
+    if "temperature" not in numbers and not alone:
         remarks.append("There is no column temperature.")
     return remarks
 

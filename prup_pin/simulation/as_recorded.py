@@ -135,7 +135,8 @@ def _beside(apart: Array) -> Array:
 
 
 def _check_spelling(recording: Recording, mechanism: Mechanism) -> None:
-    """Raise InputError where a column names no joint of the robot, but nearly one that lacks this column."""
+    """Raise InputError where columns name no joints of the robot, but nearly ones that lack these columns."""
+    misspelt = []
     joints = [joint.name for joint in mechanism.joints]
     known = {*joints, *mechanism.description.held, *mechanism.frame_names}
     for prefix, columns in (
@@ -157,10 +158,12 @@ def _check_spelling(recording: Recording, mechanism: Mechanism) -> None:
             ):
                 close = driven
             if close:
-                raise InputError(
+                misspelt.append(
                     f"no joint '{name}' (column {prefix}.{name}); did you mean {lacking[close[0]]}? Name the column "
                     f"{prefix}.{lacking[close[0]]}, or leave it out"
                 )
+    if misspelt:
+        raise InputError("\n".join(misspelt))
 
 
 def _misspelt(name: str, joint: str) -> bool:

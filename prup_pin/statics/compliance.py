@@ -125,6 +125,11 @@ class Compliance:
     def __reduce__(self):
         return Compliance, (self._statics, self._scaling, self.load)
 
+    @property
+    def characteristic_length(self) -> float:
+        """Length [m] with which rotations count as arcs, where what mixes them with translations has to be judged."""
+        return float(self._scaling[0, 3])
+
     # -- the whole -----------------------------------------------------------------------------------------------
 
     @cached_property

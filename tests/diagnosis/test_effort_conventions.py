@@ -7,7 +7,13 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis.conventions import read_logs
-from prup_pin.diagnosis.efforts.conventions import _Search, check_efforts, conventions_of_efforts, gains_of_efforts
+from prup_pin.diagnosis.efforts.conventions import (
+    _held_would_do,
+    _Search,
+    check_efforts,
+    conventions_of_efforts,
+    gains_of_efforts,
+)
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.dynamics.inertial import point_mass
 from prup_pin.errors import InputError
@@ -159,9 +165,14 @@ def test_how_far_it_is_off_is_told_with_how_to_declare_it(recording):
     logs = read_logs(load("ur5"), written(recording, "tau.elbow_joint=reversed"))
     (finding,) = logs.findings()
     assert (finding.physics, finding.location) == ("log_convention", "elbow_joint")
-    assert "--convention tau.elbow_joint=reversed" in finding.statement
-    assert '"conventions": {"tau.elbow_joint": "reversed"}' in finding.statement
-    assert "% of efforts as it is written" in finding.statement
+    times = finding.evidence["as_written"] / finding.evidence["as_read"]
+    assert finding.statement.endswith(
+        "tau.elbow_joint with the opposite sign. As it is written, the robot file leaves "
+        f"{times:.3g} times as much of efforts as when it is read so"
+    )
+    assert "--convention tau.elbow_joint=reversed" in finding.remedy  # behind what was found
+    assert '"conventions": {"tau.elbow_joint": "reversed"}' in finding.remedy
+    assert logs.statements[0].index(finding.statement) < logs.statements[0].index('"conventions"')
     assert finding.evidence["as_read"] < 0.5 * finding.evidence["as_written"]
     np.testing.assert_allclose(logs.recordings[0].efforts["elbow_joint"], recording.efforts["elbow_joint"])
 
@@ -192,6 +203,7 @@ def test_drives_in_units_of_their_own_are_told_by_their_sizes(ur5, recording):
     (doubt,) = checked(ur5, changed(recording, "efforts", amperes))
     assert "tau.elbow_joint 0.08" in doubt
     assert "are they in per cent or A?" in doubt
+    assert '"tolerances": {"effort_gain": 1} in the JSON file' in doubt
     turned = changed(recording, "efforts", amperes | {"elbow_joint": -1 / 12})
     assert "tau.elbow_joint=reversed" in told(ur5, turned)
 
@@ -271,11 +283,12 @@ def test_a_load_in_the_tool_is_no_other_unit_of_all_efforts(ur5, loaded_log):
     search = _Search(InMotion.of(ur5, motion_of(loaded_log, ur5)), loaded_log)
     gains = gains_of_efforts(search.motion, search.efforts, search.rigid)
     assert np.median(list(gains.values())) > 1.6
-    assert search._held_would_do(1.8)
+    assert _held_would_do(search.at, dict.fromkeys(ur5.actuated, 1.8))
     assert told(ur5, loaded_log) == []
+    assert checked(ur5, loaded_log) == []
     other = written(loaded_log, "tau=gain:0.1")
-    search = _Search(InMotion.of(ur5, motion_of(other, ur5)), other)
-    assert not search._held_would_do(0.15)
+    at = InMotion.of(ur5, motion_of(other, ur5))
+    assert not _held_would_do(at, dict.fromkeys(ur5.actuated, 0.15))
 
 
 def test_no_unit_is_looked_for_where_one_is_declared(ur5, recording):

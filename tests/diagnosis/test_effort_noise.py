@@ -178,7 +178,12 @@ def test_shares_stand_beside_multiples(heavy):
     (row,) = effort_rows(found)
     assert row[0] == "carriage"
     assert row[1].endswith(" N")
-    assert row[3].endswith(f"→ {number(100 * share, 3)}")
+    mostly = share > 0.5  # an effort that is hardly more than its noise says so
+    assert row[3].endswith(f"→ {number(100 * share, 3)}{', mostly noise' if mostly else ''}")
+    louder = replace(found, by_channel={"effort carriage": found.by_channel["effort carriage"] | {"left_share": 0.739}})
+    assert effort_rows(louder)[0][3].endswith("→ 73.9, mostly noise")
+    quiet = replace(found, by_channel={"effort carriage": found.by_channel["effort carriage"] | {"left_share": 0.01}})
+    assert effort_rows(quiet)[0][3].endswith("→ 1")
     assert noise_text(found)[-1] == "estimated, of efforts by what their past does not foretell"
     assert "% of the efforts" in str(found)
     declared = diagnose(robot, replace(recording, noise=Noise(effort=0.5)))

@@ -528,7 +528,10 @@ def test_a_way_below_what_the_encoder_shows_is_no_number(carriage):
     way = finding.parameters["presliding"]
     assert way.seen == pytest.approx(1e-7, rel=0.6)
     (words,) = (row for row in parameter_texts({"presliding": replace(way, value=2e-8, interval=(0.0, 5e-8))}))
-    assert words == ("presliding", f"below {quantity(way.seen, 'm')}", "less than the encoder shows")
+    seen = quantity(way.seen, "m")
+    assert words == ("presliding", f"below {seen}", f"0 to {seen}; the encoder shows no less than {seen}")
+    ((_, bound, _),) = parameter_texts({"presliding": replace(way, value=2e-8, interval=(0.0, 1.5 * way.seen))})
+    assert bound == f"below {quantity(1.5 * way.seen, 'm')}"
     assert "encoder" not in parameter_texts({"presliding": replace(way, value=3e-6, interval=(1e-6, 5e-6))})[0][2]
 
 

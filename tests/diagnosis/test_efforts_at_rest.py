@@ -7,7 +7,8 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
-from prup_pin.dynamics import InMotion, motion_of
+from prup_pin.diagnosis.efforts.verdict import _by_link
+from prup_pin.dynamics import INERTIAL, InMotion, motion_of
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts import EFFORT_LAWS
 from prup_pin.laws.efforts.payload import HeldBody
@@ -15,6 +16,7 @@ from prup_pin.laws.self_weight import SelfWeight
 from prup_pin.recordings import Noise, Recording
 from prup_pin.simulation import simulate
 from prup_pin.spatial import rotation_exp
+from prup_pin.views.text.diagnosis_words import alternative_text
 
 SHIFT = np.array([1e-3, -5e-4, 7e-4])
 
@@ -76,6 +78,18 @@ def test_a_body_that_no_pose_shows_is_found_by_what_drives_hold(ur5, bench):
     low, high = finding.parameters["mass"].interval
     assert low < 1.5 < high
     assert finding.parameters["mass"].value == pytest.approx(1.5, rel=0.01)
+    # moments of inertia are about a point that is told, and links that are fixed to one another are one body
+    assert "Ixx to Izz are about the origin and axes of tool0, not about the centre of mass" in finding.statement
+    assert {"wrist_3_link", "ee_link"} <= {*finding.candidates}
+    assert alternative_text(found, finding) == [
+        "tool0 is one rigid body with wrist_3_link: only the mass, centre and inertia of the whole show"
+    ]
+
+
+def test_parameters_of_a_link_of_which_nothing_shows_are_one_thing():
+    silent = [f"link_1.{name}" for name in INERTIAL if name != "Izz"] + ["link_2.mz"]
+    assert _by_link(silent) == "link_1 but its Izz; link_2: mz"
+    assert _by_link([f"link_1.{name}" for name in INERTIAL]) == "link_1"
 
 
 def test_a_prediction_at_rest_holds_what_the_laws_of_efforts_add(ur5, bench):

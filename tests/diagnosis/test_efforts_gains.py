@@ -126,7 +126,8 @@ def test_a_gain_is_told_in_one_form_and_no_effort_of_a_drive_in_its_own_unit_in_
         reported = told.parameters[f"{name}.reported"]
         assert reported.value == pytest.approx(gain, rel=5e-3)
         assert reported.unit == "per N m"
-        assert f"{name} {gain:g}" not in told.statement  # it stands in the words that declare it
+        assert "--convention" not in told.statement  # how it is declared stands in what to do
+        assert f"--convention tau.{name}=gain:{gain:g}" in told.remedy
     assert {*found.efforts.units, *(curve.y_unit for curve in found.efforts.curves)} == {AS_LOGGED}
     assert not any("N m" in text for text in noise_text(found))
     # the robot file is held against the log as it is read: not newton metres against amperes

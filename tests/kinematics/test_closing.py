@@ -137,7 +137,7 @@ def test_actuators_beyond_their_limits(robot):
         (
             "revolute",
             70,
-            r"70 rad, .*hinge = 70 rad: is it in degrees\? Expected rad, which would be 1.22173. Give .* in line 6",
+            r"70 rad .*hinge = 70 rad: is it in degrees\? Expected rad, which would be 1.22173. Give .* in line 6",
         ),
         ("prismatic", 70, r"70 m, .*hinge = 70 m: is it in mm\? Expected m, which would be 0.07. Give .* in line 6"),
         ("prismatic", 3, r"3 m, outside its limits -2 … 2 m. Give a position within them .* in line 6"),

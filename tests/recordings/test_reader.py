@@ -91,6 +91,13 @@ def test_values(write):
     assert "rotation_noise, force_noise, moment_noise is not declared" in remarks
 
 
+def test_a_log_of_efforts_alone_is_not_told_what_a_bench_would_have_measured(write):
+    log = read_recording(write("time,q.slide,tau.slide\n0,0.1,3\n1,0.2,4\n"))
+    assert not [remark for remark in log.remarks if "There is no column" in remark]
+    bench = read_recording(write("time,q.slide,tau.slide,p.x,p.y,p.z\n0,0.1,3,0,0,0\n1,0.2,4,0,0,0\n"))
+    assert [remark for remark in bench.remarks if "There is no column w.fx" in remark]
+
+
 def test_other_columns(write):
     table = (
         "time,q.leg/a.b,qd.leg/a.b,qdd.leg/a.b,p.tip.x,p.tip.z,r.z,temperature,run\n"

@@ -196,6 +196,13 @@ def test_a_misspelt_joint_is_refused_by_all_that_read_a_recording(ask):
         ask(prup_pin.load("ur5"), ur5_log(elbow_joint="elbo_joint"))
 
 
+def test_all_misspelt_joints_are_told_at_once():
+    with pytest.raises(InputError, match="elbow_joint") as told:
+        as_recorded(prup_pin.load("ur5"), ur5_log(elbow_joint="elbo_joint", wrist_2_joint="wirst_2_joint"))
+    assert "column tau.elbo_joint" in str(told.value)
+    assert "column tau.wirst_2_joint" in str(told.value)
+
+
 @pytest.mark.parametrize("group", ["positions", "velocities", "accelerations", "efforts"])
 def test_a_misspelt_joint_is_refused_in_every_group_of_columns(group):
     log = ur5_log()

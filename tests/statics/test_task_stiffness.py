@@ -100,6 +100,6 @@ def test_it_is_printed_by_its_name(five_bar, tmp_path):
     shown = np.array([[float(number) for number in row[2:]] for row in rows])
     assert [row[:2] for row in rows] == [["x", "N"], ["y", "N"]]
     assert shown == pytest.approx(five_bar_stiffness(HOME) / 1e3, rel=1e-3, abs=0.1)
-    assert "where it yields" not in done.stdout
+    assert "K_yielding" not in done.stdout
     document = json.loads(CliRunner().invoke(app, [*asked, "--json", "-"]).stdout)
     np.testing.assert_allclose(document["K_task"], five_bar_stiffness(HOME), rtol=1e-8)

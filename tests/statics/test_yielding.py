@@ -7,8 +7,8 @@ import pytest
 
 import prup_pin
 from prup_pin.spatial import rotation_xyz
-from prup_pin.statics.compliance import natural_basis
-from prup_pin.views.text.answer import Answer, rigid_texts
+from prup_pin.statics.compliance import dimensionless, natural_basis, yielding_stiffness
+from prup_pin.views.text.answer import Answer, rigid_texts, stiffness_tables
 
 
 @pytest.fixture(scope="module")
@@ -79,3 +79,29 @@ def test_a_rigid_direction_is_told_with_the_unit_of_each_component():
     mixed = [text for text in shown if not text.startswith("a ")]
     assert mixed
     assert all(component.match(word) for text in mixed for word in text.split(", ")), shown
+
+
+def test_without_a_k_forces_alone_have_a_stiffness_by_its_name(arm):
+    """The field's 3 x 3; and K_yielding says on which length it depends, where it depends on one."""
+    at_home, bent = arm.compliance(arm.home), arm.compliance(arm.pose_from_actuators([0, 0, np.pi / 2, 0, 0, 0]))
+    for compliance, depends in ((at_home, False), (bent, True)):
+        axes, stiffness = Answer(compliance).translation_stiffness
+        assert axes == [0, 1, 2]
+        np.testing.assert_allclose(stiffness @ compliance.C[:3, :3], np.eye(3), atol=1e-9)
+        longer = yielding_stiffness(compliance.C, dimensionless(2 * compliance.characteristic_length))
+        assert (np.abs(longer - compliance.K_yielding).max() > 1e-3 * np.abs(longer).max()) == depends
+        translation, yielding = stiffness_tables(Answer(compliance))
+        assert translation.title == "Translational stiffness"
+        assert translation.rows == ("fx N", "fy N", "fz N")
+        assert yielding.title == "K_yielding"
+        assert ("arcs of 524.3 mm" in yielding.note) == depends
+
+
+def test_where_axes_are_rigid_it_has_the_others():
+    arm = prup_pin.load("ur5", joint_stiffness={"shoulder_lift_joint": 1e4, "elbow_joint": 2e4})
+    bent = arm.compliance(arm.pose_from_actuators([0, 0.4, 0.9, 0, 0, 0]))
+    axes, stiffness = Answer(bent).translation_stiffness
+    assert axes == [0, 2]
+    np.testing.assert_allclose(stiffness, np.linalg.inv(bent.C[::2, ::2][:2, :2]))
+    turned = arm.compliance(arm.pose_from_actuators([0.3, 0.4, 0.9, 0, 0, 0]))
+    assert Answer(turned).translation_stiffness is None  # what is rigid lies between x and y

@@ -25,12 +25,15 @@ from prup_pin.views.text.bench_tests import print_diagnosis, print_failures, pri
 from prup_pin.views.text.diagnosis_words import (
     _takes,
     alternative_text,
+    cost_text,
     diagnosis_text,
+    finding_groups,
     length_of,
     multiple_text,
     noise_text,
     parameter_texts,
     summary_text,
+    used_text,
     verdict_text,
 )
 from prup_pin.views.text.robot_files import _alike
@@ -135,9 +138,22 @@ def test_a_fault_is_told_before_what_every_robot_has(diagnosed):
     alone = replace(diagnosis, findings=(weight,), verdict="explained")
     assert verdict_text(alone).startswith("Nothing is missing but the robot's own weight: with it ")
     assert "Nothing needs repair: let the simulation carry the weight" in summary_text(alone)
+    # nor is it something that was left out of the robot
+    assert finding_groups(alone) == {"How to simulate it": [(1, weight)]}
+    assert finding_groups(found) == {"Left out": [(1, worse), (2, fault)], "How to simulate it": [(3, weight)]}
+    assert cost_text(weight).startswith("without it the residual of a simulation would be ")
     assert f"To do first: {worse.remedy}, or look at leg2: " in summary_text(found)
     little = replace(fault, heldout_gain=0.01)
     assert replace(diagnosis, findings=(weight, little)).told == (weight, little)
+
+
+def test_why_not_all_samples_were_used_is_told(diagnosed):
+    _, _, diagnosis = diagnosed
+    used = len(diagnosis.samples)
+    assert used_text(diagnosis, used) == f"{used} used"
+    assert used_text(diagnosis, 10000) == f"{used} used, evenly chosen: more would tell hardly more"
+    moving = replace(diagnosis, efforts=SimpleNamespace(standing=False))
+    assert used_text(moving, 10000) == f"{used} used: filtered, as many as the compared frequencies need"
 
 
 def test_what_was_taken_for_granted_is_the_first_line(diagnosed, capsys):

@@ -467,26 +467,9 @@ class _Search:
             if known and abs(np.log(usual * word.factor)) < np.log(NEARLY):  # type: ignore[operator]
                 return Convention("tau", word.name)
         # of two drives a load may be so much larger as well
-        if len(sizes) < FEWEST_OF_KIND or self._held_would_do(usual):
+        if len(sizes) < FEWEST_OF_KIND or _held_would_do(self.at, dict.fromkeys(self.motion.driven, usual)):
             return None
         return Convention("tau", "gain", (float(f"{usual:.3g}"),))
-
-    def _held_would_do(self, gain: float) -> bool:
-        """Return whether a body that the tool holds leaves no more of the efforts than a gain of all of them."""
-        tool = self.mechanism.tool
-        if tool is None or tool.joint == 0:
-            return False
-        held = self.at.regressor[self.rows][:, :, tool.joint - 1]
-        known, bodies = [], []
-        for column, name in enumerate(self.motion.driven):
-            own = np.column_stack((self.efforts[:, column], self.rigid[:, column], held[:, column]))
-            own = _freed(self.motion, name, own) / max(float(np.linalg.norm(self.efforts[:, column])), 1e-300)
-            known.append((own[:, 0] - own[:, 1], own[:, 0] / gain - own[:, 1]))
-            bodies.append(own[:, 2:])
-        as_written, as_read = (np.concatenate(part) for part in zip(*known, strict=True))
-        table = np.concatenate(bodies)
-        left = as_written - table @ np.linalg.lstsq(table, as_written, rcond=1e-9)[0]
-        return float(left @ left) < float(as_read @ as_read) * gain**2
 
     def _geared(self, first: float) -> Evidence | None:
         """Return that positions are the motors', before gears of one ratio; and efforts too, where these are so."""
@@ -544,6 +527,26 @@ def gains_apart(gains: dict[str, float]) -> bool:
     """Return whether no joint's effort is in the unit of the rigid robot's; gains: of each, above 0."""
     apart = np.abs(np.log(list(gains.values())))
     return not (len(gains) < FEWEST_OF_KIND or np.median(apart) < np.log(AS_GOOD) or apart.min() < np.log(NEARLY))
+
+
+def _held_would_do(at: InMotion, gains: Mapping[str, float]) -> bool:
+    """Return whether a body that the tool holds leaves no more of the efforts of joints than gains of those."""
+    tool = at.mechanism.tool
+    if tool is None or tool.joint == 0:
+        return False
+    rows, motion, efforts = sampled(at)
+    held, rigid = at.regressor[rows][:, :, tool.joint - 1], at.rigid[rows]
+    read, known, bodies = 0.0, [], []
+    for name, gain in gains.items():
+        column = at.driven.index(name)
+        own = np.column_stack((efforts[:, column], rigid[:, column], held[:, column]))
+        own = _freed(motion, name, own) / max(float(np.linalg.norm(efforts[:, column])), 1e-300)
+        read += float(np.sum((own[:, 0] - gain * own[:, 1]) ** 2))
+        known.append(own[:, 0] - own[:, 1])
+        bodies.append(own[:, 2:])
+    written, table = np.concatenate(known), np.concatenate(bodies)
+    left = written - table @ np.linalg.lstsq(table, written, rcond=1e-9)[0]
+    return float(left @ left) < read
 
 
 def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -683,11 +686,12 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
     if first > FAR_LESS:
         _check_limits(at, motion, first)
     gains = {name: gain for name, gain in gains_of_efforts(motion, efforts, rigid).items() if gain > 0}
-    if not in_units and gains_apart(gains):
+    if not in_units and gains_apart(gains) and not _held_would_do(at, gains):
         told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:MOST_LISTED])
         return [
             "the efforts follow the rigid robot's, but are other multiples of them at each joint "
-            f"({told}): are they in per cent or A? Expected N m or N."
+            f"({told}): are they in per cent or A? Expected N m or N; where gains are not known, declare "
+            '"tolerances": {"effort_gain": 1} in the JSON file beside the log'
         ]
     shares = shares_of_efforts(motion, efforts / scale, rigid)
     # no robot at all would leave less, and of most drives: a few report next to nothing, or are counterbalanced
@@ -704,10 +708,12 @@ def _check_places(at: InMotion) -> None:
     """Raise InputError where an effort was recorded of a joint whose place is neither recorded nor told by loops."""
     unseen = [name for name in at.driven if name not in at.motion.names]
     if unseen and not at.mechanism.loops:
-        name = unseen[0]
         raise InputError(
-            f"tau.{name} was recorded, but no q.{name}: where {name} stood is not known. Add the column, constant "
-            f"where the joint is held, or leave tau.{name} out"
+            "\n".join(
+                f"tau.{name} was recorded, but no q.{name}: where {name} stood is not known. Add the column, constant "
+                f"where the joint is held, or leave tau.{name} out"
+                for name in unseen
+            )
         )
 
 

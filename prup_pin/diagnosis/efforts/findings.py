@@ -88,6 +88,7 @@ def _of_law(final: FinalState, term: EffortCandidate) -> Finding:
         effect=effect,
         alternatives=tuple(dict.fromkeys(laws)),
         times=final.times_without(term.place.name, term),
+        one_body=tuple(term.law.same_places(term.place, final.mechanism)) if term.is_body else (),
     )
 
 
@@ -120,9 +121,9 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
         statement=(
             "the drives report in units of their own; all gains together and all masses together are one unknown, "
             "which the robot file's masses decide"
-            + f". Where that is right, declare it: {' '.join(f'--convention {c}' for c in conventions)}"
-            * final.in_own_units
         ),
+        advice=f"where that is right, declare it: {' '.join(f'--convention {c}' for c in conventions)}"
+        * final.in_own_units,
         conventions=conventions,
     )
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...dynamics import INERTIAL
 from ...laws import Effect, Place
 from ...laws.efforts import Body, curve_by_position
 from ...laws.efforts.deviations import effects_of_deviations
@@ -135,7 +136,7 @@ def _remarks_of(final: FinalState) -> list[str]:
     for term in final.laws:
         if term.law.body is Body.ALL_LINKS:
             untold = _by_link(efforts.base_parameters(term.law).silent)
-            remarks.append(f"this motion says nothing about {untold}: they stay as in the robot file")
+            remarks.append(f"this motion says nothing about {untold}: what it does not show stays as drawn")
     return remarks
 
 
@@ -152,12 +153,17 @@ def _premises_of(final: FinalState) -> tuple[str, ...]:
 
 
 def _by_link(names: Sequence[str]) -> str:
-    """Return names of parameters in words, link by link."""
+    """Return names of inertial parameters in words, link by link."""
     links: dict[str, list[str]] = {}
     for name in names:
         link, _, what = name.rpartition(".")
         links.setdefault(link, []).append(what)
-    return "; ".join(f"{link}: {', '.join(what)}" for link, what in links.items())
+    told = []
+    for link, what in links.items():
+        others = " and ".join(name for name in INERTIAL if name not in what)
+        most = f"{link} but its {others}" if others else link
+        told.append(most if 2 * len(what) > len(INERTIAL) else f"{link}: {', '.join(what)}")
+    return "; ".join(told)
 
 
 def effects_of(final: FinalState, doubtful: Sequence[EffortCandidate]) -> Iterator[Effect]:

@@ -20,6 +20,11 @@ from .effort_law import EFFORT, Body, EffortLaw
 _UNITS = ("kg", *3 * ("kg m",), *6 * ("kg m^2",))
 
 
+def about(frame: str) -> str:
+    """Return about which point moments of inertia are: a joint's frame or the tool's, not the centre of mass."""
+    return f"Ixx to Izz are about {frame}, not about the centre of mass"
+
+
 def link_places(mechanism: Mechanism, variant: str) -> list[Place]:
     """Return the bodies of all joints, by the name of their first link."""
     return [Place(mechanism.bodies[joint.id], variant) for joint in mechanism.joints if joint.id in mechanism.bodies]
@@ -94,10 +99,13 @@ class InertialParameters(EffortLaw):
         mechanism: Mechanism,
     ) -> str:
         low, high = intervals["mass"]
+        joint = mechanism.model.names[body_of(place, mechanism) + 1]
+        of = about(f"the origin and axes of joint {joint}")
         if not low <= 0 <= high:
-            return self.statement(place, values, mechanism)
+            return f"{self.statement(place, values, mechanism)}; {of}"
         return (
-            f"{place.name} has another centre or inertia than in the robot file; of its mass this motion tells nothing"
+            f"{place.name} has another centre or inertia than in the robot file; of its mass this motion tells "
+            f"nothing; {of}"
         )
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:

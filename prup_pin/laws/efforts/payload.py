@@ -14,7 +14,7 @@ from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
 from .effort_law import Body, EffortLaw
-from .inertial_parameters import parts_of, usual_inertia
+from .inertial_parameters import about, parts_of, usual_inertia
 
 _CENTRE = ("x", "y", "z")
 
@@ -77,6 +77,15 @@ class HeldBody(EffortLaw):
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return parts_of(mechanism.need_tool().joint, mechanism)
+
+    def told(
+        self,
+        place: Place,
+        values: Mapping[str, float],
+        intervals: Mapping[str, tuple[float, float]],
+        mechanism: Mechanism,
+    ) -> str:
+        return f"{self.statement(place, values, mechanism)}; {about('the origin and axes of ' + place.name)}"
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         mass = values["mass"]

@@ -28,6 +28,7 @@ from ..text.diagnosis_words import (
     channel_rows,
     cost_text,
     effort_rows,
+    finding_groups,
     finding_text,
     hidden_rows,
     length_of,
@@ -38,6 +39,7 @@ from ..text.diagnosis_words import (
     seen_rows,
     summary_text,
     then_and_now_rows,
+    used_text,
     verdict_text,
 )
 from ..text.values import clean, dimension
@@ -71,7 +73,10 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         facts=_facts(diagnosis, begun),
         measured=_measured(diagnosis, robot, recordings),
         place=picture(figures.place_figure, robot, diagnosis),
-        findings=[_finding(diagnosis, finding) for finding in diagnosis.told],
+        groups={
+            what: [_finding(diagnosis, finding, index) for index, finding in findings]
+            for what, findings in finding_groups(diagnosis).items()
+        },
         proposals=[_proposal(item) for item in diagnosis.proposals],
         judged=[as_sentence(str(item)) for item in diagnosis.judged],
         channels=channels if diagnosis.told else [(what, after, unit) for what, _, after, unit in channels],
@@ -119,8 +124,8 @@ def _fell(before: str, after: str) -> str:
 
 def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording]) -> list[tuple[str, list[str]]]:
     recording = Together.of(recordings, robot.mechanism.actuated, robot.mechanism.gravity).recording
-    used = len(diagnosis.samples)
-    rows = [("Samples", [str(len(recording)), f"{used} used"] if used != len(recording) else [str(used)])]
+    count = len(recording)
+    rows = [("Samples", [str(count), *[used_text(diagnosis, count)] * (len(diagnosis.samples) != count)])]
     if len(recordings) > 1:
         rows += [(name, [*texts]) for name, *texts in recording_rows(diagnosis)]
     rows.append(("Length", [length_of(diagnosis, recording)]))
@@ -160,8 +165,9 @@ def _efforts_measured(diagnosis: Diagnosis, recording: Recording) -> list[str]:
     return ["efforts, not used"] if recording.efforts else []
 
 
-def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
+def _finding(diagnosis: Diagnosis, finding: Finding, index: int) -> dict[str, Any]:
     return {
+        "index": index,
         "title": finding_text(finding),
         "statement": as_sentence(finding.statement),
         "cost": as_sentence(cost_text(finding)),

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError, NoStiffnessError
-from ...numbers import finer_units, fixed, quantity, readable_unit
+from ...kernel import NEGLIGIBLE_ENERGY
+from ...numbers import finer_units, fixed, number, quantity, readable_unit
 from ...review import yielding_beside
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, wrench_text
@@ -119,6 +120,29 @@ class Answer:
         with suppress(InputError, NoStiffnessError):
             return self.compliance.K_task if len(self.mechanism.tasks) < 6 else None
         return None
+
+    @cached_property
+    def translation_stiffness(self) -> tuple[list[int], Array] | None:
+        """The base axes that yield to a force alone, and the inverse (n, n) of their block of C [N/m].
+
+        None where no axis yields, or what is rigid among the forces lies across the axes.
+        """
+        c = self.compliance.C[:3, :3]
+        axes = np.flatnonzero(np.diagonal(c) > NEGLIGIBLE_ENERGY * np.diagonal(c).max(initial=0.0))
+        block = c[np.ix_(axes, axes)]
+        if not len(axes) or np.linalg.cond(block) > 1 / NEGLIGIBLE_ENERGY:
+            return None
+        return axes.tolist(), np.linalg.inv(block)
+
+    @cached_property
+    def yielding_length(self) -> float | None:
+        """The length [m] of the arcs on which K_yielding depends; None where it depends on none.
+
+        It depends on none where what is rigid are forces and moments apart.
+        """
+        rigid = self.compliance.rigid_directions
+        parts = [np.linalg.matrix_rank(rigid[:, block], tol=_NO_COMPONENT) for block in (slice(0, 3), slice(3, 6))]
+        return self.compliance.characteristic_length if sum(parts) > len(rigid) else None
 
     @cached_property
     def deflection(self) -> Array:
@@ -228,6 +252,11 @@ _DIAGONAL = (
     "The diagonal of K is the stiffness in each direction while the other five are held; along a load they are free, "
     "and it is no larger."
 )
+#: What K_yielding depends on, where what is rigid mixes forces with moments.
+_AS_ARCS = (
+    "What is rigid mixes a force with a moment: K_yielding counts rotations as arcs of {} mm, the robot's "
+    "characteristic length, and would be another with another length."
+)
 
 
 def stiffness_table(answer: Answer) -> MatrixTable | None:
@@ -246,18 +275,30 @@ def task_table(answer: Answer) -> MatrixTable | None:
     return _stiffness("Stiffness K_task", where, answer.task_stiffness, tasks)
 
 
+def translation_table(answer: Answer) -> MatrixTable | None:
+    """Return the stiffness against forces alone, likewise; None where no axis yields or they cannot be parted."""
+    if answer.translation_stiffness is None:
+        return None
+    axes, stiffness = answer.translation_stiffness
+    where = f"inv(C_tt), at '{answer.tool}', under forces alone, base axes"
+    return _stiffness("Translational stiffness", where, stiffness, [_AXES[i] for i in axes])
+
+
 def yielding_table(answer: Answer) -> MatrixTable | None:
     """Return the stiffness in the directions that yield, likewise; None where none does."""
     if len(answer.compliance.rigid_directions) == 6:
         return None
-    where = f"at '{answer.tool}', base axes"
-    return _stiffness("Stiffness where it yields", where, answer.compliance.K_yielding)
+    where = f"at '{answer.tool}', K where it yields, base axes"
+    table = _stiffness("K_yielding", where, answer.compliance.K_yielding)
+    length = answer.yielding_length
+    return table if length is None else replace(table, note=_AS_ARCS.format(number(length * 1e3, 4)))
 
 
 def stiffness_tables(answer: Answer) -> tuple[MatrixTable, ...]:
-    """Return all that is told of the stiffness: K, and K in the task coordinates; without either, where it yields."""
+    """Return all that is told of the stiffness: K, and K in the task coordinates; without either, what yields."""
     found = [table for table in (stiffness_table(answer), task_table(answer)) if table is not None]
-    return tuple(found or [table for table in [yielding_table(answer)] if table is not None])
+    instead = [table for table in (translation_table(answer), yielding_table(answer)) if table is not None]
+    return tuple(found or instead)
 
 
 def _stiffness(title: str, where: str, stiffness: Array, axes: Sequence[tuple[str, str, bool]] = _AXES) -> MatrixTable:

@@ -21,6 +21,7 @@ from ...simulation import Agreement, Prediction, compare
 from .diagnosis_words import (
     channel_rows,
     effort_rows,
+    finding_groups,
     finding_lines,
     finding_text,
     hidden_rows,
@@ -31,6 +32,7 @@ from .diagnosis_words import (
     recording_rows,
     seen_rows,
     then_and_now_rows,
+    used_text,
     verdict_text,
 )
 from .terminal import bullets, heading, lines_of, listed, paragraph, show_table
@@ -221,17 +223,15 @@ def print_diagnosis(
         for name, *texts in recording_rows(diagnosis):
             listed(out, "recording", [name, *texts], ", ")
     else:
-        used = len(diagnosis.samples)
-        held = length_of(diagnosis, recordings[0])
-        listed(out, "recording", [f"{counted(len(recordings[0]), 'sample')}, {used} used", held], ", ")
+        held, samples = length_of(diagnosis, recordings[0]), len(recordings[0])
+        listed(out, "recording", [held, counted(samples, "sample"), used_text(diagnosis, samples)], ", ")
     listed(out, "noise", noise_text(diagnosis), ", ")
     since = diagnosis.since
     if since is not None:
         listed(out, "compared with", [since.notes or "an earlier model"])
-    if diagnosis.findings:
-        what = "Left out" if since is None else "Changed"
-        heading(out, "How to simulate it" if diagnosis.verdict == "nothing_missing" else what)
-        for index, finding in enumerate(diagnosis.told, 1):
+    for what, findings in finding_groups(diagnosis).items():
+        heading(out, what)
+        for index, finding in findings:
             paragraph(out, finding_text(finding), f"{index}  ")
             for text in finding_lines(diagnosis, finding):
                 paragraph(out, text, "   ")

@@ -34,6 +34,8 @@ _MOST_RIVALS = 4
 MOST_PARAMETERS = 6
 #: Multiples of the noise up to which what is left is little more than that.
 _LITTLE_MORE = 1.5
+#: Share of an effort of which that little is left, but which is most of it.
+_MOSTLY = 0.5
 _COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six")
 #: How the noise of an effort was told, in words.
 _WAYS = {
@@ -205,6 +207,23 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     return "\n".join(lines)
 
 
+def finding_groups(diagnosis: Diagnosis) -> dict[str, list[tuple[int, Finding]]]:
+    """Return the findings with their numbers below what each group is: the log, what was left out, what is no fault.
+
+    A robot's weight that acts is nothing that the robot lacks. Against an earlier test all are what has changed.
+    """
+    left_out = "Left out" if diagnosis.since is None else "Changed"
+    groups: dict[str, list[tuple[int, Finding]]] = {}
+    for index, finding in enumerate(diagnosis.told, 1):
+        heading = left_out
+        if finding.physics == "log_convention":
+            heading = "How the log is written"
+        elif not finding.is_fault and diagnosis.since is None:
+            heading = "How to simulate it"
+        groups.setdefault(heading, []).append((index, finding))
+    return groups
+
+
 def finding_lines(diagnosis: Diagnosis, finding: Finding, most: int = MOST_PARAMETERS) -> list[str]:
     """Return what is told of a finding below its name; of more than `most` values, that there are more."""
     places = by_place(finding)
@@ -280,8 +299,8 @@ def summary_text(diagnosis: Diagnosis) -> str:
     firsts = [next((item for item in items if item.remedy), None) for items in (logs, (*doubted, *named))]
     for word, to_do in zip(("To do first", "Then" if firsts[0] else "To do first"), firsts, strict=True):
         if to_do is not None:
-            others = [place for place in to_do.candidates if place not in (to_do.location, *to_do.at_each)]
-            also = f", or look at {places_text(others)}: these data cannot tell them from it" if others else ""
+            others = places_text(to_do.rivals)
+            also = f", or look at {others}: these data cannot tell them from it" if others else ""
             texts.append(f"{word}: {to_do.remedy}{also}.")
     return " ".join(texts)
 
@@ -315,13 +334,15 @@ def _beside(diagnosis: Diagnosis) -> tuple[str, str]:
 
 def cost_text(finding: Finding) -> str:
     """Return what leaving a finding out would cost."""
-    if finding.physics == "unknown":
-        return ""  # what a law for it would take stands in its statement, beside what that is a share of
+    if finding.physics == "unknown" or finding.evidence:
+        return ""  # their statements say what they are worth, of what is a share or how many times
     if finding.heldout_gain < _NO_GAIN and finding.effect is not None:
         return "other errors could compensate for it" if finding.parameters else "is always present"
     of = "" if math.isnan(finding.times) else " of the efforts"
-    if of and finding.effect is not None and finding.effect.place.name == finding.location != "robot":
-        of = f" of {finding.location}"
+    at = None if finding.effect is None or finding.one_body else finding.effect.place.name
+    if of and at == finding.location != "robot":
+        of = f" of {at}"
+    of = of if finding.is_fault else " of a simulation"
     if finding.cost > _BEYOND_COUNTING:
         return f"without it the residual{of} would be more than {_BEYOND_COUNTING} times as large"
     if finding.cost < 1 + _NO_GAIN:
@@ -355,7 +376,9 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
         if fitted.untold or _is_open(fitted):
             value = "not determined by this recording"
         elif max(abs(fitted.value), 0.5 * abs(high)) < fitted.seen:
-            rows.append((words, f"below {quantity(fitted.seen, fitted.unit)}", "less than the encoder shows"))
+            # it may be nothing: what is known is a bound, no finer than the encoder shows
+            bound, seen = (quantity(size, fitted.unit) for size in (max(high, fitted.seen), fitted.seen))
+            rows.append((words, f"below {bound}", f"0 to {bound}; the encoder shows no less than {seen}"))
             continue
         elif low == 0 < high:  # it may be nothing, and is no more than that
             unit, factor = readable_unit(high, fitted.unit)
@@ -415,15 +438,18 @@ def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
     """Return what these data cannot tell from a finding, as sentences."""
     texts = []
     here = finding.location
-    others = [place for place in finding.candidates if place not in (here, *finding.at_each)]
-    wholes = [place for place in others if here.startswith(f"{place}/")]
-    parts = [place for place in others if place.startswith(f"{here}/")]
-    if rivals := [place for place in others if place not in (*wholes, *parts)]:
+    wholes = [place for place in finding.rivals if here.startswith(f"{place}/")]
+    parts = [place for place in finding.rivals if place.startswith(f"{here}/")]
+    if finding.one_body:
+        link = "all that is fixed to it" if here == finding.one_body[0] else finding.one_body[0]
+        texts.append(f"{here} is one rigid body with {link}: only the mass, centre and inertia of the whole show")
+    if rivals := [place for place in finding.rivals if place not in (*wholes, *parts)]:
         texts.append(f"these data cannot tell {here} from {places_text(rivals)}")
     if wholes:
         texts.append(f"{here} is part of {places_text(wholes)}, which may be meant as a whole")
     if parts:
-        texts.append(f"it may sit in {places_text(parts)} alone")
+        alone = "each alone" if len(parts) > 1 else "alone"
+        texts.append(f"of {here}, {places_text(parts)} {alone} would explain as much")
     if finding.alternatives:
         laws = [name.partition(" at ") for name in finding.alternatives]
         # a way of writing the log stands there as it is declared
@@ -464,7 +490,8 @@ def effort_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
         noise = quantity(*told[joint]) if joint in told and math.isfinite(told[joint][0]) else "-"
         ends = [number(values[key], 3) for key in ("before", "after")]
         shares = [number(100 * values[key], 3) for key in ("before_share", "left_share")]
-        rows.append((joint or "all", noise, " → ".join(ends), " → ".join(shares)))
+        is_noise = values["after"] < _LITTLE_MORE and values["left_share"] > _MOSTLY
+        rows.append((joint or "all", noise, " → ".join(ends), " → ".join(shares) + ", mostly noise" * is_noise))
     return rows
 
 
@@ -475,6 +502,18 @@ def length_of(diagnosis: Diagnosis, recording: Recording) -> str:
         return counted(poses, "pose")
     lasted = sum(float(np.ptp(recording.time[run])) for run in pieces(recording.run))
     return f"{number(lasted, 3)} s of motion"
+
+
+def used_text(diagnosis: Diagnosis, samples: int) -> str:
+    """Return how many of so many samples were used, and why no more."""
+    from ...diagnosis.criteria import MOST_SAMPLES
+
+    used, why = len(diagnosis.samples), ""
+    if used < samples and diagnosis.efforts is not None and not diagnosis.efforts.standing:
+        why = ": filtered, as many as the compared frequencies need"
+    elif used < samples > MOST_SAMPLES:
+        why = ", evenly chosen: more would tell hardly more"
+    return f"{used} used{why}"
 
 
 def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:

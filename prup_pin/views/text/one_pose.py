@@ -70,7 +70,7 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
     pose = answer.compliance.pose
     given = {
         "home": "(the robot's home; another one with --at)",
-        "task coordinates": "(as given)",
+        "task coordinates": "(by --at; what it does not name is at home)",
         "actuators": "(from the actuators)",
     }
     out.print(Text(robot.name, style="bold"))
