@@ -76,7 +76,8 @@ def without_dead_efforts(
 def _stays_at(effort: Array, position: Array | None) -> str:
     """Return the number at which an effort (N,) stays while its joint moves, in words; nothing of one that follows it.
 
-    Most rows at one of many numbers are no rounding: what is rounded goes through those beside it.
+    Most rows at one of many numbers are no rounding, which goes through those beside it, and between the least and the
+    largest no drive at its limit.
     """
     known = effort[np.isfinite(effort)]
     if len(known) > 1 and not np.ptp(known) > 0:
@@ -86,7 +87,8 @@ def _stays_at(effort: Array, position: Array | None) -> str:
     if len(values) < 2 or not np.ptp(values) > FEWEST_NUMBERS * np.diff(values).min():
         return ""
     share, most = counts.max() / counts.sum(), float(values[np.argmax(counts)])
-    return f"{number(most, 4)} in {number(100 * share, 2)} % of the rows" if share > MOST else ""
+    stays = share > MOST and values[0] < most < values[-1]
+    return f"{number(most, 4)} in {number(100 * share, 2)} % of the rows" if stays else ""
 
 
 def has_poses(recordings: Sequence[Recording], mechanism: Mechanism) -> bool:
