@@ -5,6 +5,7 @@ import html
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,6 +21,7 @@ from prup_pin.numbers import number, quantity
 from prup_pin.recordings import Tolerances, read_plan
 from prup_pin.simulation import read_model
 from prup_pin.views.drawing.diagnosis_figures import _lines, marks
+from prup_pin.views.report import pages
 from prup_pin.views.report.as_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_files import write_diagnosis
 from prup_pin.views.report.diagnosis_report import diagnosis_html
@@ -211,6 +213,12 @@ def test_effects_that_stayed_hidden_are_grouped(diagnosed):
 
 def test_places_fold_their_legs():
     assert places_text(["leg1/a", "leg1/b", "leg2/a", "robot"]) == "leg1, leg2: a; leg1/b; robot"
+
+
+def test_no_page_breaks_a_word_where_a_space_would_do():
+    """`anywhere` lets a table's columns shrink to a letter; `break-word` breaks only what fits on no line."""
+    for name in ("page_style.css", "bench_style.css", "life_page.html", "fleet_page.html", "diagnosis_page.html"):
+        assert "overflow-wrap: anywhere" not in (Path(pages.__file__).parent / name).read_text(encoding="utf-8"), name
 
 
 def test_a_part_and_what_it_belongs_to_are_no_rivals(diagnosed):

@@ -159,10 +159,10 @@ def _by_link(names: Sequence[str]) -> str:
         link, _, what = name.rpartition(".")
         links.setdefault(link, []).append(what)
     told = []
-    for link, what in links.items():
-        others = " and ".join(name for name in INERTIAL if name not in what)
-        most = f"{link} but its {others}" if others else link
-        told.append(most if 2 * len(what) > len(INERTIAL) else f"{link}: {', '.join(what)}")
+    for link, silent in links.items():
+        shown = " and ".join(name for name in INERTIAL if name not in silent)
+        most = f"{link} but its {shown}" if shown else link
+        told.append(most if 2 * len(silent) > len(INERTIAL) else f"{link}: {', '.join(silent)}")
     return "; ".join(told)
 
 

@@ -132,7 +132,7 @@ class Answer:
         block = c[np.ix_(axes, axes)]
         if not len(axes) or np.linalg.cond(block) > 1 / NEGLIGIBLE_ENERGY:
             return None
-        return axes.tolist(), np.linalg.inv(block)
+        return axes.tolist(), np.asarray(np.linalg.inv(block), float)
 
     @cached_property
     def yielding_length(self) -> float | None:
