@@ -138,16 +138,13 @@ class Candidate:
         found = self.starts()
         if self.logarithmic[0]:
             low, high = self.bounds
-            places = [(size, 0.0) for size in (-2, 2)]
-            if self.size > 1 and self.logarithmic[1] and not self.remembers:
-                places += [(size, _FAR_LOAD) for size in (-1, 0, 1, 2)]
-            for size, load in places:
-                moved = found[0].copy()
-                moved[0] += size * np.log(10.0)
-                if load:
-                    moved[1] += load * np.log(10.0)
-                if low[0] < moved[0] < high[0] and not (load and moved[1] >= high[1]):
-                    found.append(moved)
+            moved = np.zeros(self.size)
+            moved[0] = np.log(10.0)
+            trials = [found[0] + size * moved for size in (-2, 2)]
+            far = np.array([0.0, *(q.unit in ("N", "N m") for q in self.quantities[1:])]) * self.logarithmic
+            if far.any() and not self.remembers:
+                trials += [found[0] + size * moved + _FAR_LOAD * np.log(10.0) * far for size in (-1, 0, 1, 2)]
+            found += [trial for trial in trials if low[0] < trial[0] < high[0] and (trial < high)[far > 0].all()]
         return found
 
     def _coordinates(self, values: Mapping[str, float]) -> Array:

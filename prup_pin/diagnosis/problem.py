@@ -285,8 +285,12 @@ class Problem:
         kept: Sequence[Term],
         candidate: Candidate,
         nuisance: Nuisance | None = None,
+        thorough: bool = False,
     ) -> tuple[float, Term, Array]:
         """Return (chi squared, fitted term, change (n, K)) of a candidate on top of `kept`, to first order about `fit`.
+
+        From the start that leaves least; `thorough`: from each, since no step leads out of where a parameter tells
+        nothing.
 
         `nuisance`: what the kept terms and the toleranced parameters may do with it, which are so fitted together with
         the candidate; the change returned is what they cannot do. What these data do not tell stays near what is usual.
@@ -329,19 +333,17 @@ class Problem:
         begins = [np.clip(start, low, high) for start in candidate.scan()]
         if len(begins) > 1:
             begins.sort(key=lambda start: float((left(start) ** 2).sum()))
-        best, ended = _stepped(left, slope, begins[0], candidate)
-        if not ended:
-            best = least_squares(
-                left,
-                best,
-                slope,
-                bounds=(low - 1e-12 * np.abs(low) - 1e-300, high + 1e-12 * np.abs(high) + 1e-300),
-                x_scale=candidate.scales(),
-                max_nfev=_MOST_EVALUATIONS,
-                ftol=_AGREED,
-                xtol=_AGREED,
-                gtol=1e-10,
-            ).x
+        bounds = low - 1e-12 * np.abs(low) - 1e-300, high + 1e-12 * np.abs(high) + 1e-300
+        limits: dict[str, Any] = {"max_nfev": _MOST_EVALUATIONS, "ftol": _AGREED, "xtol": _AGREED, "gtol": 1e-10}
+
+        def fitted(begin: Array) -> Array:
+            best, ended = _stepped(left, slope, begin, candidate)
+            if ended:
+                return best
+            return least_squares(left, best, slope, bounds=bounds, x_scale=candidate.scales(), **limits).x
+
+        bests = [fitted(begin) for begin in (begins if thorough else begins[:1])]
+        best = min(bests, key=lambda found: float((left(found) ** 2).sum()))
         change, rest = tried(best)
         chi2 = float(rest @ rest) - float((candidate.prior_residuals(best) ** 2).sum())
         return chi2, Term(candidate, best), without(change.ravel(), nuisance).reshape(change.shape)

@@ -63,6 +63,10 @@ class RivalFit(NamedTuple):
     chi2: float
 
 
+#: The least gain of a law beyond chance, by its number of parameters, about a fit.
+Chance = Callable[[Fit], Callable[[int], float]]
+
+
 class Search:
     """A problem that is asked for fits through the whole simulation, and counts them. What is begun is ended."""
 
@@ -196,11 +200,11 @@ def _added(
         def progress(stage: str, share: float, step: int = step) -> None:
             tell(stage or f"laws, round {step + 1}", _share(step, share))
 
-        taken, least = _next_law(search, library, blocks, fit, progress)
+        taken, chance = _next_law(search, library, blocks, fit, progress)
         if taken is None:
             break
         progress("earlier choices again", 0.8)
-        fit, rivals = _weighed(search, taken, library, least)
+        fit, rivals = _weighed(search, taken, library, chance)
     return search.released(fit), rivals
 
 
@@ -210,35 +214,41 @@ def _next_law(
     blocks: np.ndarray,
     fit: Fit,
     tell: Callable[[str, float], None],
-) -> tuple[Fit | None, Callable[[int], float]]:
-    """Return the fit with the law that the recording asks for beside those of a fit, or None; and the least gain."""
+) -> tuple[Fit | None, Chance]:
+    """Return the fit with the law that the recording asks for beside those of a fit, or None; and what chance gains."""
     problem, labels = search.problem, blocks[fit.samples]
     screened = screen(problem, fit, library, lambda share: tell("", 0.5 * share))
     # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
     rest = search.released(fit)
-    left = problem.without_tolerances(rest, problem.target(rest).ravel()).reshape(rest.residual.shape)
-    least = threshold(len(library), left, labels, screened)
+
+    def chance(fit: Fit) -> Callable[[int], float]:
+        left = problem.without_tolerances(fit, problem.target(fit).ravel()).reshape(fit.residual.shape)
+        return threshold(len(library), left, blocks[fit.samples], screened)
+
+    least = chance(rest)
     before = cross_validated(problem, rest, labels)
     for rival in screened[:MOST_SIMULATED]:
         gain = least(rival.term.candidate.size)
         if fit.chi2 - rival.chi2 < gain:
             continue
         tell("the whole simulation", 0.6)
-        trial = search.released(search.refine([*fit.terms, rival.term], fit))
+        nuisance = problem.nuisance(fit, range(len(fit.terms)))
+        term = problem.first_order_fit(fit, fit.terms, rival.term.candidate, nuisance, thorough=True)[1]
+        trial = search.released(search.refine([*fit.terms, term], fit))
         helps = before - cross_validated(problem, trial, labels) > GAIN * before
         if rest.chi2 - trial.chi2 >= gain and (helps or _relieves_strain(rest, trial, gain)):
             # a second law would make up for what has not come to its end
-            return search.refine(trial.terms, trial), least
-    return None, least
+            return search.refine(trial.terms, trial), chance
+    return None, chance
 
 
 def _weighed(
-    search: Search, fit: Fit, library: Sequence[Candidate], least: Callable[[int], float] | None = None
+    search: Search, fit: Fit, library: Sequence[Candidate], chance: Chance | None = None
 ) -> tuple[Fit, list[list[Rival]]]:
-    """Return the fit after every choice was looked at again, and the rivals of each; least: gain of what stays."""
+    """Return the fit after every choice was looked at again, and the rivals of each; chance: what stays gains more."""
     fit, rivals = swapped(search, fit, library)
     other = rearranged(search, fit, library)
-    other = other if least is None else dropped(search, other, least)
+    other = other if chance is None else dropped(search, other, chance)
     return (fit, rivals) if other is fit else swapped(search, other, library)
 
 
@@ -469,10 +479,11 @@ def _parallel(one: Rival, other: Rival) -> bool:
     return float(a @ b) > (1 - NOTHING) * float(np.sqrt((a @ a) * (b @ b))) and abs(one.chi2 - other.chi2) < LEAD
 
 
-def dropped(search: Search, fit: Fit, least: Callable[[int], float]) -> Fit:
-    """Return the fit without terms that the others have made needless."""
+def dropped(search: Search, fit: Fit, chance: Chance) -> Fit:
+    """Return the fit without terms that the others have made needless: that gain no more than chance does."""
     problem = search.problem
     while len(fit.terms) > 1:
+        least = chance(fit)
         for index, term in enumerate(fit.terms):
             others, kept = fit.others(index)
             changed = problem.change(fit, [other.effect for other in kept]).ravel()
