@@ -185,6 +185,15 @@ class _Searched(NamedTuple):
         last = self.selection.last
         return LITTLE * last.chi2 > self.problem.count(last)
 
+    @property
+    def noise(self) -> Noise:
+        """The noise; where nothing but what is left tells it, what is left beside the laws that were found."""
+        noise, last = self.problem.noise, self.selection.last
+        if noise.source != "residual":
+            return noise
+        left = float(np.sqrt(last.chi2 / max(self.problem.count(last), 1)))
+        return replace(noise, position=left * noise.position, rotation=left * noise.rotation)
+
     def by_noise(self, noise: Noise) -> tuple[float, bool]:
         """Return what is left of blocks that are held out in turn, chi squared by a noise, and whether all may be that.
 
@@ -234,8 +243,7 @@ def _explains_more(again: _Searched, few: _Searched) -> bool:
 
     By the noise beside what is off all over, which may be known from nothing else.
     """
-    noise = again.problem.noise
-    (left, _), (before, may_be_noise) = again.by_noise(noise), few.by_noise(noise)
+    (left, _), (before, may_be_noise) = again.by_noise(again.noise), few.by_noise(again.noise)
     return left < (1.0 if again.is_clean and not may_be_noise else LITTLE) * before
 
 
