@@ -25,6 +25,7 @@ from .candidates import Candidate
 from .chances import chi2_isf
 from .criteria import (
     FALSE_ALARM,
+    FAR_LESS,
     FOLDS,
     LITTLE,
     MOST_LISTED,
@@ -274,7 +275,7 @@ def _promising(ways: Sequence[_Seen], exists: np.ndarray) -> _Seen | None:
         known, asked = (equations_of(target[at], columns[at], here.white[at], None, stack) for at in (~out, out))
         left += float((asked.left(posterior(known, fit.variances, fit.noise).mean) / fit.noise).sum())
         drawn += float((asked.left(posterior(known, seen.floors, fit.noise).mean) / fit.noise).sum())
-    return seen if left < LITTLE * drawn else None
+    return seen if left < FAR_LESS * drawn else None
 
 
 def _unrecorded_force(problem: Problem, outliers: Sequence[Outlier], rest: Array) -> float:
@@ -304,7 +305,7 @@ def _explains(data: SensorEquations, fit: VarianceEstimate, seen: _Seen) -> bool
     drawn = estimated(data, seen.floors, fit.noise, np.full(len(seen.floors), "", object), seen.floors, seen.least)
     told_nothing = bool((seen.floors[seen.stands == ""] <= NOTHING**2).all())
     may_be_noise = told_nothing and seen.least == 0 and seen.problem.simulator.inputs.weight_alone
-    return squares_left(data, fit, fit.noise) < LITTLE * squares_left(data, drawn, fit.noise) or may_be_noise
+    return squares_left(data, fit, fit.noise) < FAR_LESS * squares_left(data, drawn, fit.noise) or may_be_noise
 
 
 def _gives_way(fit: VarianceEstimate, labels: np.ndarray, kind: str) -> bool:
