@@ -92,11 +92,11 @@ MUCH: Final = 3.0
 # == what decides: sizes ===============================================================================================
 
 #: Nearly the same: declared noise is rarely known better, and a residual of so many times the noise may be noise; a
-#: finding without which no more would be left is told after what is unknown; units of single drives differ by more, and
-#: drives are in one unit where most are so near to the usual one.
+#: finding without which no more would be left is told after what is unknown; units of single drives differ by more.
 NEARLY: Final = 1.10
 #: Roughly the same: where a law takes away all but GAIN, a slightly rough one is still the right one up to this many
-#: times the noise, beside toleranced parameters that shift the load at which a gap closes or a joint slides.
+#: times the noise, beside toleranced parameters that shift the load at which a gap closes or a joint slides; drives are
+#: in one unit where most are so near to the usual one, whatever the tool holds.
 ROUGHLY: Final = 1.25
 #: What varies or acts by less does not [N, N m, m, rad, K, s]; nor is less than this share of anything something.
 NOTHING: Final = 1e-6

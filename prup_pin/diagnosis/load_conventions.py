@@ -27,6 +27,7 @@ from .criteria import (
     FEWEST_IN_BLOCK,
     GAIN,
     MUCH,
+    SURE,
 )
 
 __all__ = ["conventions_of_loads"]
@@ -89,7 +90,7 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
     shown = loaded.shown
     if first < shown:
         return None
-    alike = shown / CHANCE_DEVIATIONS if loaded.noise else shown
+    alike = SURE / CHANCE_DEVIATIONS * shown if loaded.noise else shown
     taken: list[Convention] = []
     others: list[tuple[Convention, ...]] = []
     while True:
@@ -101,10 +102,11 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
             if min(item[0] for item in tried) < alike:
                 break
         # what is nearly as good is told by the commoner word
-        near = max(1.2 * min(item[0] for item in tried), alike)
-        left, reading, other = next(item for item in tried if item[0] <= near)
-        if not left < FAR_LESS**2 * least:
+        near = max(AS_GOOD * min(item[0] for item in tried), alike)
+        good = [item for item in tried if item[0] <= near and item[0] < FAR_LESS**2 * least]
+        if not good:
             break
+        left, reading, other = good[0]
         others = [
             (*taken, *item[1])
             for item in tried

@@ -35,6 +35,7 @@ from ..criteria import (
     MOSTLY,
     MUCH,
     NEARLY,
+    ROUGHLY,
 )
 from ..quarter_turns import quarter_turns
 from .gains import in_any_unit
@@ -457,7 +458,7 @@ class _Search:
             return None
         usual = float(np.median(sizes))
         # a load may make some of them larger besides
-        apart, alike = np.log(sizes / usual), np.log(NEARLY)
+        apart, alike = np.log(sizes / usual), np.log(ROUGHLY)
         most = float(np.mean(np.abs(apart) < alike)) > MOST and apart.min() > -alike
         if abs(np.log(usual)) < np.log(AS_GOOD) or not most:
             return None
