@@ -18,7 +18,7 @@ from ..robot import Robot
 from ..simulation import CorrectedModel, as_recorded
 from ..simulation.needs import taking_part
 from .conventions import read_logs
-from .criteria import FEW_FITS, LITTLE, MOST_FITS, beyond_tolerance
+from .criteria import FEW_FITS, LITTLE, MOST_FITS, PARAMETER_COST, beyond_tolerance
 from .diagnosis import Diagnosis, Finding, by_recording
 from .efforts import diagnose_efforts
 from .efforts.with_poses import (
@@ -295,6 +295,7 @@ def _searched(prepared: Prepared, tell: Tell, most: int = MOST_FITS, begun: _Sea
             problem = prepared.within_tolerances(replace(larger, tolerances=None), _reach(prepared))
             selection = select(problem, library, labels, problem.first, tell, most)
             doubt = too_few(problem, selection, inputs.blocks)
+    problem, selection = _weight_asked_again(prepared, problem, selection, labels, tell, most)
     if prepared.kinds and problem.count(problem.first):
         selection = dropped_by_folds(problem, selection, labels)
     if not prepared.kinds and doubt is None and problem.count(problem.first) and is_clean(problem, selection.last):
@@ -302,6 +303,22 @@ def _searched(prepared: Prepared, tell: Tell, most: int = MOST_FITS, begun: _Sea
     if prepared.noise_unknown and doubt is None and problem.count(problem.first) and is_clean(problem, selection.last):
         doubt = no_noise(problem, selection.last, inputs.blocks)
     return _Searched(problem, selection, labels, doubt)
+
+
+def _weight_asked_again(
+    prepared: Prepared, problem: Problem, selection: Selection, labels: np.ndarray, tell: Tell, most: int
+) -> tuple[Problem, Selection]:
+    """Return problem and selection without the robot's own weight, where that makes what was found likelier.
+
+    Whether weight acts was asked before any law was there: it may have stood for one, and further laws for it.
+    """
+    if prepared.kinds or not problem.acting or len(selection.last.terms) < 2:
+        return problem, selection
+    without = replace(prepared, library=[item for item in prepared.library if not item.law.weighs])
+    light = without.within_tolerances(replace(problem, tolerances=None), _reach(prepared))
+    found = select(light, prepared.library, labels, light.first, tell, most)
+    costs = [minus_2_log_posterior(each.last, len(prepared.library)) for each in (selection, found)]
+    return (light, found) if costs[1] < costs[0] - PARAMETER_COST else (problem, selection)
 
 
 def _within_rescaled(
