@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 import prup_pin
 from prup_pin.cli import app
+from prup_pin.cli.typed import parse_effect
 from prup_pin.laws import LAWS
 from prup_pin.laws.efforts import EFFORT_LAWS
 from prup_pin.recordings import Noise, Recording, read_recording, write_plan, write_recording
@@ -284,10 +285,9 @@ def test_effects(run, bench, effect, text):
     refused(run("simulate", bench, "--out", "x.csv", "--effect", effect), "--effect", text)
 
 
-def test_an_optional_parameter_need_not_be_typed(run, bench):
+def test_an_optional_parameter_need_not_be_typed():
     rubs = "coulomb_friction@leg2_slide:effort limit=3 presliding=1e-5"
-    done = run("simulate", bench, "--out", "x.csv", "--effect", rubs)
-    assert done.exit_code == 0, done.output
+    assert parse_effect(rubs, prup_pin.load("3prup").mechanism).values == {"limit": 3.0, "presliding": 1e-5}
 
 
 @pytest.mark.parametrize("robot", ["3prup", "arm.urdf", "models/arm.xml"])
@@ -384,3 +384,21 @@ def test_model_and_recording_exchanged_are_told_their_order(run, bench):
     done = run("predict", bench, "model.json", "--out", "p.csv")
     assert done.exit_code == 2
     assert f"the model comes first: prup-pin predict model.json {bench} --out p.csv" in " ".join(done.stderr.split())
+
+
+def test_an_effect_that_changes_nothing_is_refused_with_the_one_that_does(run, bench, tmp_path):
+    write_plan(plan(poses=4, cycle=(0, 1), noise=NOISE), tmp_path / "poses.json")
+    words = ["simulate", "--plan", str(tmp_path / "poses.json"), "--out", "again.csv", "--effect"]
+    done = run(*words, "encoder_offset@leg1_slide:effort offset=0.2mm")
+    assert done.exit_code == 2
+    assert "encoder_offset at leg1_slide (effort) has no effect" in " ".join(done.stderr.split())
+    assert "encoder_offset@leg1/motor" in done.stderr.replace("\n ", "")
+    time = np.arange(600) * 0.01
+    arm = prup_pin.load("ur5")
+    q = {name: 0.3 * np.sin(1.3 * time + place) for place, name in enumerate(arm.mechanism.actuated)}
+    tau = {name: np.full(len(time), np.nan) for name in q}
+    write_recording(Recording(time=time, positions=q, efforts=tau, robot="ur5"), tmp_path / "moves.csv")
+    words = ["simulate", str(tmp_path / "moves.csv"), "--out", "efforts.csv", "--effect"]
+    done = run(*words, "payload@tool0 mass=1.5")
+    assert done.exit_code == 2
+    assert "payload@tool0:effort" in done.stderr.replace("\n ", "")

@@ -83,7 +83,9 @@ def simulate(
     name, loaded, effects = reading.modelled(
         corrected, robot, lambda: robot_beside(named, source), effect, set_parameters
     )
+    typed = effects[len(effects) - len(effect or ()) :]
     if read is not None:
+        _refuse_idle(loaded, read, typed, marker or ())
         _predict(loaded, read, effects, out, workers, stop, [], marker or ())
         return
     assert programme is not None
@@ -92,6 +94,7 @@ def simulate(
         none = np.full(len(inputs), np.nan)
         inputs = inputs.with_measurements(efforts=dict.fromkeys(loaded.mechanism.actuated, none))
     markers = tuple(dict.fromkeys((*programme.markers, *(marker or ()))))
+    _refuse_idle(loaded, inputs, typed, markers)
     prediction = _simulated(loaded, inputs, effects, workers, stop, markers)
     measured = inputs.with_measurements(
         position=prediction.position,
@@ -194,6 +197,13 @@ def _predict(
 def _placed(prediction: Prediction, recording: Recording) -> Prediction:
     """Return a prediction as its runs' own pose sensors see it, where each has one."""
     return simulation.seen_from_stations(prediction, recording) if "pose_sensor" in recording.own_by_run else prediction
+
+
+def _refuse_idle(robot: Robot, recording: Recording, effects: Sequence[Effect], markers: Sequence[str]) -> None:
+    """Raise InputError where an effect that was typed would change nothing that is simulated."""
+    adapted = as_recorded(robot, recording)
+    for idle in simulation.idle_effects(adapted.robot, adapted.recordings[0], effects, markers):
+        raise InputError(f"--effect: {idle}")
 
 
 def _simulated(

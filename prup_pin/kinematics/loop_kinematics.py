@@ -595,8 +595,10 @@ class LoopKinematics:
             with suppress(UnreachablePoseError):
                 if tasks:
                     self.reach(np.array([*told.values()]), {}, self.task.goal)
-                else:
+                elif self.mechanism.loops:
                     self.pose_from_actuators(told)
+                else:
+                    self.pose_of_joints(told)
                 return told
         return None
 

@@ -3,7 +3,7 @@
 from .as_recorded import AsRecorded, as_recorded, drawn_for, in_format
 from .model_file import CorrectedModel, Known, effect_named, read_model, write_model
 from .posterior import Posterior, PosteriorValue
-from .prediction import Agreement, Prediction, compare, inputs_of, simulate, trajectory_of
+from .prediction import Agreement, Prediction, compare, idle_effects, inputs_of, simulate, trajectory_of
 from .simulator import Memory, Run, Simulator
 from .stations import seen_from_stations
 
@@ -22,6 +22,7 @@ __all__ = [
     "compare",
     "drawn_for",
     "effect_named",
+    "idle_effects",
     "in_format",
     "inputs_of",
     "read_model",

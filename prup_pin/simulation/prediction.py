@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -10,8 +10,8 @@ import numpy as np
 
 from ..dynamics import is_standing
 from ..errors import InputError, SimulationStoppedError, UnknownNameError
-from ..laws import Effect, Inputs, Setup, Trajectory
-from ..laws.efforts import EffortLaw
+from ..laws import LAWS, Effect, Inputs, Law, Setup, Trajectory
+from ..laws.efforts import EFFORT_LAWS, EffortLaw
 from ..mechanism import Mechanism
 from ..recordings import Convention, Recording, written_as
 from ..robot import Robot
@@ -175,7 +175,7 @@ def simulate(
     remarks = [
         *adapted.remarks,
         *_missing_inputs(effects, inputs, mechanism),
-        *_not_in_efforts(effects, bool(joints), is_standing(recording, actuated)),
+        *idle_effects(robot, recording, effects, markers),
     ]
     for name in markers:
         if name not in frames:
@@ -255,6 +255,8 @@ def _in_motion(
 ) -> Prediction:
     """Return the efforts of a motion; nothing deforms, and no pose was asked for."""
     efforts, remarks = efforts_in_motion(robot, recording, effects, band)
+    if not any(isinstance(effect.law, EffortLaw) for effect in effects):  # a model of both channels has some of either
+        remarks = (*remarks, *idle_effects(robot, recording, effects))
     known = np.all([np.isfinite(values) for values in efforts.values()], axis=0)
     status = np.where(known, "ok", "no input")
     reasons = {} if known.all() else {"no input": "no position, or a motion too short to tell a speed"}
@@ -292,11 +294,24 @@ def _missing_inputs(effects: Sequence[Effect], inputs: Inputs, mechanism: Mechan
     return remarks
 
 
-def _not_in_efforts(effects: Sequence[Effect], asked: bool, standing: bool) -> Iterator[str]:
-    """Yield which laws of efforts change nothing where poses are predicted, and what would show them.
+def idle_effects(
+    robot: Robot, recording: Recording, effects: Sequence[Effect], markers: Sequence[str] = ()
+) -> list[str]:
+    """Return which effects change nothing that is predicted for a recording, why, and what would, in sentences.
 
-    asked: efforts have columns; standing: the recording is of postures.
+    Laws of efforts act in a motion of which no pose is asked; all others where one is.
     """
+    mechanism = robot.mechanism
+    if is_of_efforts(recording, robot, effects) and not markers:
+        idle = [effect for effect in effects if not isinstance(effect.law, EffortLaw)]
+        why = "it acts on poses, and of this motion efforts alone are predicted"
+        return [
+            f"{effect.law.physics} at {effect.place} has no effect: {why}{_others(effect, EFFORT_LAWS, mechanism)}"
+            for effect in idle
+        ]
+    asked = any(name in mechanism.actuated for name in recording.efforts)
+    standing = is_standing(recording, mechanism.actuated)
+    found = []
     for effect in effects:
         if not isinstance(effect.law, EffortLaw) or (asked and standing and not effect.law.of_motion):
             continue
@@ -304,11 +319,22 @@ def _not_in_efforts(effects: Sequence[Effect], asked: bool, standing: bool) -> I
         if asked:
             why = "each row is a posture at rest" if standing else "next to poses each row is taken at rest"
         where = " in motion" if effect.law.of_motion else ""
-        yield (
+        found.append(
             f"{effect.law.physics} at {effect.place} has no effect: it acts on the efforts of drives{where}, and "
             f"{why}. It acts in a recording of a motion with columns q.<joint> and tau.<joint> and without poses; "
-            "cells of tau may be empty."
+            f"cells of tau may be empty{_others(effect, LAWS, mechanism)}"
         )
+    return found
+
+
+def _others(effect: Effect, laws: Sequence[Law], mechanism: Mechanism) -> str:
+    """Return the end of a sentence: where the same physics acts on the other channel, there or anywhere."""
+    places = [place for law in laws if law.physics == effect.law.physics for place in law.places(mechanism)]
+    there = [place for place in places if place.name == effect.place.name] or places
+    named = ", ".join(
+        f"{effect.law.physics}@{place.name}{':' * bool(place.aspect)}{place.aspect}" for place in there[:5]
+    )
+    return f". Here acts {named}" if named else "."
 
 
 def compare(
