@@ -27,7 +27,7 @@ class HeldBody(EffortLaw):
 
     physics = "payload"
     summary = "a body that the tool holds"
-    remedy = "enter this mass and its centre in the controller's tool data, or take off what is held"
+    remedy = "enter this mass and its centre in the robot file and the controller's tool data, or take off what is held"
     of_bodies = True
     linear = INERTIAL
     body = Body.HELD
@@ -90,6 +90,7 @@ class HeldBody(EffortLaw):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         mass = values["mass"]
         if mass < 0:
-            return f"the robot file has {number(-mass, 3)} kg at {place.name} that the robot does not carry"
+            lacks = f"the robot file has {number(-mass, 3)} kg at {place.name} that the robot does not carry"
+            return f"{lacks}, or its efforts are reported too small"
         centre = ", ".join(f"{number(1e3 * values[axis], 3)}" for axis in _CENTRE)
         return f"{place.name} carries {number(mass, 3)} kg, centred at ({centre}) mm in its axes"
