@@ -18,7 +18,7 @@ from ..robot import Robot
 from ..simulation import CorrectedModel, as_recorded
 from ..simulation.needs import taking_part
 from .conventions import read_logs
-from .criteria import FEW_FITS, LITTLE, MOST_FITS, PARAMETER_COST, beyond_tolerance
+from .criteria import AS_GOOD, FEW_FITS, LITTLE, MOST_FITS, PARAMETER_COST, beyond_tolerance
 from .diagnosis import Diagnosis, Finding, by_recording
 from .efforts import diagnose_efforts
 from .efforts.with_poses import (
@@ -180,6 +180,11 @@ class _Searched(NamedTuple):
         return is_clean(self.problem, self.selection.last)
 
     @property
+    def count(self) -> int:
+        """How many numbers what is left has."""
+        return self.problem.count(self.selection.last)
+
+    @property
     def is_far_from_clean(self) -> bool:
         """True where more is left than noise by so much that noise would be a small part of it."""
         last = self.selection.last
@@ -241,10 +246,12 @@ def _under_loads(
 def _explains_more(again: _Searched, few: _Searched) -> bool:
     """Return True where what is off all over leaves a small part of what few laws do, or noise where they leave more.
 
-    By the noise beside what is off all over, which may be known from nothing else.
+    By the noise beside what is off all over, which may be known from nothing else; and only where blocks that were held
+    out are near it too: many parameters follow a few poses, and foretell no other.
     """
     (left, _), (before, may_be_noise) = again.by_noise(again.noise), few.by_noise(again.noise)
-    return left < (1.0 if again.is_clean and not may_be_noise else LITTLE) * before
+    foretold = again.is_clean and left < AS_GOOD**2 * again.count
+    return left < (1.0 if foretold and not may_be_noise else LITTLE) * before
 
 
 def _cleaner(prepared: Prepared, found: _Searched, other: Prepared, tell: Tell) -> tuple[Prepared, _Searched]:

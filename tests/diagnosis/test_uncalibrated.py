@@ -125,6 +125,7 @@ def test_what_two_preparations_leave_is_weighed_by_one_noise(tmp_path):
     [
         ((30.0, True), (90.0, False), True),  # noise, where few laws leave more: by a noise that nothing else tells
         ((30.0, True), (29.0, False), False),  # blocks held out say otherwise
+        ((300.0, True), (900.0, False), False),  # it follows the poses that it was fitted to, and no others
         ((30.0, True), (40.0, True), False),  # few laws do as well
         ((300.0, False), (900.0, False), False),  # neither explains it: a law may be missing
         ((80.0, False), (900.0, False), True),
@@ -132,7 +133,7 @@ def test_what_two_preparations_leave_is_weighed_by_one_noise(tmp_path):
 )
 def test_what_is_off_all_over_takes_the_place_of_few_laws(again, few, more):
     def searched(told):
-        return SimpleNamespace(problem=SimpleNamespace(noise=None), is_clean=told[1], by_noise=lambda noise: told)
+        return SimpleNamespace(noise=None, count=30, is_clean=told[1], by_noise=lambda noise: told)
 
     assert whole._explains_more(searched(again), searched(few)) is more
 
@@ -150,8 +151,7 @@ def test_laws_are_not_looked_for_long_where_none_comes_near_what_is_off_all_over
     one_law, far, of_few, searches, monkeypatch
 ):
     def searched(told, **more):
-        problem = SimpleNamespace(noise=None)
-        return SimpleNamespace(problem=problem, is_clean=told[1], by_noise=lambda noise: told, **more)
+        return SimpleNamespace(noise=None, count=30, is_clean=told[1], by_noise=lambda noise: told, **more)
 
     asked_for = []
 
