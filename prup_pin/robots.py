@@ -8,7 +8,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from .errors import InputError, PrupPinError, UnknownNameError
+from .errors import InputError, PrupPinError, UnknownNameError, folder_holds
 from .plugins import Plugin, brought
 
 #: Robots of example-robot-data by the names its users know: folder and file below `robots/`.
@@ -202,8 +202,7 @@ def find(name: str) -> tuple[Path, tuple[Path, ...], str | None]:
     if examples is not None and name in every:
         return examples / every[name], (examples.parents[1], examples.parent), None
     if os.path.isdir(path):  # also where a name is longer than any file's
-        near = sorted(other.name for ending in ("urdf", "xml") for other in path.glob(f"*.{ending}"))[:8]
-        also = f" The folder holds: {', '.join(near)}." if near else ""
+        also = folder_holds(path, ".urdf", ".xml")
         raise InputError(f"'{name}' is a folder; expected a robot file, or a name of `prup-pin robots`.{also}")
     raise UnknownNameError("robot", name, (*packaged_names(), *own, *every), "A path to a file works too.")
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from lxml import etree
 
-from ..errors import Problem, RobotFileError, nearest_names
+from ..errors import Problem, RobotFileError, folder_holds, nearest_names
 from ..spatial import Array, placement, rotation_rpy
 from .description import MAX_PROBLEMS, RobotDescription
 
@@ -47,10 +47,7 @@ def read_bytes(path: Path, limit: int = MAX_BYTES) -> bytes:
             size = "is empty" if path.stat().st_size == 0 else f"is larger than {limit / 2**20:g} MB"
             raise RobotFileError(path, [Problem(f"{size}; expected a robot description, text of a few MB at most")])
     except FileNotFoundError as error:
-        folder = path.parent
-        near = sorted(other.name for ending in ("urdf", "xml") for other in folder.glob(f"*.{ending}"))[:8]
-        also = f" The folder holds: {', '.join(near)}." if near else ""
-        raise RobotFileError(path, [Problem(f"file not found.{also}")]) from error
+        raise RobotFileError(path, [Problem(f"file not found.{folder_holds(path.parent, '.urdf', '.xml')}")]) from error
     except OSError as error:
         raise RobotFileError(path, [Problem(f"cannot be read: {error.strerror}")]) from error
     except ValueError as error:  # a NUL character in the path

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from ..errors import Problem, RecordingFileError, nearest_names
+from ..errors import Problem, RecordingFileError, folder_holds, nearest_names
 
 #: More than anybody repairs by hand; what is wrong in a thousand places is wrong in one way.
 MAX_PROBLEMS = 100
@@ -133,9 +133,7 @@ def check_readable(path: Path, what: str, endings: Iterable[str]) -> None:
         if blank and (path.stat().st_size <= _HEAD or not re.search(rb"[^\xef\xbb\xbf\s]", path.read_bytes())):
             raise refuse(f"is empty; expected {what}")
     except FileNotFoundError as error:
-        near = sorted(other.name for ending in endings for other in path.parent.glob(f"*{ending}"))[:8]
-        also = f" The folder holds: {', '.join(near)}." if near else ""
-        raise refuse(f"file not found.{also}") from error
+        raise refuse(f"file not found.{folder_holds(path.parent, *endings)}") from error
     except OSError as error:
         raise refuse(f"cannot be read: {error.strerror}") from error
     except ValueError as error:  # a NUL character in the path

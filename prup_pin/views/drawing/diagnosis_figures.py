@@ -164,7 +164,7 @@ def _draw_list(
     for index, finding in enumerate(diagnosis.told, 1):
         lines += wrap(f"{index}  {finding_text(finding)}", line, subsequent_indent="    ", break_on_hyphens=False)
     if any(not mark.number for mark in found):
-        lines.append("dashed: these data cannot tell them apart")
+        lines.append("dashed: where a finding may sit as well")
     if len(lines) > most:
         lines[most - 1 :] = ["…"]
     text = "\n".join(lines) or ("nothing is missing" if diagnosis.since is None else "nothing has changed")
