@@ -45,7 +45,7 @@ _MOST_FILES = 8
 
 
 def folder_holds(folder: Path, *endings: str) -> str:
-    """Return the end of a sentence: files of a folder that may have been meant, by their endings ('.csv'); '' of none."""
+    """Return the end of a sentence: files of a folder that may have been meant, by endings ('.csv'); '' of none."""
     near = sorted(other.name for ending in endings for other in folder.glob(f"*{ending}"))
     more = ", …" if len(near) > _MOST_FILES else ""
     return f" The folder holds: {', '.join(near[:_MOST_FILES])}{more}." if near else ""
