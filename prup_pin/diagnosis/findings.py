@@ -306,7 +306,10 @@ def _is_richer(name: str, other: str) -> bool:
 
 
 def with_neutral_values(finding: Finding, robot: Robot) -> Finding:
-    """Return a finding in which parameters that these data do not tell change nothing, such as unmeasured rotations."""
+    """Return a finding in which parameters that these data do not tell change nothing, such as unmeasured rotations.
+
+    But for those that nothing their law allows would make so: they stay where the fit left them.
+    """
     effect = finding.effect
     if effect is None:
         return finding
@@ -315,6 +318,7 @@ def with_neutral_values(finding: Finding, robot: Robot) -> Finding:
         name: value
         for name, value in effect.law.neutral.items()
         if name in finding.parameters and finding.parameters[name].interval == bounds[name]
+        if bounds[name][0] <= value <= bounds[name][1]
     }
     if not neutral or len(neutral) == len(effect.law.neutral):
         return finding

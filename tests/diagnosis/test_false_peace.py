@@ -11,8 +11,10 @@ import pytest
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.criteria import clean_bound
-from prup_pin.diagnosis.findings import finite_deflection
+from prup_pin.diagnosis.diagnosis import Finding, FittedParameter
+from prup_pin.diagnosis.findings import finite_deflection, with_neutral_values
 from prup_pin.recordings import Noise, Recording, add_noise, read_recording
+from prup_pin.simulation import effect_named
 from prup_pin.spatial import rotation_exp, rotation_log
 from prup_pin.views.report.as_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_files import write_diagnosis
@@ -259,3 +261,15 @@ def test_the_deformed_position_is_told_where_it_gains_more_than_chance():
     assert found is not None
     assert found.heldout_gain == pytest.approx(30 / 42.25)
     assert finite_deflection(drawn, last, 0.5 * effect) is None  # it gains less than nothing there
+
+
+def test_what_data_do_not_tell_is_set_to_nothing_only_where_its_law_allows_that():
+    """A preload that is nowhere in sight was told as 1e15 N, which no prediction takes."""
+    robot = prup_pin.load("3prup")
+    values = {"reference_load": 500.0, "preload": 80.0}
+    effect = effect_named("hertzian_contact", "leg1/ball_nut", "", values, robot.mechanism)
+    bounds = {q.name: (q.lower, q.upper) for q in effect.law.quantities_at(effect.place, robot.mechanism)}
+    parameters = {name: FittedParameter(value, "N", bounds[name]) for name, value in effect.values.items()}
+    parameters["reference_load"] = replace(parameters["reference_load"], interval=(400.0, 600.0))
+    finding = Finding("hertzian_contact", "leg1/ball_nut", ("leg1/ball_nut",), parameters, 0.5, "", effect)
+    with_neutral_values(finding, robot).effect.checked(robot.mechanism)
