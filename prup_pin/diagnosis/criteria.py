@@ -50,9 +50,8 @@ WEIGHT_SHOWS: Final = 2 * INDISTINCT
 
 #: Share of the held-out squared residual that a law must remove, or of its own gain by which another one is as good:
 #: less cries wolf on clean recordings, may be a trace of what the rigid model and its filters leave, and is of no use.
-#: What leaves more than this share of what an effect took away makes that doubtful, and a curve of no law that takes
-#: less than it of what laws do at its joint is what every real joint has beyond any. Poses are measured better than
-#: this share of what they were seen to move; loads that differ by less are one load, repeated; and where the drawing,
+#: A curve of no law that takes less than this share of what laws do at its joint is what every real joint has beyond
+#: any. Poses are measured better than this share of what they were seen to move; loads that differ by less are one load, repeated; and where the drawing,
 #: each module as soft as suits, leaves no more of what loads move, they are as they are written.
 GAIN: Final = 0.02
 #: Share below which nobody minds: of what a law takes away, what a curve does in its place, or a body that cannot exist
@@ -75,6 +74,8 @@ ALIKE: Final = 0.95
 #: Efforts of which more is left are strange: columns may be meant otherwise; a curve of no law that
 #: takes more of what is left at its own joint is unknown physics; and no more of all numbers are gross.
 FAR_LESS: Final = 1 / 3
+#: A law beside what is unknown is doubtful that takes less than so many times what is left: it may imitate it.
+IMITATED: Final = 100.0
 #: What makes some sense leaves less than this share, and less than this share for each column that is read otherwise:
 #: one of several that are wrong saves less. Efforts follow those of the rigid robot where shapes are so much alike.
 MOSTLY: Final = 0.8

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .criteria import GAIN, ROUGHLY, clean_bound
+from .criteria import GAIN, IMITATED, ROUGHLY, clean_bound
 from .diagnosis import Finding
 from .evidence import cross_validated
 from .findings import chi2_without, finding_of, nothing_compared, parameters_of, rms_of_sum, unknown_at, without_place
@@ -113,10 +113,10 @@ def _beside_unknown(
 def _outweighing(
     kept: list[Finding], fit: Fit, problem: Problem, first: Fit
 ) -> tuple[list[Finding], Located | None, Fit]:
-    """Return the findings that each take far more than what is left, where that sits, and their fit."""
+    """Return the findings that each take `IMITATED` times what is left, where that sits, and their fit."""
     count, mechanism = problem.count(fit), problem.simulator.robot.mechanism
     while True:
-        least = max(fit.chi2 - count, 0.0) / GAIN
+        least = IMITATED * max(fit.chi2 - count, 0.0)
         gains = [chi2_without(problem, fit, index) for index in range(len(kept))]
         if min(gains, default=np.inf) >= least:
             return kept, locate(problem, fit), fit
