@@ -51,8 +51,9 @@ WEIGHT_SHOWS: Final = 2 * INDISTINCT
 #: Share of the held-out squared residual that a law must remove, or of its own gain by which another one is as good:
 #: less cries wolf on clean recordings, may be a trace of what the rigid model and its filters leave, and is of no use.
 #: A curve of no law that takes less than this share of what laws do at its joint is what every real joint has beyond
-#: any. Poses are measured better than this share of what they were seen to move; loads that differ by less are one load, repeated; and where the drawing,
-#: each module as soft as suits, leaves no more of what loads move, they are as they are written.
+#: any. Poses are measured better than this share of what they were seen to move; loads that differ by less are one
+#: load, repeated; and where the drawing, each module as soft as suits, leaves no more of what loads move, they are as
+#: they are written.
 GAIN: Final = 0.02
 #: Share below which nobody minds: of what a law takes away, what a curve does in its place, or a body that cannot exist
 #: does more than one that can, before the law only imitates it; of a joint's effort, friction is no better known; of
