@@ -180,7 +180,7 @@ class _Searched(NamedTuple):
         return is_clean(self.problem, self.selection.last)
 
     @property
-    def count(self) -> int:
+    def size(self) -> int:
         """How many numbers what is left has."""
         return self.problem.count(self.selection.last)
 
@@ -250,7 +250,7 @@ def _explains_more(again: _Searched, few: _Searched) -> bool:
     out are near it too: many parameters follow a few poses, and foretell no other.
     """
     (left, _), (before, may_be_noise) = again.by_noise(again.noise), few.by_noise(again.noise)
-    foretold = again.is_clean and left < AS_GOOD**2 * again.count
+    foretold = again.is_clean and left < AS_GOOD**2 * again.size
     return left < (1.0 if foretold and not may_be_noise else LITTLE) * before
 
 

@@ -133,7 +133,7 @@ def test_what_two_preparations_leave_is_weighed_by_one_noise(tmp_path):
 )
 def test_what_is_off_all_over_takes_the_place_of_few_laws(again, few, more):
     def searched(told):
-        return SimpleNamespace(noise=None, count=30, is_clean=told[1], by_noise=lambda noise: told)
+        return SimpleNamespace(noise=None, size=30, is_clean=told[1], by_noise=lambda noise: told)
 
     assert whole._explains_more(searched(again), searched(few)) is more
 
@@ -151,7 +151,7 @@ def test_laws_are_not_looked_for_long_where_none_comes_near_what_is_off_all_over
     one_law, far, of_few, searches, monkeypatch
 ):
     def searched(told, **more):
-        return SimpleNamespace(noise=None, count=30, is_clean=told[1], by_noise=lambda noise: told, **more)
+        return SimpleNamespace(noise=None, size=30, is_clean=told[1], by_noise=lambda noise: told, **more)
 
     asked_for = []
 
