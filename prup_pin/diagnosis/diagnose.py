@@ -193,10 +193,10 @@ class _Searched(NamedTuple):
     @property
     def noise(self) -> Noise:
         """The noise; where nothing but what is left tells it, what is left beside the laws that were found."""
-        noise, last = self.problem.noise, self.selection.last
+        noise = self.problem.noise
         if noise.source != "residual":
             return noise
-        left = float(np.sqrt(last.chi2 / max(self.problem.count(last), 1)))
+        left = float(np.sqrt(self.selection.last.chi2 / max(self.size, 1)))
         return replace(noise, position=left * noise.position, rotation=left * noise.rotation)
 
     def by_noise(self, noise: Noise) -> tuple[float, bool]:

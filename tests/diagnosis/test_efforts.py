@@ -450,6 +450,11 @@ def test_an_effort_that_was_never_logged_is_told_first_and_left_out(value):
     assert prospects(robot, recording).premises == found.premises
 
 
+def test_one_row_of_efforts_is_refused_in_words():
+    with pytest.raises(InputError, match=r"one row of efforts tells nothing"):
+        diagnose(load("ur5"), swung().select(np.arange(1)))
+
+
 def test_an_effort_that_stays_at_nothing_but_for_blips_was_not_measured():
     """So do the wrists of a real robot whose drivers log their current only while it is large."""
     robot, whole = load("ur5"), swung()

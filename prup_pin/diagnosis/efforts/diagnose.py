@@ -70,6 +70,8 @@ def diagnose_efforts(
         return PreparedEfforts(at, _tolerances(recording), below)
 
     whole = prepared(())
+    if len(whole.kept) < 2:
+        raise InputError("one row of efforts tells nothing: record a motion, or several postures at rest")
     if not whole.whitening.good.any():
         lasting = number(len(whole.kept) / (2.5 * whole.at.motion.band.highest), 2)
         raise InputError(

@@ -80,7 +80,9 @@ def _stays_at(effort: Array, position: Array | None) -> str:
     largest no drive at its limit.
     """
     known = effort[np.isfinite(effort)]
-    if len(known) > 1 and not np.ptp(known) > 0:
+    if len(known) < 2:
+        return ""
+    if not np.ptp(known) > 0:
         return f"{number(float(known[0]), 4)} in every row"
     moves = np.isfinite(effort) & (np.gradient(position) != 0 if position is not None else False)
     values, counts = np.unique(effort[moves], return_counts=True)
