@@ -1,8 +1,8 @@
 """Where the pose sensor stands: the rigid motion between its frame and the robot's base, in closed form.
 
 Calibration steps from what is nearly right; a tracker may stand anywhere: `spatial.rigid_motion` tells where. Where a
-marker sits beside its frame is looked for in turns with it, where its tolerance leaves that open or nothing else fits.
-Points far off weigh little.
+marker sits beside its frame is looked for with it, where its tolerance leaves that open, nothing else fits, or far less
+is left. Points far off weigh little.
 """
 
 from __future__ import annotations
@@ -11,15 +11,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..channels import Channel, Linear, PoseChannel, Stack, Stations
 from ..laws import Effect, Sharing, stands_elsewhere
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import ARM, Recording, Together
-from ..spatial import Array, rigid_motion, skew, turn_between
+from ..spatial import Array, rigid_motion, rotation_exp, skew, turn_between
 from .chances import chi2_median
 from .criteria import (
+    FAR_LESS,
     FEWEST_REGISTERED,
     ITERATIONS,
     LEAST_REACH,
@@ -104,21 +106,12 @@ def registered(
         is_open |= bool(stations)
         if not is_open and not _some_apart(out.stack, linear, [here], allowed):
             continue
-        declared = together.recording.tolerances.target_position
-        motion = None
-        for beside in dict.fromkeys(((declared or 0.0) > OPEN_TARGET, True)):
-            other = _motion(out.stack.poses, linear, here, beside)
-            if other is None or (not is_open and not other.after < MOST * other.before):
-                continue
-            moved = _seen_from_base(out.stack, other, here)
-            reach = allowed[0] + other.beside, allowed[1]
-            near = not _some_apart(moved, linear, [here], reach, zeros=True)
-            if near or (is_open and motion is None):
-                motion, stack = other, moved
-            if near:
-                break
+        motion = _likely_motion(
+            out.stack, linear, here, together.recording.tolerances.target_position, is_open, allowed
+        )
         if motion is None:
             continue
+        stack = _seen_from_base(out.stack, motion, here)
         if stations:
             out = replace(out, stack=stack, beside=max(out.beside, motion.beside))
             continue
@@ -139,6 +132,29 @@ def registered(
             out = replace(out, stack=stack, found=(*out.found, effect), remarks=(*out.remarks, text))
             out = replace(out, deviations=(*out.deviations, motion.deviation), beside=max(out.beside, motion.beside))
     return out
+
+
+def _likely_motion(
+    stack: Stack, linear: Linear, here: np.ndarray, aside: float | None, is_open: bool, allowed: tuple[float, float]
+) -> _Motion | None:
+    """Return the motion that brings samples `here` (N,) near; of an open frame the best one anyway; or None.
+
+    aside: how far a target sits from where it is drawn [m], None where nothing is declared. Markers sit beside their
+    frames where that is wide, where else nothing is near, and where it leaves far less.
+    """
+    kept: _Motion | None = None
+    fits = False
+    for beside in dict.fromkeys(((aside or 0.0) > OPEN_TARGET, True)):
+        motion = _motion(stack.poses, linear, here, beside)
+        if motion is None or (not is_open and not motion.after < MOST * motion.before):
+            continue
+        reach = allowed[0] + motion.beside, allowed[1]
+        near = not _some_apart(_seen_from_base(stack, motion, here), linear, [here], reach, zeros=True)
+        if kept is not None and fits:
+            near &= motion.after < FAR_LESS * kept.after
+        if near or (is_open and kept is None):
+            kept, fits = motion, near
+    return kept
 
 
 def _seen(stack: Stack) -> str:
@@ -235,35 +251,79 @@ def _motion(channels: Sequence[PoseChannel], linear: Linear, here: np.ndarray, b
         position, rotation = linear.pose_of(channel.frame)
         if rows.any():
             parts.append((position[rows], rotation[rows], channel.position[rows]))
-    points = sum(len(part[0]) for part in parts)
-    if points < FEWEST_REGISTERED:
+    if sum(len(part[0]) for part in parts) < FEWEST_REGISTERED:
         return None
-    shifts = [np.zeros(3) for _ in parts]
-    measured = np.concatenate([part[2] for part in parts])
-    drawn = np.concatenate([part[0] for part in parts])
-    turn, shift, weights = np.eye(3), np.zeros(3), np.ones(points)
+    seen = _Seen.of(parts)
+    turn, shift, weights = np.eye(3), np.zeros(3), np.ones(len(seen.drawn))
     for _ in range(ITERATIONS):
-        own = np.concatenate([at + turned @ aside for (at, turned, _), aside in zip(parts, shifts, strict=True)])
-        fit = rigid_motion(own, measured, weights)
+        fit = rigid_motion(seen.drawn, seen.measured, weights)
         if fit is None:
             return None
         moved = max(np.abs(fit[0] - turn).max(), np.abs(fit[1] - shift).max())
         turn, shift = fit
         if moved < ROUNDING:
             break
-        weights = _trust(np.linalg.norm(measured - own @ turn.T - shift, axis=1))
-        ends = np.cumsum([len(part[0]) for part in parts])[:-1]
-        for index, ((at, turned, seen), trust) in enumerate(zip(parts, np.split(weights, ends), strict=True)):
-            left = (seen - shift) @ turn - at  # in the base's axes
-            if beside:
-                shifts[index] = np.average((turned.mT @ left[..., None])[..., 0], axis=0, weights=trust)
-    own = np.concatenate([at + turned @ aside for (at, turned, _), aside in zip(parts, shifts, strict=True)])
-    before = np.sqrt(((measured - drawn) ** 2).sum(axis=1).mean())
-    after = np.sqrt(np.average(((measured - own @ turn.T - shift) ** 2).sum(axis=1), weights=weights))
+        weights = _trust(np.linalg.norm(seen.measured - seen.drawn @ turn.T - shift, axis=1))
+    asides = np.zeros(3 * len(parts))
+    if beside:
+        turn, shift, asides = seen.with_markers_beside(turn)
+    own = seen.drawn + seen.by_asides @ asides
+    left = np.linalg.norm(seen.measured - own @ turn.T - shift, axis=1)
+    before = np.sqrt(((seen.measured - seen.drawn) ** 2).sum(axis=1).mean())
+    after = np.sqrt(np.average(left**2, weights=_trust(left)))
     by = np.concatenate((-skew(own @ turn.T), np.broadcast_to(np.eye(3), (len(own), 3, 3))), axis=2).reshape(-1, 6)
     deviation = after / np.sqrt(3) * np.sqrt(np.diag(np.linalg.pinv(by.T @ by)))
-    aside = max(float(np.linalg.norm(each)) for each in shifts)
+    aside = float(np.linalg.norm(asides.reshape(-1, 3), axis=1).max())
     return _Motion(turn, shift, deviation, float(before), float(after), aside)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Points (n, 3) where markers are drawn and where they were measured, and how they move with what each sits beside
+    its frame, by_asides (n, 3, 3 m)."""
+
+    drawn: Array
+    measured: Array
+    by_asides: Array
+
+    @classmethod
+    def of(cls, parts: Sequence[tuple[Array, Array, Array]]) -> _Seen:
+        """parts: of each of m markers where its frame is (k, 3), how it is turned (k, 3, 3), and what was measured."""
+        drawn, measured = (np.concatenate([part[index] for part in parts]) for index in (0, 2))
+        by_asides = np.zeros((len(drawn), 3, 3 * len(parts)))
+        end = 0
+        for index, (_, turned, _) in enumerate(parts):
+            by_asides[end : end + len(turned), :, 3 * index : 3 * index + 3] = turned
+            end += len(turned)
+        return cls(drawn, measured, by_asides)
+
+    def with_markers_beside(self, turn: Array) -> tuple[Array, Array, Array]:
+        """Return turn (3, 3), shift (3,) and asides (3 m,) of markers that sit anywhere on their bodies.
+
+        A point that hardly leaves a line tells the turn about it by its marker's place alone, and the closed form
+        `turn` is any then. So Gauss and Newton's steps go from all its quarter turns, to what leaves the least median.
+        """
+        ends = [self._stepped(quarter @ turn) for quarter in Rotation.create_group("O").as_matrix()]
+        return min(ends, key=lambda end: end[0])[1:]
+
+    def _stepped(self, turn: Array) -> tuple[float, Array, Array, Array]:
+        """Return the median distance left, and where steps from a turn (3, 3) lead."""
+        count, asides, scale = self.by_asides.shape[2], np.zeros(self.by_asides.shape[2]), 0.0
+        weights, shifted = np.ones(len(self.drawn)), np.broadcast_to(np.eye(3), (len(self.drawn), 3, 3))
+        for _ in range(ITERATIONS):
+            by_turn = -skew((self.drawn + self.by_asides @ asides) @ turn.T)
+            table = np.concatenate((by_turn, shifted, turn @ self.by_asides), axis=2)
+            off = self.measured - self.drawn @ turn.T
+            trust = np.sqrt(weights)[:, None]
+            near = scale / LEVER * np.eye(count, 6 + count, 6)  # where nothing tells where a marker sits
+            rows = np.concatenate(((trust[:, None] * table).reshape(-1, 6 + count), near))
+            found = np.linalg.lstsq(rows, np.append(trust * off, np.zeros(count)), rcond=None)[0]
+            left = np.linalg.norm(off - table @ found, axis=1)
+            weights, scale, asides = _trust(left), float(np.median(left)), found[6:]
+            turn = rotation_exp(found[:3]) @ turn
+            if np.abs(found[:3]).max() < ROUNDING:
+                break
+        return scale, turn, found[3:6], asides
 
 
 def _trust(distances: Array) -> Array:

@@ -134,7 +134,7 @@ class Spread:
         def speaks(item: Candidate) -> bool:
             if item.of_rigid_joint:
                 return way_told(item.place) in self.yielding
-            return item.law.physics not in self.silent
+            return not item.law.toleranced or item.law.physics not in self.silent
 
         return [item for item in library if not self.kinds or speaks(item)]
 

@@ -90,6 +90,8 @@ class Law(ABC):
     called: ClassVar[str] = ""
     #: True where it is the robot's own weight: every robot has it, and a simulated recording may lack it.
     weighs: ClassVar[bool] = False
+    #: False where no kind of tolerance covers it, though one covers other laws of the same word.
+    toleranced: ClassVar[bool] = True
     #: True where it is how stiff a joint or a machine element is.
     of_stiffness: ClassVar[bool] = False
     #: What all its places are called together where one cause may act at all of them, whatever their names: one clock.

@@ -76,6 +76,7 @@ class PeriodicLeadError(Law):
     )
     neutral: ClassVar = {"sine": 0.0, "cosine": 0.0}
     variant = "periodic"
+    toleranced = False
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(name, self.variant) for name, (_, lead) in screws(mechanism).items() if np.isfinite(lead)]
