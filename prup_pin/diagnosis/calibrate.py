@@ -393,6 +393,12 @@ def calibrate(problem, toleranced: Toleranced, effects: Sequence[Effect] = ()) -
     return settled(problem, _drawn(problem, toleranced, effects, np.inf))
 
 
+def carried(problem, begun: Calibrated) -> Calibrated:
+    """Return a calibration of another problem, with the same parameters and weight, of this one."""
+    here = _at(problem, begun.toleranced, begun.x, begun.effects, None, begun.reach)
+    return _differentiated(problem, here, begun.rounds)
+
+
 def settled(problem, now: Calibrated, rounds: int = ROUNDS) -> Calibrated:
     """Return a calibration that has begun at its end, or where so many rounds lead."""
     for count in range(rounds):

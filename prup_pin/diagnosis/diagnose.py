@@ -15,10 +15,12 @@ from ..errors import InputError, limits_heard
 from ..numbers import number, quantity
 from ..recordings import Recording
 from ..robot import Robot
-from ..simulation import CorrectedModel, as_recorded
+from ..simulation import CorrectedModel, Simulator, as_recorded
 from ..simulation.needs import taking_part
+from .calibrate import carried
+from .candidates import Term
 from .conventions import read_logs
-from .criteria import AS_GOOD, FEW_FITS, LITTLE, MOST_FITS, PARAMETER_COST, beyond_tolerance
+from .criteria import AS_GOOD, FEW_FITS, FEW_ROUNDS, LITTLE, MOST_FITS, MOSTLY, PARAMETER_COST, beyond_tolerance
 from .diagnosis import Diagnosis, Finding, by_recording
 from .efforts import diagnose_efforts
 from .efforts.with_poses import (
@@ -145,7 +147,8 @@ def _diagnosed(
     prepared, found = _under_loads(prepared, robot, recordings, tell)
     if prepared.spread is not None and prepared.spread.repeated(prepared.inputs.blocks):
         # what explains outliers says that they are none
-        prepared, found = _cleaner(prepared, found, prepare(robot, recordings, tell, with_outliers=True), tell)
+        every = prepare(robot, recordings, tell, with_outliers=True, all_over=bool(prepared.kinds))
+        prepared, found = _cleaner(prepared, found, every, tell)
     if prepared.spread is not None and prepared.spread.of_few and not prepared.kinds and not found.is_clean:
         # the few places were not to be found
         prepared, found = _cleaner(prepared, found, prepare(robot, recordings, tell, all_over=True), tell)
@@ -224,23 +227,46 @@ def _under_loads(
     calibrated: _Searched | None = None
     again: _Searched | None = None
     if begun.is_far_from_clean:
-        other = prepare(robot, recordings, tell, all_over=True)
+        other, calibrated = _all_over(robot, recordings, tell)
         if not other.kinds:
             return prepared, _searched(prepared, tell, begun=begun)
-        calibrated = _calibrated(other, tell)
         if other.spread is not None and not other.spread.of_few and _explains_more(calibrated, begun):
             again = _searched(other, tell, begun=calibrated)
             if again.is_clean:
                 return other, again
     few = _searched(prepared, tell, FEW_FITS, begun)
     if not few.is_clean:
-        other = prepare(robot, recordings, tell, all_over=True) if other is None else other
+        if other is None:
+            other, calibrated = _all_over(robot, recordings, tell)
         if other.kinds:
             again = _searched(other, tell, begun=calibrated) if again is None else again
             if _explains_more(again, few):
                 return other, again
     ended = few.selection.fits <= FEW_FITS
     return prepared, few if ended else _searched(prepared, tell, begun=few)
+
+
+def _all_over(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> tuple[Prepared, _Searched]:
+    """Return a preparation with what is off all over, and what the first law beside it leaves.
+
+    A law that no kind stands for is noise to the kinds: beside it they are asked again, while less is taken for noise.
+    """
+    prepared = prepare(robot, recordings, tell, all_over=True)
+    begun = _with_one_law(prepared, tell)
+    for _ in range(FEW_ROUNDS):
+        laws = [term.effect for term in begun.selection.last.terms]
+        if not (prepared.kinds and laws):
+            break
+        other = prepare(robot, recordings, tell, all_over=True, beside=laws)
+        if not other.kinds or _noise_of(other) >= MOSTLY * _noise_of(prepared):
+            break
+        prepared, begun = other, _with_laws(other, begun.selection.last.terms, tell)
+    return prepared, begun
+
+
+def _noise_of(prepared: Prepared) -> float:
+    """Return the noise beside all that is off, positions times orientations, in multiples of that assumed."""
+    return np.inf if prepared.spread is None else float(np.prod(prepared.spread.scale))
 
 
 def _explains_more(again: _Searched, few: _Searched) -> bool:
@@ -284,6 +310,21 @@ def _with_one_law(prepared: Prepared, tell: Tell) -> _Searched:
     return begun._replace(selection=replace(selection, last=last))
 
 
+def _with_laws(prepared: Prepared, terms: Sequence[Term], tell: Tell) -> _Searched:
+    """Return what laws leave that are known by and large: parameters are calibrated and weight is asked beside them."""
+    problem = prepared.problem
+    acting = Simulator(problem.simulator.robot, prepared.inputs, [term.effect for term in terms])
+    start = prepared.within_tolerances(Problem.of(acting, problem.stack, problem.noise), _reach(prepared)).tolerances
+    if start is None:
+        return _with_one_law(prepared, tell)
+    problem = problem.within(carried(problem, start.start))
+    first = problem.first
+    beside = problem.fit_at(terms, first.run, first, start.start.x)
+    last = min((problem.refine(terms, begin) for begin in (first, beside)), key=lambda fit: fit.chi2)
+    selection = replace(Selection.nothing(first, prepared.library), last=last)
+    return _Searched(problem, selection, fold_labels(prepared.inputs.blocks), None)
+
+
 def _searched(prepared: Prepared, tell: Tell, most: int = MOST_FITS, begun: _Searched | None = None) -> _Searched:
     """Return what recordings say of laws and parameters; no further law is looked for after so many fits.
 
@@ -323,6 +364,10 @@ def _weight_asked_again(
         return problem, selection
     without = replace(prepared, library=[item for item in prepared.library if not item.law.weighs])
     light = without.within_tolerances(replace(problem, tolerances=None), _reach(prepared))
+    # laws that stand for weight do as well without it
+    allowed = selection.last.chi2 + PARAMETER_COST * len(selection.last.terms)
+    if light.refine(selection.last.terms, light.first).chi2 > allowed:
+        return problem, selection
     found = select(light, prepared.library, labels, light.first, tell, most)
     costs = [minus_2_log_posterior(each.last, len(prepared.library)) for each in (selection, found)]
     return (light, found) if costs[1] < costs[0] - PARAMETER_COST else (problem, selection)

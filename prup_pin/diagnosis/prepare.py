@@ -109,11 +109,13 @@ def prepare(
     with_outliers: bool = False,
     all_over: bool = False,
     earlier: Earlier | None = None,
+    beside: Sequence[Effect] = (),
 ) -> Prepared:
     """Return the problem that recordings pose to a robot, gross errors left out or not. Raises as `diagnose` does.
 
-    all_over: what a few laws could explain as well is off all over, as what is off under loads may be. earlier: what an
-    earlier diagnosis found acts from the start, and nothing else is taken to be off.
+    all_over: what a few laws could explain as well is off all over, as what is off under loads may be; beside: what
+    acts while that is asked. earlier: what an earlier diagnosis found acts from the start, and nothing else is taken to
+    be off.
     """
     adapted = as_recorded(robot, recordings)
     robot = adapted.robot
@@ -139,7 +141,7 @@ def prepare(
     tell("what is off all over", 0.01)
     loaded = not seen.inputs.weight_alone
     one_by_one = (loaded and not all_over) or earlier is not None
-    spread = None if one_by_one else _off_everywhere(problem, together, library)
+    spread = None if one_by_one else _off_everywhere(problem, together, library, beside)
     noise_unknown = spread is not None and noise.source == "assumed"
     if spread is not None:
         spread = spread.with_all(problem.stack.exists) if with_outliers else spread
@@ -253,15 +255,18 @@ def _library(together: Together, problem: Problem) -> list[Candidate]:
     return under_load(found, problem.nominal)
 
 
-def _off_everywhere(problem: Problem, together: Together, library: Sequence[Candidate]) -> Spread | None:
-    """Return what is off all over a robot that is seen by a pose sensor.
+def _off_everywhere(
+    problem: Problem, together: Together, library: Sequence[Candidate], beside: Sequence[Effect]
+) -> Spread | None:
+    """Return what is off all over a robot that is seen by a pose sensor, beside effects that act.
 
     With the robot's weight, or where it is loaded without: loads may have been told beyond it; alone, weight bends all.
     """
     heavy = next((item for item in library if item.law.weighs and not item.place.aspect), None)
-    ways = [[] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]]
-    if ways[0] and not problem.simulator.inputs.weight_alone:
-        ways.append([])
+    weights = [[] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]]
+    if weights[0] and not problem.simulator.inputs.weight_alone:
+        weights.append([])
+    ways = [[*weight, *beside] for weight in weights]
     # A station for each run is a kind as any other, which the data ask for or not; two do not tell how they scatter.
     own = bool(together.stations) or "pose_sensor" not in together.groups
     several = own and len(np.unique(together.recording.run)) >= (2 if together.stations else FEWEST_OF_KIND)

@@ -197,6 +197,18 @@ def test_gravity_of_the_recording_stands_for_that_of_a_file_without(tmp_path):
     assert found.verdict == "explained"
 
 
+def test_laws_that_cancel_a_weight_which_does_not_act_are_dropped(arm):
+    draw = np.random.default_rng(4)
+    wrench = np.zeros((100, 6))
+    wrench[1::4, 2], wrench[2::4, 0] = -60, 40
+    wrench[3::4] = draw.uniform(-1, 1, (25, 6)) * [40, 40, 40, 4, 4, 4]
+    loaded = replace(standing(arm, np.repeat(draw.uniform(-1.2, 1.2, (25, 6)), 4, axis=0)), wrench=wrench)
+    zero = effect_named("encoder_offset", "joint2", "", {"offset": 0.004}, arm.mechanism)
+    found = diagnose(arm, measured(arm, loaded, [zero]))
+    assert findings(found) == {("encoder_offset", "joint2")}
+    assert found.findings[0].parameters["offset"].value == pytest.approx(0.004, rel=3e-3)
+
+
 def test_an_accelerometers_sign_is_told(arm):
     inputs = standing(arm, np.random.default_rng(2).uniform(-1, 1, (8, 6)), -DOWN[np.zeros(8, int)])
     assert any("opposite of free fall" in text for text in diagnose(arm, measured(arm, inputs, [weight(arm)])).remarks)
