@@ -20,7 +20,6 @@ from ...review import yielding_beside
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, wrench_text
 from ...statics import Compliance
-from ...sweep import indices
 from .values import direction_text, percent_text
 
 #: Units of translations and of rotations, each with how many of them one SI unit is.
@@ -200,9 +199,9 @@ class Answer:
         for name, block in (("force", slice(0, 3)), ("moment", slice(3, 6))):
             part = self.load.wrench[block]
             if part.any():
-                c = self.compliance.C[block, block]
-                stiffness, most = float(indices.along(c, part / np.linalg.norm(part))), float(np.abs(c).max())
-                found[name] = stiffness if 0 < stiffness * _ROUNDING * most < 1 else None
+                c, along = self.compliance.C[block, block], part / np.linalg.norm(part)
+                yielded = float(along @ c @ along)
+                found[name] = 1 / yielded if yielded > _ROUNDING * np.abs(c).max() else None
         return found
 
     @cached_property
