@@ -138,6 +138,8 @@ def test_nothing_missing(clean_bench, diagnosed_clean, run, monkeypatch, tmp_pat
     document = read_json(tmp_path / "diagnosis.json")
     assert (document["verdict"], document["findings"]) == ("nothing_missing", [])
     assert "Nothing is missing" in done.stdout
+    assert "What would have been seen" in done.stdout
+    assert "encoder_offset" in {item["physics"] for item in document["seen"]}
     assert read_model(tmp_path / "corrected_model.json").effects == ()
     assert not (tmp_path / "report.html").exists(), "the report of another recording stayed"
 

@@ -201,6 +201,7 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
         "findings": [_finding(finding, robot, efforts) for finding in diagnosis.findings],
         "calibration": [_calibrated(item) for item in diagnosis.calibration],
         "not_detectable": [_picked(item, hidden) for item in diagnosis.not_detectable],
+        **({"seen": [each._asdict() for each in diagnosis.seen]} if diagnosis.seen else {}),
         "next_experiment": diagnosis.next_experiment,
         **({"proposals": proposed} if (proposed := [_proposal(item) for item in diagnosis.proposals]) else {}),
         **({"judged": judged} if (judged := [_picked(item, "physics word why") for item in diagnosis.judged]) else {}),

@@ -34,6 +34,7 @@ from .diagnosis_words import (
     then_and_now_rows,
     used_text,
     verdict_text,
+    visible_rows,
 )
 from .terminal import bullets, heading, lines_of, listed, paragraph, show_table
 
@@ -209,6 +210,11 @@ def _unit(robot: Robot, channel: str, own: Collection[str]) -> tuple[str, float]
 # -- a diagnosis -------------------------------------------------------------------------------------------------------
 
 
+_SIZES = "from which size, where it shows best to where it shows least"
+#: Of what would have been seen so many kinds are listed.
+_MOST_SEEN = 8
+
+
 def print_diagnosis(
     out: Console, robot: Robot, recording: Recording | Sequence[Recording], diagnosis: Diagnosis
 ) -> None:
@@ -250,6 +256,12 @@ def print_diagnosis(
             paragraph(out, f"({note})")
     if since is not None:
         _print_since(out, since)
+    if rows := visible_rows(diagnosis.seen):
+        heading(out, "What would have been seen", f"({_SIZES}; the hardest to see first)")
+        for physics, sizes in rows[:_MOST_SEEN]:
+            paragraph(out, f"{physics}: {sizes}", "- ")
+        if more := rows[_MOST_SEEN:]:
+            paragraph(out, f"{counted(len(more), 'other kind')} of effects that show better still", "- ")
     if diagnosis.not_detectable:
         print_hidden(out, diagnosis.not_detectable)
     why = diagnosis.next_experiment.get("why")
@@ -266,7 +278,7 @@ def _print_since(out: Console, since: Since) -> None:
         columns = ("", ">then", ">now", ">changed by (95 %)", ">would show from")
         show_table(out, columns, then_and_now_rows(since))
     if rows := seen_rows(since.seen):
-        heading(out, "What else would have been seen", "(from which size, where it shows best to where it shows least)")
+        heading(out, "What else would have been seen", f"({_SIZES})")
         for physics, sizes in rows:
             paragraph(out, f"{physics}: {sizes}", "- ")
 

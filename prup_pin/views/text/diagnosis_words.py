@@ -17,9 +17,9 @@ from ...recordings.columns import AS_LOGGED
 
 if TYPE_CHECKING:
     from ...diagnosis import Diagnosis, Finding
-    from ...diagnosis.diagnosis import Detectable, FittedParameter
+    from ...diagnosis.diagnosis import Detectable, FittedParameter, Seen
     from ...diagnosis.proposal import Proposal
-    from ...diagnosis.since import Changed, Seen, Since
+    from ...diagnosis.since import Changed, Since
 
 #: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
 _ABSURD = 1e9
@@ -729,6 +729,19 @@ def seen_rows(seen: Sequence[Seen]) -> list[tuple[str, str]]:
     return rows
 
 
+def visible_rows(seen: Sequence[Seen]) -> list[tuple[str, str]]:
+    """Return rows as `seen_rows` of what a strong effect would have shown, that first of which least would have."""
+    shown = [item for item in seen if _margin(item) > 1]
+    return seen_rows(sorted(shown, key=_margin))
+
+
+def _margin(item: Seen) -> float:
+    """Return how many times a strong effect is what would have been seen."""
+    if _is_endless(item):
+        return item.smallest / item.strong
+    return abs(item.strong - item.neutral) / abs(item.smallest - item.neutral)
+
+
 def _ends(seen: Sequence[Seen]) -> list[tuple[str, list[Seen]]]:
     """Return, of each physics in words and parameter, the most and the least sensitive place."""
     kinds: dict[tuple[str, str, str], list[Seen]] = {}
@@ -745,7 +758,7 @@ def _off(item: Seen) -> str:
     """Return by how much a parameter must be off to show: a factor or a share in per cent."""
     endless = _is_endless(item)
     size = item.smallest if endless else abs(item.smallest - item.neutral)
-    if item.unit != "1":
+    if item.unit not in ("", "1"):
         shown = quantity(size, item.unit)
     elif size >= _MANY:
         shown = f"{number(size, 2)} times"
