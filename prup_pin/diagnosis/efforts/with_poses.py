@@ -102,6 +102,20 @@ def has_poses(recordings: Sequence[Recording], mechanism: Mechanism) -> bool:
     return any(values is not None and np.isfinite(values).any() for values in groups)
 
 
+def check_measured(robot: Robot, recordings: Sequence[Recording]) -> None:
+    """Raise InputError where no recording holds a pose or an effort of the robot: there is nothing to compare."""
+    if has_poses(recordings, robot.mechanism) or has_efforts(recordings, robot.mechanism) or not recordings:
+        return
+    adapted = as_recorded(robot, recordings)  # it knows names that are nearly right
+    unused = dict.fromkeys(name for item in recordings for name in unused_columns(item, adapted.robot.mechanism)[0])
+    rest = f" Not used were {', '.join(unused)}." if unused else ""
+    raise InputError(
+        f"'{recordings[0].path}' holds no measured pose, of the tool (columns p.x … r.z) or of a marker of the robot, "
+        f"and no effort (columns tau.<joint>): nothing can be compared.{rest} Give it poses or efforts under these "
+        "names; prup-pin import makes them of other ones"
+    )
+
+
 def together_in_time(recordings: Sequence[Recording], mechanism: Mechanism) -> Recording:
     """Return several recordings as one, each a run of its own."""
     if len(recordings) == 1:

@@ -256,11 +256,11 @@ def print_diagnosis(
             paragraph(out, f"({note})")
     if since is not None:
         _print_since(out, since)
-    if rows := visible_rows(diagnosis.seen):
+    if shown := visible_rows(diagnosis.seen):
         heading(out, "What would have been seen", f"({_SIZES}; the hardest to see first)")
-        for physics, sizes in rows[:_MOST_SEEN]:
+        for physics, sizes in shown[:_MOST_SEEN]:
             paragraph(out, f"{physics}: {sizes}", "- ")
-        if more := rows[_MOST_SEEN:]:
+        if more := shown[_MOST_SEEN:]:
             paragraph(out, f"{counted(len(more), 'other kind')} of effects that show better still", "- ")
     if diagnosis.not_detectable:
         print_hidden(out, diagnosis.not_detectable)

@@ -175,11 +175,24 @@ def _percent(share: float) -> str:
 def _all_told(named: Sequence[Finding]) -> list[str]:
     """Return findings for a sentence: each for itself, or where there are many of them, each physics once."""
     if len(named) <= _IN_A_SENTENCE:
-        return [finding_text(finding) for finding in named]
+        return [f"{'either ' * bool(f.alternatives)}{finding_text(f)}{_or_else(f)}" for f in named]
     kinds: dict[str, list[Finding]] = {}
     for finding in named:
         kinds.setdefault(finding.physics, []).append(finding)
     return [f"{finding_text(first)}{f' and {len(others)} more' if others else ''}" for first, *others in kinds.values()]
+
+
+def _or_else(finding: Finding) -> str:
+    """Return ' or creep at leg2/motor' of the law that fits as well, ' or one of 3 other laws' of several."""
+    laws = _alternative_laws(finding)
+    return f" or {laws[0] if len(laws) == 1 else f'one of {len(laws)} other laws'}" if laws else ""
+
+
+def _alternative_laws(finding: Finding) -> list[str]:
+    """Return the laws that fit as well as a finding, in words: 'creep at leg2/motor'."""
+    laws = [name.partition(" at ") for name in finding.alternatives]
+    # a way of writing the log stands there as it is declared
+    return [(law.replace("_", " ") if at else law) + at + place for law, at, place in laws]
 
 
 def _joined(items: Sequence[str]) -> str:
@@ -255,7 +268,7 @@ def summary_text(diagnosis: Diagnosis) -> str:
     every = [finding for finding in every if finding not in logs]
     # large deflections are no fault
     named = [finding for finding in every if finding.physics != "finite_deflection"]
-    causes = [finding.statement for finding in named] if len(named) <= _MOST_TOLD else _all_told(named)
+    causes = [f"{f.statement}{_or_else(f)}" for f in named] if len(named) <= _MOST_TOLD else _all_told(named)
     them = "it" if len(causes) == 1 else "them"
     read = [convention for finding in logs for convention in finding.conventions]
     if len(read) <= _IN_A_SENTENCE:
@@ -451,9 +464,8 @@ def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
         alone = "each alone" if len(parts) > 1 else "alone"
         texts.append(f"of {here}, {places_text(parts)} {alone} would explain as much")
     if finding.alternatives:
-        laws = [name.partition(" at ") for name in finding.alternatives]
-        # a way of writing the log stands there as it is declared
-        told = ", ".join((law.replace("_", " ") if at else law) + at + place for law, at, place in laws[:_MOST_RIVALS])
+        laws = _alternative_laws(finding)
+        told = ", ".join(laws[:_MOST_RIVALS])
         more = len(laws) - _MOST_RIVALS
         texts.append(f"as good a fit: {told}{f' and {more} more, in diagnosis.json' if more > 0 else ''}")
     return texts
@@ -644,7 +656,7 @@ def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
             "Nothing has changed since the earlier test beyond what that could know: what its model leaves is noise "
             f"({after} times it).{number_}"
         )
-    told = ", ".join(f"{_name(item)}{_from_to(item)}" for item in named)
+    told = ", ".join(f"{_name(item)}{_from_to(item)}{_or_else(item)}" for item in named)
     takes = f"the residual falls from {before} to {after} times the noise" if before != after else f"{after} are left"
     if diagnosis.verdict == "explained":
         sensors = all(item.effect is not None and item.effect.law.sensor in SENSORS for item in named)
