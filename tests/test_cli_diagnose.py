@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -154,6 +155,9 @@ def test_what_no_law_explains_has_a_curve(answer_strange):
     assert len(curve["load"]) == len(curve["deformation"]) == len(curve["deviation"]) > 2
     assert set(curve["units"]) == {"load", "deformation"}
     assert "Unexplained" in answer_strange.stdout
+    head, _, *rows = answer_strange.stdout.partition("load [N")[2].splitlines()
+    assert "deformation [µ" in head
+    assert all(re.fullmatch(r"\s+\S+\s+\S+ ± \S+", row) for row in rows[: len(curve["load"])]), rows
 
 
 def without_load(columns):

@@ -12,14 +12,16 @@ from rich.console import Console
 from rich.text import Text
 
 from ...laws import Effect
+from ...laws.drawn import load_units
 from ...laws.efforts.effort_sensor import EffortUnit
-from ...numbers import counted, number, readable_unit, some
+from ...numbers import counted, number, readable_unit, some, uncertain
 from ...recordings import Recording, suspicions
 from ...recordings.columns import AS_LOGGED, unit_of
 from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
 from .diagnosis_words import (
     channel_rows,
+    curve_rows,
     effort_rows,
     finding_groups,
     finding_lines,
@@ -241,6 +243,10 @@ def print_diagnosis(
             paragraph(out, finding_text(finding), f"{index}  ")
             for text in finding_lines(diagnosis, finding):
                 paragraph(out, text, "   ")
+            if finding.curve is not None:
+                load, deformation = load_units(robot.mechanism, finding.curve.module, finding.curve.component)
+                columns = (f">load [{load}]", f">deformation [µ{deformation}]")
+                show_table(out, columns, curve_rows(finding.curve), indent=5)
     for proposal in diagnosis.proposals:
         heading(out, f"A formula for what is left at {proposal.joint}")
         for text in proposal_lines(proposal):
@@ -326,8 +332,8 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
     for place, item in enumerate(known):
         if place < _SHOWN or abs(item.x) > _FAR:
             unit, factor = readable_unit(max(abs(item.value), item.sd), item.deviation.unit)
-            value = f"{number(factor * item.value, 5)} ± {number(factor * item.sd, 2)}"
-            rows.append((item.name, value, unit, f"{item.x:+.2f}", f"{number(100 * item.share, 3)} %"))
+            value = uncertain(factor * item.value, factor * item.sd)
+            rows.append((item.name, value, unit, f"{item.x:+.2f}", f"{number(100 * item.share, 2)} %"))
     show_table(out, ("", ">calibrated", "", ">off", ">known"), rows)
     if found.twins:
         heading(out, "Told only together")

@@ -11,13 +11,14 @@ import numpy as np
 
 from ...dynamics.smoothing import pieces
 from ...laws.efforts import EFFORT
-from ...numbers import counted, number, quantity, readable_unit
+from ...numbers import counted, number, quantity, readable_unit, uncertain
 from ...recordings import SENSORS, Convention, Recording
 from ...recordings.columns import AS_LOGGED
 
 if TYPE_CHECKING:
     from ...diagnosis import Diagnosis, Finding
     from ...diagnosis.diagnosis import Detectable, FittedParameter, Seen
+    from ...diagnosis.locate import LocalCurve
     from ...diagnosis.proposal import Proposal
     from ...diagnosis.since import Changed, Since
 
@@ -217,6 +218,9 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     for index, finding in enumerate(diagnosis.told, 1):
         lines += ["", f"{index}  {finding_text(finding)}"]
         lines += [f"   {text}" for text in finding_lines(diagnosis, finding, len(finding.parameters))]
+        if finding.curve is not None:
+            lines.append("   its load [N, N m]: deformation [µm, µrad]")
+            lines += [f"{load:>12}: {deformation}" for load, deformation in curve_rows(finding.curve)]
     return "\n".join(lines)
 
 
@@ -249,13 +253,15 @@ def finding_lines(diagnosis: Diagnosis, finding: Finding, most: int = MOST_PARAM
     lines += [f"{name} {value} (95 %: {interval})" for name, value, interval in alone[:shown]]
     if shown < len(alone):
         lines.append(f"and {len(alone) - shown} more, in diagnosis.json")
-    if finding.curve is not None:
-        pairs = zip(finding.curve.load, finding.curve.deformation, strict=True)
-        points = "  ".join(f"{number(load, 3)}: {number(1e6 * moved, 3)}" for load, moved in pairs)
-        lines.append(f"curve, load [N, N m]: deformation [µm, µrad]  {points}")
     lines += [*alternative_text(diagnosis, finding), cost_text(finding)]
     lines.append(f"to do: {finding.remedy}" if finding.remedy else "")
     return [line for line in lines if line]
+
+
+def curve_rows(curve: LocalCurve) -> list[tuple[str, str]]:
+    """Return rows of a curve that was recovered: load [N, N m], deformation with its uncertainty [µm, µrad]."""
+    points = zip(curve.load, 1e6 * curve.deformation, 1e6 * curve.deviation, strict=True)
+    return [(number(load, 3), uncertain(moved, deviation)) for load, moved, deviation in points]
 
 
 def summary_text(diagnosis: Diagnosis) -> str:
