@@ -331,7 +331,9 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
     known = [item for item in found.parameters if item.learned > _UNSEEN]
     for place, item in enumerate(known):
         if place < _SHOWN or abs(item.x) > _FAR:
-            unit, factor = readable_unit(max(abs(item.value), item.sd), item.deviation.unit)
+            unit, factor = readable_unit(largest := max(abs(item.value), item.sd), item.deviation.unit)
+            if unit in ("", "1") and largest < 1e-3:
+                unit, factor = "ppm", 1e6
             value = uncertain(factor * item.value, factor * item.sd)
             rows.append((item.name, value, unit, f"{item.x:+.2f}", f"{number(100 * item.share, 2)} %"))
     show_table(out, ("", ">calibrated", "", ">off", ">known"), rows)

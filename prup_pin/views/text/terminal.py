@@ -167,16 +167,35 @@ def _width(out: Console, table: Table) -> int:
 
 def print_table(out: Console, table: Table, indent: int = 2) -> None:
     """Print a table, indented. Where it is too wide, columns of words are broken between words; a number, a name or a
-    unit never is: then lines are longer than the terminal, which breaks them without losing anything.
+    unit never is: a row that is still too wide has its name on a line above it.
     """
     room = out.width - indent
     if not fits(out, table, indent):
         _narrow(out, table, _width(out, table) - room)
+    names: list[str] = []
+    in_lines = not any("\n" in str(cell) for column in table.columns for cell in column.cells)
+    if _width(out, table) > room and table.columns[0].justify == "left" and in_lines:
+        rest = _without_first(table)
+        if _width(out, rest) <= room:
+            names, table = [str(name) for name in table.columns[0].cells], rest
     wide = out.options.update(width=max(room, _width(out, table)))
-    for line in out.render_lines(table, wide, pad=False, new_lines=False):
+    lines = out.render_lines(table, wide, pad=False, new_lines=False)
+    for row, line in enumerate(lines, len(names) - len(lines)):
+        if names and row >= 0:
+            out.print(Text(f"{' ' * indent}{names[row]}"), soft_wrap=True)
         text = Text.assemble(" " * indent, *((segment.text, segment.style or "") for segment in line))
         text.rstrip()
         out.print(text, soft_wrap=True)
+
+
+def _without_first(table: Table) -> Table:
+    """Return a table without its first column, with a row in a line each."""
+    rest = Table(box=table.box, show_edge=False, pad_edge=False, padding=table.padding, header_style="bold")
+    for column in table.columns[1:]:
+        rest.add_column(column.header, justify=column.justify, no_wrap=True)
+    for row in zip(*(column.cells for column in table.columns[1:]), strict=True):
+        rest.add_row(*row)
+    return rest
 
 
 def _narrow(out: Console, table: Table, excess: int) -> None:
