@@ -373,3 +373,8 @@ def test_a_name_breaks_between_its_words_and_is_escaped():
     assert breakable("shoulder_pan_joint") == "shoulder_<wbr>pan_<wbr>joint"
     assert breakable("a_b<script>") == "a_<wbr>b&lt;script&gt;"
     assert breakable("two words_here") == "two words_here"  # escaped by the page
+
+
+def test_no_line_ends_between_a_number_and_its_unit(page):
+    assert re.search(r"\d\N{NO-BREAK SPACE}µm", page)
+    assert not re.search(r"\d (?:µm|mm|µrad|mrad)\b", re.sub(r"<img[^>]*>", "", page))

@@ -56,6 +56,11 @@ _KEPT = re.compile(
 _HELD = "\N{NO-BREAK SPACE}"
 
 
+def with_units_held(text: str) -> str:
+    """Return a text in which no line ends between a number and its unit, by no-break spaces."""
+    return _KEPT.sub(_HELD, text)
+
+
 def lines_of(text: str, width: int, first: str = "", then: str = "") -> list[str]:
     """Return a text broken into lines, in which a number keeps its unit.
 
@@ -64,7 +69,7 @@ def lines_of(text: str, width: int, first: str = "", then: str = "") -> list[str
     room = width - max(len(first), len(then))
     words = (_pieces(word, room) if len(word) > room else word for word in text.split(" "))
     broken = textwrap.wrap(
-        _KEPT.sub(_HELD, " ".join(words)),
+        with_units_held(" ".join(words)),
         width,
         initial_indent=first,
         subsequent_indent=then,
