@@ -285,6 +285,20 @@ def test_effects(run, bench, effect, text):
     refused(run("simulate", bench, "--out", "x.csv", "--effect", effect), "--effect", text)
 
 
+def test_all_effects_without_effect_are_told(run, bench, tmp_path):
+    rubs = [f"coulomb_friction@leg{leg}_slide:effort limit=3 presliding=1e-5" for leg in (1, 2)]
+    said = "coulomb_friction at leg1_slide", "coulomb_friction at leg2_slide"
+    refused(run("simulate", bench, "--out", tmp_path / "x.csv", *(f"--effect={each}" for each in rubs)), *said)
+
+
+def test_what_changes_nothing_at_a_value_need_not_be_typed_beside_its_like(capsys):
+    mechanism = prup_pin.load("3prup").mechanism
+    turned = parse_effect("pose_sensor_misalignment@pose_sensor rz=1mrad", mechanism)
+    assert turned.values["rz"] == 1e-3
+    assert not any(value for name, value in turned.values.items() if name != "rz")
+    assert "not given, so without effect: " in capsys.readouterr().err
+
+
 def test_an_optional_parameter_need_not_be_typed():
     rubs = "coulomb_friction@leg2_slide:effort limit=3 presliding=1e-5"
     assert parse_effect(rubs, prup_pin.load("3prup").mechanism).values == {"limit": 3.0, "presliding": 1e-5}

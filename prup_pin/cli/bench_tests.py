@@ -198,10 +198,13 @@ def _placed(prediction: Prediction, recording: Recording) -> Prediction:
 
 
 def _refuse_idle(robot: Robot, recording: Recording, effects: Sequence[Effect], markers: Sequence[str]) -> None:
-    """Raise InputError where an effect that was typed would change nothing that is simulated."""
+    """Raise InputError where effects that were typed would change nothing that is simulated."""
+    if not effects:
+        return
     adapted = as_recorded(robot, recording)
-    for idle in simulation.idle_effects(adapted.robot, adapted.recordings[0], effects, markers):
-        raise InputError(f"--effect: {idle}")
+    idle = list(simulation.idle_effects(adapted.robot, adapted.recordings[0], effects, markers))
+    if idle:
+        raise InputError("\n".join(f"--effect: {text}" for text in idle))
 
 
 def _simulated(

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+
+import typer
 
 from ..errors import InputError, UnknownNameError
-from ..laws import Effect
+from ..laws import Effect, Law, Place
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..simulation.model_file import law_named, place_named
@@ -36,6 +39,11 @@ def parse_effect(text: str, mechanism: Mechanism, option: str = "--effect") -> E
                 raise InputError(f"{key} is given twice")
             unit = quantities[key].unit
             values[key] = parse_quantity(value, dimension_of(unit), option, text, text.index(assignment), unit)
+        left_out = _neutral_beside(values, law, place, mechanism)
+        if left_out:
+            taken = ", ".join(f"{key} = {number(value)}" for key, value in left_out.items())
+            typer.echo(f"{option} {physics}@{typed}: not given, so without effect: {taken}", err=True)
+        values |= left_out
         missing = [item for item in quantities.values() if item.name not in {*values, *law.optional}]
         if missing:
             usual = law.starts(place, mechanism)[0]
@@ -47,6 +55,18 @@ def parse_effect(text: str, mechanism: Mechanism, option: str = "--effect") -> E
     except InputError as error:
         message = str(error)
         raise InputError(message if message.startswith(option) else f"{option} '{text}': {message}") from None
+
+
+def _neutral_beside(values: Mapping[str, float], law: Law, place: Place, mechanism: Mechanism) -> dict[str, float]:
+    """Return the parameters that were not typed and change nothing at a value, beside one of their kind that was."""
+    starts, neutral = law.starts(place, mechanism)[0], law.neutral_at(place, mechanism)
+    kind = {
+        item.name: neutral[item.name]
+        for item in law.quantities_at(place, mechanism)
+        if neutral[item.name] != starts[item.name] and item.lowest <= neutral[item.name] <= item.upper
+    }
+    beside = not values.keys().isdisjoint(kind)
+    return {name: value for name, value in kind.items() if beside and name not in {*values, *law.optional}}
 
 
 def _split(typed: str, physics: str, mechanism: Mechanism) -> tuple[str, str, str]:
