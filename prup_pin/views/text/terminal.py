@@ -161,9 +161,11 @@ def show_table(out: Console, columns: Sequence[str], rows: Iterable[Sequence[str
 
 def fits(out: Console, table: Table, indent: int = 2) -> bool:
     """Return True where a table fits with nothing in it broken, its columns closer to each other if need be."""
-    if _width(out, table) + indent > out.width:
+    width = _width(out, table)
+    if width + indent > out.width:
         table.padding = (0, 1, 0, 0)
-    return _width(out, table) + indent <= out.width
+        width = _width(out, table)
+    return width + indent <= out.width
 
 
 def _width(out: Console, table: Table) -> int:
@@ -175,16 +177,13 @@ def print_table(out: Console, table: Table, indent: int = 2) -> None:
     unit never is: a row that is still too wide has its name on a line above it.
     """
     room = out.width - indent
+    names: list[str] = []
+    width = room
     if not fits(out, table, indent):
         _narrow(out, table, _width(out, table) - room)
-    names: list[str] = []
-    in_lines = not any("\n" in str(cell) for column in table.columns for cell in column.cells)
-    if _width(out, table) > room and table.columns[0].justify == "left" and in_lines:
-        rest = _without_first(table)
-        if _width(out, rest) <= room:
-            names, table = [str(name) for name in table.columns[0].cells], rest
-    wide = out.options.update(width=max(room, _width(out, table)))
-    lines = out.render_lines(table, wide, pad=False, new_lines=False)
+        names, table = _names_apart(out, table, room)
+        width = max(room, _width(out, table))
+    lines = out.render_lines(table, out.options.update(width=width), pad=False, new_lines=False)
     for row, line in enumerate(lines, len(names) - len(lines)):
         if names and row >= 0:
             out.print(Text(f"{' ' * indent}{names[row]}"), soft_wrap=True)
@@ -193,14 +192,18 @@ def print_table(out: Console, table: Table, indent: int = 2) -> None:
         out.print(text, soft_wrap=True)
 
 
-def _without_first(table: Table) -> Table:
-    """Return a table without its first column, with a row in a line each."""
+def _names_apart(out: Console, table: Table, room: int) -> tuple[list[str], Table]:
+    """Return the names of rows that are too wide, and the table without them; no names where that does not help."""
+    first, *others = table.columns
+    in_lines = not any("\n" in str(cell) for column in table.columns for cell in column.cells)
+    if _width(out, table) <= room or first.justify != "left" or not in_lines:
+        return [], table
     rest = Table(box=table.box, show_edge=False, pad_edge=False, padding=table.padding, header_style="bold")
-    for column in table.columns[1:]:
+    for column in others:
         rest.add_column(column.header, justify=column.justify, no_wrap=True)
-    for row in zip(*(column.cells for column in table.columns[1:]), strict=True):
+    for row in zip(*(column.cells for column in others), strict=True):
         rest.add_row(*row)
-    return rest
+    return ([str(name) for name in first.cells], rest) if _width(out, rest) <= room else ([], table)
 
 
 def _narrow(out: Console, table: Table, excess: int) -> None:
