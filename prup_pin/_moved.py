@@ -96,7 +96,7 @@ MOVED: dict[str, str] = {
     "views.text.check_text": "views.text.robot_files",
     "views.text.compensation_text": "views.text.many_poses",
     "views.text.diagnosis_text": "views.text.bench_tests",
-    "views.text.effect_options": "cli.typed",
+    "views.text.effect_options": "cli.typed_effect",
     "views.text.exported": "views.text.bench_tests",
     "views.text.import_text": "views.text.bench_tests",
     "views.text.joints": "views.text.values",

@@ -8,7 +8,7 @@ from typing import SupportsFloat
 
 import numpy as np
 
-__all__ = ["counted", "finer_units", "fixed", "number", "quantity", "readable_unit", "some"]
+__all__ = ["counted", "finer_units", "fixed", "number", "quantity", "readable_unit", "some", "uncertain"]
 
 #: SI values below this are rounding, whatever their unit: a proton is as wide as 1e-15 m.
 _NOTHING = 1e-15
@@ -49,6 +49,14 @@ def number(value: SupportsFloat, digits: int = 4, signed: bool = False) -> str:
         return text.rstrip("0").rstrip(".") if "." in text else text
     mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
     return f"{mantissa}e{exponent}"
+
+
+def uncertain(value: float, deviation: float, digits: int = 2) -> str:
+    """Return '34.71 ± 0.27': both to as many decimals as show `digits` significant digits of the deviation."""
+    if not 0 < deviation < math.inf:
+        return f"{number(value)} ± {number(deviation)}"
+    decimals = digits - 1 - int(f"{deviation:.{digits - 1}e}".partition("e")[2])
+    return " ± ".join(f"{round(each, decimals) + 0.0:.{max(decimals, 0)}f}" for each in (value, deviation))
 
 
 def fixed(values: Iterable[float], digits: int = 4) -> list[str]:

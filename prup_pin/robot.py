@@ -13,10 +13,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from .design import Design, Target, design
 from .errors import InputError, PrupPinError, RobotFileError, UnreachablePoseError, imported, named, shortened
+from .files import write_whole
 from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
-from .loaded import Chain, LoadedPose, chain_of, find_loaded_pose
 from .mechanism import Mechanism
 from .mechanism.assumed import assumed
 from .mechanism.mjcf_writer import MJCF_ENDINGS, mjcf_of
@@ -24,18 +23,19 @@ from .mechanism.readers import read_content
 from .mechanism.redrawn import dynamics_of
 from .mechanism.writer import urdf_of
 from .parameters import Parameter
-from .recordings.writer import write_whole
-from .sensitivity import Sensitivity, sensitivity_of
 from .spatial import as_wrench
 from .statics import Compliance, StaticsLayout, dimensionless, solve_statics
-from .sweep import Engines, SweepFile, SweepResult, sweep
-from .workspace import Workspace, workspace
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
     from .compensation import Compensation, Effects, PathLike
+    from .design import Design, Target
+    from .loaded import Chain, LoadedPose
+    from .sensitivity import Sensitivity
+    from .sweep import Engines, SweepFile, SweepResult
     from .views.meshcat.view import PoseLike, View
+    from .workspace import Workspace
 
 __all__ = ["Robot"]
 
@@ -87,6 +87,8 @@ class Robot:
 
     @cached_property
     def _chain(self) -> Chain:
+        from .loaded import chain_of
+
         return chain_of(self._statics)
 
     def prepared(self) -> Robot:
@@ -184,6 +186,8 @@ class Robot:
         that of beams along their length. Raises InputError where the pose belongs to another
         robot, NotConvergedError where no equilibrium is found.
         """
+        from .loaded import find_loaded_pose
+
         self._check_own(pose)
         return find_loaded_pose(self._chain, pose, wrench, self._scaling, gravity, spread_weight)
 
@@ -193,10 +197,14 @@ class Robot:
         Values of modules and what follows from them, lengths, places and directions of joints, and masses where
         `gravity` acts. Raises like `equilibrium` and `compliance`.
         """
+        from .sensitivity import sensitivity_of
+
         return sensitivity_of(self.equilibrium(pose, wrench, gravity), self.characteristic_length)
 
     @cached_property
     def _engines(self) -> Engines:
+        from .sweep import Engines
+
         return Engines(self.mechanism, self._kinematics)
 
     def sweep(
@@ -234,6 +242,8 @@ class Robot:
         call goes on where it was interrupted (extra: tables). `progress(done, poses)` is called now and then. Raises
         InputError for what cannot be meant; a pose that fails gets a status, never an error.
         """
+        from .sweep import sweep
+
         return sweep(
             self.mechanism,
             poses,
@@ -271,6 +281,8 @@ class Robot:
 
         Raises InfeasibleDesignError where no design meets the targets, InputError for what cannot be meant.
         """
+        from .design import design
+
         return design(self.mechanism, targets, free, bounds, poses, costs, kinematics=self._kinematics, axes=axes)
 
     def workspace(
@@ -293,6 +305,8 @@ class Robot:
 
         Raises InputError, UnknownNameError for what cannot be meant.
         """
+        from .workspace import workspace
+
         return workspace(
             self.mechanism,
             resolution,

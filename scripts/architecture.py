@@ -58,10 +58,11 @@ def _halves(sides: tuple[float, float]) -> list[tuple[float, float]]:
 #: What every room may import; arrows to them would cover the page.
 GROUND_ROOMS = {
     "errors": "in words",
+    "files": "whole",
     "plugins": "of others",
-    "numbers": "with units",
+    "numbers": "units",
     "spatial": "frames",
-    "parameters": "named",
+    "parameters": "",
 }
 BOXES = {
     "modules": Box(1, LEFT, STIFF, "beams, bearings, screws: equations"),

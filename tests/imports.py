@@ -17,6 +17,7 @@ ROOT = Path(prup_pin.__file__).parent
 #: Lower layers know nothing of higher ones.
 LAYERS = [
     "errors",
+    "files",
     "plugins",
     "numbers",
     "spatial",

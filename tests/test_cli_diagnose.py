@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -138,6 +139,8 @@ def test_nothing_missing(clean_bench, diagnosed_clean, run, monkeypatch, tmp_pat
     document = read_json(tmp_path / "diagnosis.json")
     assert (document["verdict"], document["findings"]) == ("nothing_missing", [])
     assert "Nothing is missing" in done.stdout
+    assert "What would have been seen" in done.stdout
+    assert "encoder_offset" in {item["physics"] for item in document["seen"]}
     assert read_model(tmp_path / "corrected_model.json").effects == ()
     assert not (tmp_path / "report.html").exists(), "the report of another recording stayed"
 
@@ -152,6 +155,9 @@ def test_what_no_law_explains_has_a_curve(answer_strange):
     assert len(curve["load"]) == len(curve["deformation"]) == len(curve["deviation"]) > 2
     assert set(curve["units"]) == {"load", "deformation"}
     assert "Unexplained" in answer_strange.stdout
+    head, _, *rows = answer_strange.stdout.partition("load [N")[2].splitlines()
+    assert "deformation [µ" in head
+    assert all(re.fullmatch(r"\s+\S+\s+\S+ ± \S+", row) for row in rows[: len(curve["load"])]), rows
 
 
 def without_load(columns):
@@ -219,19 +225,6 @@ def test_without_load_nothing_is_missing(run, tmp_path, clean_bench):
     assert any("no load was applied" in text for text in document["remarks"])
 
 
-def test_without_any_pose_it_says_so(clean_bench, run, tmp_path):
-    def blind(columns):
-        return {name: cells for name, cells in columns.items() if name[0] not in "pr"}
-
-    done = run("diagnose", changed(clean_bench, tmp_path, blind), "--out", tmp_path / "out")
-    assert done.exit_code == 0, done.output
-    first, *rest = done.stdout.split("\n\n")
-    assert first.startswith("Nothing could be compared, so nothing can be ruled out: the recording holds no")
-    assert "and no effort (columns tau.<joint>)" in " ".join(first.split())
-    assert "to do: give the recording poses (columns p.x … r.z) or efforts" in " ".join("".join(rest).split())
-    assert read_json(tmp_path / "out" / "diagnosis.json")["residual"]["before"]["fit"] is None
-
-
 # -- what it refuses ---------------------------------------------------------------------------------------------------
 
 
@@ -242,6 +235,16 @@ def refused(done, folder, *parts):
     for part in parts:
         assert part in text
     assert not folder.exists(), "it left something behind"
+
+
+def test_without_any_pose_or_effort_there_is_nothing_to_compare(clean_bench, run, tmp_path):
+    def blind(columns):
+        return {name.replace("p.", "place."): cells for name, cells in columns.items() if name[0] != "r"}
+
+    path = changed(clean_bench, tmp_path, blind)
+    said = "no measured pose", "(columns p.x … r.z)", "no effort (columns tau.<joint>)", "Not used were place.x"
+    refused(run("diagnose", path, "--out", tmp_path / "out"), tmp_path / "out", *said)
+    refused(run("check", path), tmp_path / "out", *said)
 
 
 def test_another_robots_actuators(clean_bench, run, tmp_path):
@@ -377,7 +380,7 @@ def test_noise_declared_far_too_small(clean_bench, run, tmp_path):
     assert document["verdict"] == "nothing_missing"
     assert document["noise"]["source"] == "estimated"
     assert document["noise"]["position"] == pytest.approx(2e-6, rel=0.15)
-    assert any("the residual is noise" in text for text in document["remarks"])
+    assert any("what is left is noise, and larger than declared" in text for text in document["remarks"])
 
 
 @pytest.mark.slow

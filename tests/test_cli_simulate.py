@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import prup_pin
 from prup_pin.cli import app
-from prup_pin.cli.typed import parse_effect
+from prup_pin.cli.typed_effect import parse_effect
 from prup_pin.laws import LAWS
 from prup_pin.laws.efforts import EFFORT_LAWS
 from prup_pin.recordings import Noise, Recording, read_recording, write_plan, write_recording
@@ -283,6 +283,20 @@ def test_which_robot(run, bench):
 )
 def test_effects(run, bench, effect, text):
     refused(run("simulate", bench, "--out", "x.csv", "--effect", effect), "--effect", text)
+
+
+def test_all_effects_without_effect_are_told(run, bench, tmp_path):
+    rubs = [f"coulomb_friction@leg{leg}_slide:effort limit=3 presliding=1e-5" for leg in (1, 2)]
+    said = "coulomb_friction at leg1_slide", "coulomb_friction at leg2_slide"
+    refused(run("simulate", bench, "--out", tmp_path / "x.csv", *(f"--effect={each}" for each in rubs)), *said)
+
+
+def test_what_changes_nothing_at_a_value_need_not_be_typed_beside_its_like(capsys):
+    mechanism = prup_pin.load("3prup").mechanism
+    turned = parse_effect("pose_sensor_misalignment@pose_sensor rz=1mrad", mechanism)
+    assert turned.values["rz"] == 1e-3
+    assert not any(value for name, value in turned.values.items() if name != "rz")
+    assert "not given, so without effect: " in capsys.readouterr().err
 
 
 def test_an_optional_parameter_need_not_be_typed():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from prup_pin.numbers import fixed, number, quantity, readable_unit
+from prup_pin.numbers import fixed, number, quantity, readable_unit, uncertain
 
 
 @pytest.mark.parametrize(
@@ -56,3 +56,17 @@ def test_rounding_is_zero_beside_what_is_not_and_by_itself():
     assert fixed([12.5, 1.2e-27, -3e-16]) == ["12.50", "0", "0"]
     assert fixed([1.2e-27, -3.9e-31]) == ["0", "0"]
     assert fixed([4e9, 1e-7]) == ["4.000e9", "0"]
+
+
+@pytest.mark.parametrize(
+    ("value", "deviation", "text"),
+    [
+        (34.7123, 0.2671, "34.71 ± 0.27"),
+        (-0.00012, 0.0996, "0.00 ± 0.10"),
+        (123456.0, 2345.0, "123500 ± 2300"),
+        (8.7654, 25.3, "9 ± 25"),
+        (1.23456, 0.0, "1.235 ± 0"),
+    ],
+)
+def test_a_value_has_the_digits_that_its_deviation_leaves(value, deviation, text):
+    assert uncertain(value, deviation) == text

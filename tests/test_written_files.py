@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from prup_pin import load
 from prup_pin.cli import app
 from prup_pin.errors import InputError
+from prup_pin.files import write_folder, write_whole
 from prup_pin.recordings import Noise, write_plan
-from prup_pin.recordings.writer import write_folder, write_whole
 from prup_pin.simulation import CorrectedModel, read_model, write_model
 from prup_pin.views.report.diagnosis_files import write_diagnosis
 

@@ -6,6 +6,8 @@ import errno
 import os
 import sys
 from contextlib import suppress
+from importlib import import_module
+from keyword import iskeyword
 from typing import Annotated, Any
 
 import typer
@@ -27,8 +29,42 @@ _UsageError: Any = typer.BadParameter.__bases__[0]
 _PICTURES = ("--png", "--svg", "--pictures")
 
 
+#: The commands in the order in which the help lists them: by panel, each file of this folder with its commands.
+COMMANDS: dict[str, dict[str, tuple[str, ...]]] = {
+    "One pose": {"one_pose": ("stiffness", "view", "report")},
+    "Robots and their files": {"robot_files": ("check", "info", "robots", "examples", "kinds")},
+    "Many poses": {"many_poses": ("sweep", "compensate")},
+    "Bench tests": {
+        "bench_tests": ("import", "diagnose", "follow", "fleet", "calibrate", "predict", "export", "simulate"),
+        "robot_files": ("laws",),
+    },
+}
+_PLACES = {name: (panel, file) for panel, files in COMMANDS.items() for file, names in files.items() for name in names}
+
+
+def _command(name: str) -> Any:
+    """Return a command. Its file is loaded here and not before: no command waits for what another one needs."""
+    from .options import taken_apart
+
+    panel, file = _PLACES[name]
+    module = import_module(f".{file}", __package__)
+    single = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    function = getattr(module, f"{name}_" if iskeyword(name) else name)
+    single.command(name, rich_help_panel=panel)(taken_apart(function))
+    return typer.main.get_command(single)
+
+
 class _Group(TyperGroup):
-    """Turns the package's own errors into one message."""
+    """Loads a command when it is asked for, and turns the package's own errors into one message."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        self.commands: dict[str, Any] = dict.fromkeys(_PLACES)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name in _PLACES and self.commands[cmd_name] is None:
+            self.commands[cmd_name] = _command(cmd_name)
+        return super().get_command(ctx, cmd_name)
 
     def invoke(self, ctx: Any) -> Any:
         try:

@@ -38,11 +38,9 @@ from .options import (
     Stop,
     TolerancesOption,
     Workers,
-    recorded,
-    recording_typed,
-    robot_beside,
 )
 from .processes import processes
+from .recorded import modelled, recorded, recording_typed, robot_beside, robot_of_model
 
 
 def simulate(
@@ -80,8 +78,8 @@ def simulate(
     programme = read_plan(source) if read is None else None
     corrected = read_model(model) if model is not None else None
     named = read.robot if read is not None else programme.robot if programme is not None else None
-    name, loaded, effects = reading.modelled(
-        corrected, robot, lambda: robot_beside(named, source), effect, set_parameters
+    name, loaded, effects = modelled(
+        reading, corrected, robot, lambda: robot_beside(named, source), effect, set_parameters
     )
     typed = effects[len(effects) - len(effect or ()) :]
     if read is not None:
@@ -200,10 +198,13 @@ def _placed(prediction: Prediction, recording: Recording) -> Prediction:
 
 
 def _refuse_idle(robot: Robot, recording: Recording, effects: Sequence[Effect], markers: Sequence[str]) -> None:
-    """Raise InputError where an effect that was typed would change nothing that is simulated."""
+    """Raise InputError where effects that were typed would change nothing that is simulated."""
+    if not effects:
+        return
     adapted = as_recorded(robot, recording)
-    for idle in simulation.idle_effects(adapted.robot, adapted.recordings[0], effects, markers):
-        raise InputError(f"--effect: {idle}")
+    idle = list(simulation.idle_effects(adapted.robot, adapted.recordings[0], effects, markers))
+    if idle:
+        raise InputError("\n".join(f"--effect: {text}" for text in idle))
 
 
 def _simulated(
@@ -285,7 +286,7 @@ def diagnose(
     """What recordings say that the simulation left out: where, which physics, how much of it."""
     from ..diagnosis import diagnose as diagnosed
     from ..diagnosis.proposal import proposed_files
-    from ..recordings.writer import write_folder
+    from ..files import write_folder
     from ..views.report.diagnosis_files import MODEL, check_before, write_diagnosis
     from ..views.text.bench_tests import print_diagnosis
 
@@ -302,7 +303,7 @@ def diagnose(
     named = robot if earlier is None or robot is not None else earlier.robot
     read, name = recorded(recordings, tolerances, named, convention)
     if earlier is not None and robot is None:
-        loaded, understood = reading.of_model(earlier, set_parameters), earlier.read
+        loaded, understood = robot_of_model(reading, earlier, set_parameters), earlier.read
     else:
         loaded, understood = reading.changed(name, set_parameters)
     with progress.stages() as tell:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from ..errors import InputError
-from ..recordings.writer import writable, write_whole
+from ..files import writable, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -31,8 +31,9 @@ from ..views.text.many_poses import print_compensation, print_sweep
 from ..views.text.values import coordinate_text
 from . import progress
 from .files import check_csv, check_folder, folder_for, list_written, write_figures
-from .options import Effects, ModelOption, Reading, RobotName, RobotOption, SetParameters, Workers, robot_beside
+from .options import Effects, ModelOption, Reading, RobotName, RobotOption, SetParameters, Workers
 from .processes import processes
+from .recorded import modelled, robot_beside
 from .typed import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
 
 #: Units of the half sides of the box of wrenches.
@@ -240,8 +241,8 @@ def compensate(
     check_csv(out, path, "path")
     folder_for(plots, "--plots")
     corrected = read_model(model) if model is not None else None
-    name, loaded, effects = reading.modelled(
-        corrected, robot, lambda: robot_beside(robot_named_beside(path), path), effect, set_parameters
+    name, loaded, effects = modelled(
+        reading, corrected, robot, lambda: robot_beside(robot_named_beside(path), path), effect, set_parameters
     )
     read = path_of(loaded, path)
     with progress.stages() as tell:

@@ -10,7 +10,7 @@ import typer
 
 from .. import __version__
 from ..errors import InputError
-from ..recordings.writer import text_of
+from ..files import text_of
 from ..robot import Robot
 from ..views.report.as_json import answer_as_json, dump
 from ..views.text import terminal

@@ -8,31 +8,25 @@ from __future__ import annotations
 import fnmatch
 import inspect
 import json
-import shlex
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
 
 from .. import loading
-from ..errors import InputError, JointLimitWarning, RecordingFileError, UnknownNameError, nearest_names
+from ..errors import InputError, JointLimitWarning, UnknownNameError
 from ..kinematics import ClosedPose
-from ..laws import Effect
 from ..numbers import some
 from ..plugins import along, blaming
-from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
-from ..recordings.reader import ROBOT
 from ..robot import Robot
-from ..robots import as_path, is_file
-from ..simulation import CorrectedModel
 from ..spatial import Array, as_wrench
 from ..statics import Compliance
 from ..views.text.values import coordinate_dimensions, dimension
-from .typed import WRENCH_DIMENSIONS, dimension_of, parse_assignments, parse_effect, parse_list, parse_quantity
+from .typed import WRENCH_DIMENSIONS, dimension_of, parse_assignments, parse_list, parse_quantity
 
 RobotName = Annotated[str, typer.Argument(metavar="ROBOT", help="A name of `prup-pin robots`, or a URDF or MJCF file.")]
 RobotOption = Annotated[
@@ -144,31 +138,6 @@ class Reading:
             return robot, understood
         return robot.with_parameters(changes), replace(understood, parameters=changes)
 
-    def of_model(self, model: CorrectedModel, settings: Sequence[str] | None) -> Robot:
-        """Return the robot of a corrected model with parameters changed as typed; what was typed of its file wins."""
-        typed = self.understood()
-        options = {item.name: getattr(typed, item.name) for item in fields(typed)}
-        robot = replace(model.read, **{name: value for name, value in options.items() if value}).load(model.robot)
-        self.checked(robot)
-        return robot.with_parameters(changes_of(robot, settings or ()))
-
-    def modelled(
-        self,
-        model: CorrectedModel | None,
-        robot: str | None,
-        named: Callable[[], str],
-        effects: Sequence[str] | None,
-        settings: Sequence[str] | None,
-    ) -> tuple[str, Robot, list[Effect]]:
-        """Return name and robot, the model's where none is typed, else what is typed or `named`; and all effects."""
-        if robot is None and model is not None:
-            name, loaded = model.robot, self.of_model(model, settings)
-        else:
-            name = robot or named()
-            loaded, _ = self.changed(name, settings)
-        typed = [parse_effect(text, loaded.mechanism) for text in effects or ()]
-        return name, loaded, [*(model.effects if model else ()), *typed]
-
     def understood(self) -> loading.Reading:
         """Return what was typed, as `prup_pin.loading` takes it."""
         springs: Any = None
@@ -223,86 +192,6 @@ def _parameter_value(robot: Robot, name: str, value: str, setting: str) -> Any:
 
 def _joint_values(text: str, option: str, dimension: str) -> dict[str, float]:
     return parse_assignments(text, {}, option, "joint", default_dimension=dimension)
-
-
-def robot_beside(named: str | None, source: Path) -> str:
-    """Return the robot that a file names; a path may be meant from that file's folder."""
-    if named is None:
-        raise InputError(f"which robot? '{source}' does not say; give --robot, for example --robot 3prup")
-    beside = source.parent / as_path(named)
-    is_path = Path(named).suffix or len(Path(named).parts) > 1
-    return str(beside) if is_path and is_file(beside) else named
-
-
-def recording_typed(path: Path, robot: str | None, conventions: Sequence[str] | None) -> Recording:
-    """Return the recording of a file, written as was typed; what an error advises to type has the robot typed."""
-    try:
-        read = read_recording(path)
-    except RecordingFileError as error:
-        if robot is None or not error.advice:
-            raise
-        advice = error.advice.replace(f"--robot {ROBOT}", f"--robot {shlex.quote(robot)}")
-        raise RecordingFileError(path, error.problems, advice) from None
-    return with_conventions(read, conventions)
-
-
-def robot_of_all(recordings: Sequence[Recording]) -> str:
-    """Return the robot that the first of several recordings names that names one."""
-    named = next((recording for recording in recordings if recording.robot is not None), recordings[0])
-    return robot_beside(named.robot, Path(named.path))
-
-
-def recorded(
-    paths: Sequence[Path], tolerances: str | None, robot: str | None, conventions: Sequence[str] | None = None
-) -> tuple[list[Recording], str]:
-    """Return recordings of one device within the tolerances that were typed, and the robot typed or named by them."""
-    read = [_with_tolerances(recording_typed(path, robot, conventions), tolerances) for path in paths]
-    return read, robot or robot_of_all(read)
-
-
-def with_conventions(recording: Recording, typed: Sequence[str] | None) -> Recording:
-    """Return the recording written as was typed, COLUMNS=WORD each; without any as it is."""
-    if not typed:
-        return recording
-    found = []
-    for text in typed:
-        columns, equals, said = text.partition("=")
-        if not equals:
-            raise InputError(f"--convention {text}: expected COLUMNS=WORD, for example wrench=reaction")
-        try:
-            found.append(convention_of(columns.strip(), said.strip(), joints_of(recording)))
-        except InputError as error:
-            raise InputError(f"--convention {text}: {error}") from None
-    return replace(recording, conventions=tuple(found))
-
-
-def tolerances_named(name: str) -> Tolerances:
-    """Return the tolerances of that name or file."""
-    named = {"typical": TYPICAL, "arm": ARM, "none": Tolerances()}
-    if name in named:
-        return named[name]
-    if ("=" in name or name[:1].isdigit()) and not is_file(Path(name)):
-        pairs = [part.partition("=") for part in (name if "=" in name else f"stiffness={name}").split(",")]
-        inside = ", ".join(f'"{key.strip()}": {value.strip().replace("%", "e-2") or "0.1"}' for key, _, value in pairs)
-        raise InputError(
-            f"--tolerances '{name}': expected typical, arm, none or a JSON file. Write {{{inside}}} into a file "
-            "tolerances.json, and --tolerances tolerances.json"
-        )
-    if not Path(name).suffix and not is_file(Path(name)):
-        near = nearest_names(name, list(named))
-        raise InputError(f"--tolerances '{name}': expected typical, arm, none or a JSON file. {near}")
-    return read_tolerances(name)
-
-
-def _with_tolerances(recording: Recording, name: str | None) -> Recording:
-    """Return the recording with the tolerances of that name or file; without a name as it is."""
-    if name is None:
-        return recording
-    wanted, declared = tolerances_named(name), recording.tolerances.declared
-    remarks = recording.remarks
-    if declared and wanted != recording.tolerances:
-        remarks = (*remarks, f"The declared tolerances of {', '.join(declared)} give way to --tolerances {name}.")
-    return replace(recording, tolerances=wanted, remarks=remarks)
 
 
 def _bring(context: typer.Context, files: list[Path]) -> None:

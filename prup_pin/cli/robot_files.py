@@ -12,8 +12,8 @@ import typer
 
 from .. import __version__
 from ..errors import InputError, SingularPoseError, UnknownNameError, UnreachablePoseError
+from ..files import write_whole
 from ..modules import KINDS
-from ..recordings.writer import write_whole
 from ..robots import examples_folder, packaged_names
 from ..views.report.as_json import dump, info_as_json
 from ..views.text import terminal
@@ -28,18 +28,8 @@ from ..views.text.robot_files import (
 )
 from . import progress
 from .files import list_written, write
-from .options import (
-    AsJson,
-    ConventionOption,
-    Reading,
-    RobotName,
-    RobotOption,
-    TolerancesOption,
-    limits_as_notes,
-    recording_typed,
-    robot_of_all,
-    tolerances_named,
-)
+from .options import AsJson, ConventionOption, Reading, RobotName, RobotOption, TolerancesOption, limits_as_notes
+from .recorded import recording_typed, robot_of_all, tolerances_named
 
 
 def info(

@@ -1,4 +1,4 @@
-"""What people type: numbers with units, lists and assignments of them, effects. Inside the package all is SI."""
+"""What people type: numbers with units, lists and assignments of them. Inside the package all is SI."""
 
 from __future__ import annotations
 
@@ -6,12 +6,8 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 
-from ..errors import InputError, UnknownNameError, nearest_names
-from ..laws import Effect
-from ..mechanism import Mechanism
-from ..numbers import number
+from ..errors import InputError, nearest_names
 from ..parameters import plain_unit
-from ..simulation.model_file import law_named, place_named
 from ..spatial import WRENCH_NAMES
 
 _LENGTH = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6}
@@ -174,57 +170,6 @@ def parse_list(text: str, dimensions: Sequence[str], names: Sequence[str], optio
         parse_quantity(item, dimension, option, text, start)
         for (item, start), dimension in zip(items, dimensions, strict=True)
     ]
-
-
-# -- effects as they are typed -----------------------------------------------------------------------------------------
-
-
-_FORM = re.compile(r"\s*(?P<physics>[^@\s]+)@(?P<place>[^@=]*?)(?P<values>(?:\s+[^\s=]+=\S+)*)\s*")
-_EXPECTED = "expected 'physics@place[:aspect] name=value …', for example 'backlash@leg2/ball_nut half_gap=30um …'"
-
-
-def parse_effect(text: str, mechanism: Mechanism, option: str = "--effect") -> Effect:
-    """Return an effect on this robot; values are SI, or carry a unit. Raises InputError with what was expected."""
-    match = _FORM.fullmatch(text)
-    if match is None:
-        raise InputError(f"{option} '{text}': {_EXPECTED}; `prup-pin laws` lists them")
-    physics, typed = match["physics"], match["place"].strip()
-    try:
-        law_named(physics)
-        name, _, aspect = _split(typed, physics, mechanism)
-        place = place_named(physics, name, aspect, mechanism)
-        law = law_named(physics, place, mechanism)
-        quantities = {quantity.name: quantity for quantity in law.quantities_at(place, mechanism)}
-        values: dict[str, float] = {}
-        for assignment in match["values"].split():
-            key, _, value = assignment.partition("=")
-            if key not in quantities:
-                raise UnknownNameError(f"parameter of {physics}", key, list(quantities))
-            if key in values:
-                raise InputError(f"{key} is given twice")
-            unit = quantities[key].unit
-            values[key] = parse_quantity(value, dimension_of(unit), option, text, text.index(assignment), unit)
-        missing = [item for item in quantities.values() if item.name not in {*values, *law.optional}]
-        if missing:
-            usual = law.starts(place, mechanism)[0]
-            listed = ", ".join(
-                f"{item.name} ({item.expected()}; a fit starts at {number(usual[item.name])})" for item in missing
-            )
-            raise InputError(f"missing {listed}")
-        return Effect(law, place, values).checked(mechanism)
-    except InputError as error:
-        message = str(error)
-        raise InputError(message if message.startswith(option) else f"{option} '{text}': {message}") from None
-
-
-def _split(typed: str, physics: str, mechanism: Mechanism) -> tuple[str, str, str]:
-    """Return name and aspect of 'leg1/R_lambda:tilting'; names of a robot may hold a colon themselves."""
-    try:
-        place_named(physics, typed, "", mechanism)
-        return typed, "", ""
-    except InputError:
-        name, colon, aspect = typed.rpartition(":")
-        return (name.strip(), colon, aspect.strip()) if colon else (typed, "", "")
 
 
 def dimension_of(unit: str) -> str:

@@ -24,6 +24,7 @@ from .criteria import AS_GOOD, FEW_FITS, FEW_ROUNDS, LITTLE, MOST_FITS, MOSTLY, 
 from .diagnosis import Diagnosis, Finding, by_recording
 from .efforts import diagnose_efforts
 from .efforts.with_poses import (
+    check_measured,
     diagnosis_of_efforts,
     has_efforts,
     has_poses,
@@ -87,8 +88,9 @@ def diagnose(
 
     propose: look for formulas where something is unknown (`Diagnosis.proposals`), or at these joints.
 
-    Raises InputError where a recording does not belong to this robot at all (units, frames, another machine) or is
-    given twice, or the earlier model is of another robot, does not say what it knows or was changed by hand;
+    Raises InputError where nothing was measured, where a recording does not belong to this robot at all (units, frames,
+    another machine) or is given twice, or the earlier model is of another robot, does not say what it knows or was
+    changed by hand;
     UnknownNameError where a recording lacks the actuators' positions.
     """
     # With several threads the last digits of a product may differ from run to run, and a close race with them.
@@ -97,6 +99,7 @@ def diagnose(
         tell("how the log is written", 0.0)
         earlier = None
         given = [recording] if isinstance(recording, Recording) else list(recording)
+        check_measured(robot, given)
         given, dead, columns = without_dead_efforts(given, robot.mechanism)
         if against is not None:
             earlier = Earlier.of(against, robot, given)

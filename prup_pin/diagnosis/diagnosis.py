@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -154,6 +154,21 @@ class Detectable:
     below: bool = False
 
 
+class Seen(NamedTuple):
+    """The smallest value of a law's first parameter that would have been seen.
+
+    At `neutral` the law changes nothing, at `strong` as much as a strong one does.
+    """
+
+    physics: str
+    location: str
+    parameter: str
+    unit: str
+    smallest: float
+    neutral: float
+    strong: float
+
+
 def heldout_gain(after: float, before: float) -> float:
     """Return by which share held-out squares fall from `before` to `after`, between 0 and 1."""
     return float(np.clip(1 - after / max(before, 1e-300), 0.0, 1.0))
@@ -200,6 +215,7 @@ class Diagnosis:
     conventions: tuple[tuple[Convention, ...], ...] = ()
     efforts: EffortDiagnosis | None = None  # of drives in motion, where there were any
     posterior: JointPosterior | None = None  # of all values of the effects; None where nothing was compared
+    seen: tuple[Seen, ...] = ()  # what would have been seen, where nothing was found
     since: Since | None = None  # what has changed since an earlier test, where that was asked
     own_by_run: tuple[str, ...] = ()  # sensors that were set up anew for each run, declared or found
     premises: tuple[str, ...] = ()  # what was taken for granted where nothing was recorded, and everything rests on it

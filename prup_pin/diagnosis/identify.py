@@ -39,14 +39,14 @@ from .criteria import (
     MOST_PARAMETERS_TOLD,
     WIDER,
 )
-from .diagnosis import Detectable
+from .diagnosis import Detectable, Seen
 from .problem import Fit, Problem, Term
 from .search import Selection
 
-__all__ = ["Bench", "Pair", "SimulatedTest", "information", "not_detectable", "separation"]
+__all__ = ["Bench", "Pair", "SimulatedTest", "information", "not_detectable", "separation", "visible"]
 
 
-# -- what could not be seen --------------------------------------------------------------------------------------------
+# -- what could not be seen, and what would have been ------------------------------------------------------------------
 
 
 def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator[Detectable]:
@@ -148,6 +148,50 @@ def _smallest_seen(candidate: Candidate, at: Array, seen: float, share: Callable
         else:
             far = guess
     return value_at(far)
+
+
+def visible(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[Seen]:
+    """Yield the smallest size of each law at each place that would have been seen on top of what acts."""
+    least = chi2_isf(FALSE_ALARM / max(len(library), 1), 1)
+    effects, present = [term.effect for term in fit.terms], {term.candidate.name for term in fit.terms}
+    nuisance = problem.nuisance(fit, range(len(fit.terms)))
+    begun = problem.change(fit, effects)
+
+    def share(candidate: Candidate, at: Array) -> float:
+        rest = (problem.change(fit, [*effects, candidate.effect(at)]) - begun).ravel()
+        rest = rest if nuisance is None else nuisance.without(rest)
+        return float(rest @ rest) / least
+
+    for item in library:
+        told = item.law.instead_of is None and item.name not in present and not item.everywhere
+        if told and item.size <= MOST_PARAMETERS_TOLD:
+            size = _smallest_alone(item, share)
+            if size is not None:
+                first = item.quantities[0]
+                neutral = float(item.law.neutral_at(item.place, item.mechanism)[first.name])
+                strong = float(item.values_of(_strong(item))[0])
+                yield Seen(item.law.physics, str(item.place), first.name, first.unit, size, neutral, strong)
+
+
+def _smallest_alone(candidate: Candidate, share: Callable[[Candidate, Array], float]) -> float | None:
+    """Return the size of a law's first parameter alone at which it is just seen; None where it can have none."""
+    low, high = candidate.bounds
+    nothing = candidate.law.neutral_at(candidate.place, candidate.mechanism)
+    at = candidate.coordinates_of(np.array([nothing[item.name] for item in candidate.quantities]))
+    at[0] = candidate.starts()[0][0]
+    at = np.clip(at, low, high)
+    for _ in range(FEW_ROUNDS):
+        values = candidate.values_of(at)
+        seen = share(candidate, at)
+        if not np.isfinite(seen) or not seen > 0:
+            return None
+        values[0] = candidate.law.magnified(float(values[0]), float(np.sqrt(1 / seen)))
+        if not np.isfinite(values[0]) or (candidate.logarithmic[0] and not values[0] > 0):
+            return None
+        at = candidate.coordinates_of(values)
+        if not low[0] <= at[0] <= high[0]:
+            return None
+    return float(candidate.values_of(at)[0])
 
 
 # -- what could be told apart, and where -------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from .efforts.band import band_of, in_motion
 from .efforts.conventions import check_efforts
 from .efforts.evidence import gradients
 from .efforts.prepare import PreparedEfforts
-from .efforts.with_poses import has_efforts, has_poses, unused_by_efforts, without_dead_efforts
+from .efforts.with_poses import check_measured, has_efforts, has_poses, unused_by_efforts, without_dead_efforts
 from .identify import not_detectable
 from .prepare import prepare, silent, unused_columns
 from .search import Selection
@@ -57,6 +57,7 @@ class Prospects:
 def prospects(robot: Robot, recording: Recording) -> Prospects:
     """Return what a recording of a robot could show. Raises as `diagnose` does where it cannot be read that way."""
     with threadpool_limits(1, user_api="blas"), limits_heard() as beyond:
+        check_measured(robot, [recording])
         kept, dead, columns = without_dead_efforts([recording], robot.mechanism)
         logs = read_logs(robot, kept)
         (recording,) = logs.recordings

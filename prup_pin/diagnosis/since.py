@@ -8,10 +8,9 @@ that nothing holds, in its own place; whatever else the library has competes on 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,22 +23,20 @@ from ..numbers import quantity, some
 from ..recordings import ARM, SENSORS, TYPICAL, Recording, Tolerances
 from ..robot import Robot
 from ..simulation import CorrectedModel, Posterior, PosteriorValue
-from ..spatial import Array
 from .calibrate import Toleranced
 from .candidates import Candidate
 from .chances import WITHIN_95, chi2_isf
 from .criteria import (
     FALSE_ALARM,
-    FEW_ROUNDS,
     FREELY,
     MOST_LISTED,
-    MOST_PARAMETERS_TOLD,
     NOTHING,
     ROUNDING,
     STEP,
     WIDEST_LOGARITHM,
 )
-from .diagnosis import Finding, FittedParameter
+from .diagnosis import Finding, FittedParameter, Seen
+from .identify import visible
 from .posterior import covariant_of
 from .problem import Fit, Problem
 
@@ -287,17 +284,6 @@ class Changed:
     seen: float | None
 
 
-class Seen(NamedTuple):
-    """The smallest value of a law's first parameter that would have been seen; at `neutral` the law changes nothing."""
-
-    physics: str
-    location: str
-    parameter: str
-    unit: str
-    smallest: float
-    neutral: float
-
-
 @dataclass(frozen=True, eq=False)
 class Since:
     """What an earlier model and a recording say together.
@@ -318,9 +304,8 @@ def since_of(earlier: Earlier, problem: Problem, fit: Fit, library: Sequence[Can
     least = chi2_isf(FALSE_ALARM / max(len(library), 1), 1)
     changing = [item for item in library if item.law.instead_of is not None]
     values = tuple(each for item in changing for each in _then_and_now(problem, fit, item, least))
-    return Since(
-        earlier.model.notes, earlier.explained, values, tuple(_seen(problem, fit, library, least)), earlier.set_up
-    )
+    seen = tuple(visible(problem, fit, library))
+    return Since(earlier.model.notes, earlier.explained, values, seen, earlier.set_up)
 
 
 def _then_and_now(problem: Problem, fit: Fit, candidate: Candidate, least: float) -> list[Changed]:
@@ -392,48 +377,6 @@ def _smallest_change(
     if not candidate.logarithmic[place]:
         return needed
     return None if needed > FREELY else float(candidate.values_of(here)[place] * np.expm1(needed))
-
-
-def _seen(problem: Problem, fit: Fit, library: Sequence[Candidate], least: float) -> Iterator[Seen]:
-    """Yield the smallest size of each law at each place that would have been seen on top of what acts."""
-    effects, present = [term.effect for term in fit.terms], {term.candidate.name for term in fit.terms}
-    nuisance = problem.nuisance(fit, range(len(fit.terms)))
-    begun = problem.change(fit, effects)
-
-    def share(candidate: Candidate, at: Array) -> float:
-        rest = (problem.change(fit, [*effects, candidate.effect(at)]) - begun).ravel()
-        rest = rest if nuisance is None else nuisance.without(rest)
-        return float(rest @ rest) / least
-
-    for item in library:
-        told = item.law.instead_of is None and item.name not in present and not item.everywhere
-        if told and item.size <= MOST_PARAMETERS_TOLD:
-            size = _smallest(item, share)
-            if size is not None:
-                first = item.quantities[0]
-                neutral = float(item.law.neutral_at(item.place, item.mechanism)[first.name])
-                yield Seen(item.law.physics, str(item.place), first.name, first.unit, size, neutral)
-
-
-def _smallest(candidate: Candidate, share: Callable[[Candidate, Array], float]) -> float | None:
-    """Return the size of a law's first parameter alone at which it is just seen; None where it can have none."""
-    low, high = candidate.bounds
-    nothing = candidate.law.neutral_at(candidate.place, candidate.mechanism)
-    at = candidate.coordinates_of(np.array([nothing[item.name] for item in candidate.quantities]))
-    at[0] = candidate.starts()[0][0]
-    at = np.clip(at, low, high)
-    for _ in range(FEW_ROUNDS):
-        values = candidate.values_of(at)
-        seen = share(candidate, at)
-        if not np.isfinite(seen) or not seen > 0:
-            return None
-        values[0] = candidate.law.magnified(float(values[0]), float(np.sqrt(1 / seen)))
-        if not np.isfinite(values[0]) or (candidate.logarithmic[0] and not values[0] > 0):
-            return None
-        at = candidate.coordinates_of(values)
-        if not low[0] <= at[0] <= high[0]:
-            return None
-    return float(candidate.values_of(at)[0])
 
 
 def told_since(finding: Finding, since: Since) -> Finding:

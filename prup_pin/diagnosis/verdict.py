@@ -28,7 +28,7 @@ from .findings import (
     sensor_displaced,
     with_neutral_values,
 )
-from .identify import not_detectable
+from .identify import not_detectable, visible
 from .locate import recovered, residuals
 from .next_experiment import next_experiment
 from .posterior import joint_posterior
@@ -102,6 +102,7 @@ def verdict_of(
     if prepared.earlier is not None and count:
         since = since_of(prepared.earlier, problem, fit, selection.library)
         findings = [told_since(finding, since) for finding in findings]
+    nothing = verdict == "nothing_missing" and count and since is None
     tell("the next experiment", 0.95)
     noise = problem.noise
     if prepared.assumed and noise.source == "estimated" and noise == prepared.problem.noise:
@@ -116,6 +117,7 @@ def verdict_of(
         by_channel=_channels(problem.stack, samples, before, fit.residual, prepared.raw_linear, raw_after),
         findings=tuple(findings),
         not_detectable=tuple(not_detectable(problem, fit, selection)) if count else (),
+        seen=tuple(visible(problem, fit, selection.library)) if nothing else (),
         next_experiment=next_experiment(problem, selection, final.unknown),
         remarks=tuple(dict.fromkeys(remarks)),
         unused_columns=prepared.unused,

@@ -15,6 +15,7 @@ from lxml import etree
 
 from .. import __version__, robots
 from ..errors import InputError, RobotFileError, SingularPoseError, UnreachablePoseError
+from ..files import write_whole
 from ..laws import Effect, Inputs, Setup
 from ..laws.efforts import EffortLaw
 from ..mechanism import Changes, JointDynamics, Mechanism
@@ -26,7 +27,6 @@ from ..mechanism.redrawn import dynamics_of, redrawn
 from ..mechanism.writer import urdf_of
 from ..numbers import number, quantity
 from ..parameters import SMALLEST_VALUE, Quantity
-from ..recordings.writer import write_whole
 from ..robot import Robot
 from ..simulation import CorrectedModel, Known
 from ..spatial import Array

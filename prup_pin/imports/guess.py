@@ -19,11 +19,11 @@ import numpy as np
 import yaml
 
 from ..errors import InputError
+from ..files import write_whole
 from ..mechanism import Mechanism
 from ..numbers import some
 from ..recordings.columns import is_known, joint_of, unit_of
 from ..recordings.problems import shown
-from ..recordings.writer import write_whole
 from .carriers import carry
 from .clocks import set_beside
 from .columns import Clocks, add_by_unit, add_joints, place_lines, seen_poses, time_column, wrench_lines

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..mechanism import Changes, Mechanism, MovedParts, moved_by_length
+from ..mechanism import Changes, Mechanism, MovedParts
 from ..mechanism.tolerances import kind_of_value, value_tolerances, values_following
 from ..numbers import quantity as quantity_in_words
 from ..parameters import Quantity
@@ -250,7 +250,7 @@ def _lengths(mechanism: Mechanism) -> Iterator[Deviation]:
 
 
 def _other_length(name: str, nominal: float, value: float, setup: Setup) -> Iterator[Deed]:
-    parts = moved_by_length(setup.mechanism, name)
+    parts = setup.mechanism.moved_by_length[name]
     if not parts.only_joints:  # a fixed joint places frames, too: the robot is drawn anew
         yield ChangedLength(name, value - nominal)
         return
@@ -298,7 +298,7 @@ def _not_told_by_lengths(mechanism: Mechanism, joint: int) -> Array:
 def _toleranced(mechanism: Mechanism) -> list[MovedParts]:
     """Return what lengths move that have a tolerance of their own."""
     names = [length.parameter.name for length in mechanism.description.lengths]
-    return [moved_by_length(mechanism, name) for name in names if mechanism.parameters[name].tolerance is not None]
+    return [mechanism.moved_by_length[name] for name in names if mechanism.parameters[name].tolerance is not None]
 
 
 def _beside(told: Sequence[Array]) -> Array:

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..mechanism import Joint, LoopClosure, Mechanism, moved_by_length
+from ..mechanism import Joint, LoopClosure, Mechanism
 from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import Array, axis_as_z
@@ -274,7 +274,7 @@ def _axes_told(mechanism: Mechanism, joints: set[int], ends: set[tuple[int, int]
     tool, told = mechanism.tool, [False, False, False]
     carried = tool is not None and tool.joint == body
     for length in mechanism.description.lengths:
-        moved = moved_by_length(mechanism, length.parameter.name)
+        moved = mechanism.moved_by_length[length.parameter.name]
         shifts = [*moved.joints.values(), *moved.loop_ends.values()]
         shown = tool is not None and tool.name in moved.frames
         if set(moved.joints) != joints or set(moved.loop_ends) != ends or shown != carried or not shifts:

@@ -25,11 +25,11 @@ from ..diagnosis.diagnose import diagnose
 from ..diagnosis.linearised import Linearised
 from ..diagnosis.nuisance import Nuisance
 from ..errors import InputError
+from ..files import json_lines, write_whole
 from ..laws.deviations import Calibration, Deviation, calibration_of
 from ..loading import Reading
 from ..numbers import some
 from ..recordings import KINDS_OF_TOLERANCE, SENSORS, Recording
-from ..recordings.writer import json_lines, write_whole
 from ..robot import Robot
 from ..simulation import CorrectedModel
 from ..simulation.model_file import model_document

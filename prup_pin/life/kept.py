@@ -15,8 +15,8 @@ import numpy as np
 
 from .. import __version__
 from ..errors import InputError
+from ..files import write_whole
 from ..recordings import Recording
-from ..recordings.writer import write_whole
 from ..spatial import Array
 
 __all__ = [

@@ -3,7 +3,7 @@
 from .changes import Changes, JointDynamics
 from .coupling import Coupling
 from .joints import Joint
-from .lengths import MovedParts, moved_by_length
+from .lengths import MovedParts
 from .links import Link
 from .mechanism import Frame, LoopClosure, Mechanism, Module
 from .yielding import WAYS, yielding_module
@@ -20,6 +20,5 @@ __all__ = [
     "Mechanism",
     "Module",
     "MovedParts",
-    "moved_by_length",
     "yielding_module",
 ]

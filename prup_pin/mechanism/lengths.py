@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -38,7 +37,6 @@ class MovedParts:
     only_joints: bool
 
 
-@lru_cache(maxsize=512)  # asked for at every candidate
 def moved_by_length(mechanism: Mechanism, name: str) -> MovedParts:
     """Return what a length moves, by the full name of its parameter. All of it is linear in the length."""
     description = mechanism.description

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -35,6 +35,9 @@ from .joints import Joint, joints_of
 from .links import Link, links_of
 from .load_paths import LoadPaths
 from .yielding import yielding_modules
+
+if TYPE_CHECKING:
+    from .lengths import MovedParts
 
 __all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module", "frames_by_name", "model_of", "with_lengths"]
 
@@ -272,6 +275,13 @@ class Mechanism:
         for name, frame in self._frames.items():
             names.setdefault(frame.joint, name)
         return names
+
+    @cached_property
+    def moved_by_length(self) -> Mapping[str, MovedParts]:
+        """What each length of the robot file moves, by the full name of its parameter."""
+        from .lengths import moved_by_length  # which draws the mechanism anew
+
+        return {item.parameter.name: moved_by_length(self, item.parameter.name) for item in self.description.lengths}
 
     @cached_property
     def links(self) -> tuple[Link, ...]:

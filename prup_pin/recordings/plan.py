@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, UnreachablePoseError
+from ..files import json_lines, write_whole
 from ..spatial import WRENCH_NAMES, Array, as_wrench
 from .columns import LARGEST_GRAVITY, LARGEST_NUMBER, NOISE_KEYS
 from .problems import KeyReader, Problems, is_number, joined, json_kind, read_json_object
 from .reader import noise_of, tolerances_of
 from .recording import Noise, Recording
 from .tolerances import Tolerances
-from .writer import json_lines, write_whole
 
 #: Task coordinates -> positions of the actuated joints [m or rad].
 PoseSolver = Callable[[Mapping[str, float]], Mapping[str, float]]

@@ -1,16 +1,10 @@
-"""Writes recordings and predictions, and text files of any kind: whole or not at all."""
+"""Writes recordings and predictions."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
-import os
-import secrets
-import shutil
-import stat
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..files import json_lines, write_whole
 from ..spatial import Array
 from .columns import AXES, NOISE_KEYS
 from .conventions import as_json
@@ -167,172 +162,3 @@ def _quoted(text: str) -> str:
     csv.writer(stream, lineterminator="").writerow([text])
     # A lone empty cell is quoted by the csv module, lest the row look blank; here it stands in a row of others.
     return "" if not text else stream.getvalue()
-
-
-# -- whole files -------------------------------------------------------------------------------------------------------
-
-
-def json_lines(value: Any) -> Iterable[str]:
-    """Return a JSON file in pieces."""
-    return (json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n",)
-
-
-def text_of(text: str) -> str:
-    """Return a text that can be written: bytes of a file's name that are no UTF-8 become question marks."""
-    return text.encode("utf-8", "replace").decode("utf-8")
-
-
-def writable(path: Path) -> Path:
-    """Return the file that a path stands for, links followed, or raise InputError where none can be written there."""
-    try:
-        target = path.resolve()
-        if target.is_dir():
-            raise InputError(f"cannot write {path}: it is a folder")
-        # what /dev/stdout leads to is there, though its path may be none
-        if not path.is_file() and (path.exists() or os.path.lexists(target)):
-            raise InputError(f"cannot write {path}: it is a pipe or a device, not a file")
-        if not target.parent.is_dir():
-            raise InputError(f"cannot write {path}: No such file or directory: there is no folder {path.parent}")
-    except InputError:
-        raise
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
-    except (RuntimeError, ValueError) as error:  # links in a circle, a NUL character
-        raise InputError(f"cannot write {path}: {error}") from error
-    return target
-
-
-def write_whole(files: Mapping[Path, Iterable[str | bytes]]) -> None:
-    """Write files so that each is there as a whole or as it was before; text as UTF-8.
-
-    Links are followed; a file that was there keeps its mode. Raises InputError.
-    """
-    staged: list[tuple[Path, Path]] = []
-    try:
-        for path, pieces in files.items():
-            target = writable(path)
-            part = target.with_name(f".{secrets.token_hex(6)}.part")
-            staged.append((part, target))
-            _fill(part, pieces, path, like=target)
-        for (part, target), path in zip(staged, files, strict=True):
-            try:
-                os.replace(part, target)
-            except OSError as error:
-                raise InputError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        for part, _ in staged:
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
-
-
-def check_folder_for(folder: Path, names: Iterable[str]) -> None:
-    """Raise InputError, before anything is computed, where a file of --out would replace what it must not."""
-    try:
-        for name in names:
-            check_replaceable(folder / name)
-    except (InputError, OSError) as error:
-        raise InputError(f"--out: {error}") from error
-
-
-def write_folder(folder: Path, files: Mapping[str, Iterable[str]], known: Iterable[str]) -> None:
-    """Write text files of a folder, by their names: all of them are there, or all that were before.
-
-    Those of `known` that are not written are removed; other files stay. The folder is made anew beside the old one,
-    which it then replaces; where other files live in it, or it cannot be replaced, its first file goes first and comes
-    last: what is interrupted is seen to be so. Raises InputError.
-    """
-    known = tuple(known)
-    for name in {*known, *files}:
-        check_replaceable(folder / name)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        target = folder.resolve()
-        others = {path.name for path in target.iterdir()} - {*known, *files}
-    except OSError as error:
-        raise InputError(f"cannot make the folder '{folder}': {error.strerror or error}") from error
-    if any((target / name).is_symlink() for name in known):
-        write_whole({folder / name: pieces for name, pieces in reversed(list(files.items()))})  # links are followed
-        return
-    here = Path.cwd()
-    inside = others or target == here or target in here.parents
-    new = _staging(target if inside else target.parent, target)
-    try:
-        for name, pieces in files.items():
-            _fill(new / name, pieces, folder / name, like=target / name)
-        if inside or not _swapped(new, target):
-            _moved(new, target, tuple(files), known)
-    except OSError as error:
-        raise InputError(f"cannot write to '{folder}': {error.strerror or error}") from error
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
-
-
-def check_replaceable(path: Path) -> None:
-    """Raise InputError where something that is not a file stands where one is to be written."""
-    if os.path.lexists(path):
-        writable(path)
-
-
-def _staging(beside: Path, target: Path) -> Path:
-    """Return a new folder there, or in the target itself where nothing can be made beside it."""
-    for place in dict.fromkeys((beside, target)):
-        new = place / f".{secrets.token_hex(6)}.part"
-        try:
-            new.mkdir(mode=0o700)
-        except OSError as error:
-            wrong = error
-        else:
-            return new
-    raise InputError(f"cannot write to '{target}': {wrong.strerror or wrong}")
-
-
-def _fill(part: Path, pieces: Iterable[str | bytes], path: Path, like: Path) -> None:
-    """Write a new file with the mode of the one that it is to replace."""
-    try:
-        with part.open("xb") as stream:
-            for piece in pieces:
-                stream.write(piece if isinstance(piece, bytes) else piece.encode("utf-8"))
-        with suppress(FileNotFoundError):
-            os.chmod(part, stat.S_IMODE(like.stat().st_mode))
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
-    except UnicodeEncodeError as error:
-        raise InputError(f"cannot write {path}: it would hold half a character ({error.reason})") from error
-
-
-def _swapped(new: Path, target: Path) -> bool:
-    """Put a folder in another one's place; False where that cannot be done and nothing has changed."""
-    if new.parent != target.parent:
-        return False
-    old = new.with_suffix(".old")
-    try:
-        os.chmod(new, stat.S_IMODE(target.stat().st_mode))
-        os.rename(target, old)
-    except OSError:  # where something is mounted, for one
-        return False
-    try:
-        os.rename(new, target)
-    except BaseException:
-        os.rename(old, target)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
-    return True
-
-
-def _moved(new: Path, target: Path, names: tuple[str, ...], known: tuple[str, ...]) -> None:
-    """Move files into a folder in which others live; where one of them cannot be, the old ones come back."""
-    kept = new / "old"
-    kept.mkdir()
-    try:
-        for name in dict.fromkeys((*names, *known)):
-            if os.path.lexists(target / name):
-                os.rename(target / name, kept / name)
-        for name in reversed(names):
-            os.rename(new / name, target / name)
-    except BaseException:
-        for name in names:
-            if not (new / name).exists():
-                (target / name).unlink(missing_ok=True)
-        for path in kept.iterdir():
-            os.rename(path, target / path.name)
-        raise

@@ -12,6 +12,7 @@ import numpy as np
 
 from .. import robots
 from ..errors import InputError, ParameterError, PrupPinError, UnknownNameError, nearest_names
+from ..files import json_lines, write_whole
 from ..laws import LAWS, Effect, Law, Place
 from ..laws.deviations import Calibration, calibration_of
 from ..laws.efforts import EFFORT_LAWS
@@ -25,7 +26,6 @@ from ..recordings.columns import NOISE_KEYS
 from ..recordings.conventions import Convention, as_json
 from ..recordings.problems import KeyReader, Problems, is_number, json_kind, read_json_object, shown
 from ..recordings.reader import conventions_of, noise_of, own_sensors_of
-from ..recordings.writer import json_lines, write_whole
 from ..robot import Robot
 from .needs import as_json as needs_as_json
 from .needs import lacking, needs_of

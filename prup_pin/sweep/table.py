@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, imported
-from ..recordings.writer import write_whole
+from ..files import write_whole
 
 if TYPE_CHECKING:
     import pyarrow

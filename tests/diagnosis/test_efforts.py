@@ -71,6 +71,16 @@ def test_an_axis_as_drawn_misses_nothing(carriage):
     assert found.efforts.shares["carriage"]["heldout"] < 0.05
 
 
+@pytest.mark.parametrize(("physics", "named_here"), [("viscous_friction", "damping"), ("coulomb_friction", "limit")])
+def test_where_nothing_is_missing_it_says_what_would_have_been_seen(carriage, physics, named_here):
+    """The size that is told is the border: a third of it stays unseen, three times as much is found."""
+    (size,) = [item.smallest for item in diagnose(carriage, axis()).seen if item.physics == physics]
+    assert diagnose(carriage, axis(**{named_here: size / 3})).verdict == "nothing_missing"
+    found = diagnose(carriage, axis(**{named_here: 3 * size}))
+    assert named(found) == {(physics, "carriage")}
+    assert found.seen == ()
+
+
 def test_masses_of_links_held_together_stand_in_the_corrected_model_at_their_body(tmp_path):
     """A fixture on the table has a mass of its own, and no place of its own in a motion."""
     held = '<joint name="bolts" type="fixed"><parent link="table"/><child link="fixture"/></joint>'

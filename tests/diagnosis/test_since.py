@@ -99,7 +99,7 @@ def test_what_is_told_stands_in_the_json(found):
     assert (first["parameter"], first["unit"], first["changed"]) == ("half_gap", "rad", True)
     assert first["then"]["value"] < first["now"]["value"]
     assert first["seen_from"] > 0
-    assert {"physics", "location", "parameter", "unit", "smallest", "neutral"} == set(document["seen"][0])
+    assert {"physics", "location", "parameter", "unit", "smallest", "neutral", "strong"} == set(document["seen"][0])
 
 
 def test_a_tracker_that_was_moved_is_told_and_one_that_was_set_up_again_is_not(moved, arm):

@@ -138,7 +138,7 @@ def test_a_command_has_its_options(page, line):
     if words[1] in group.commands:
         known = {
             name
-            for parameter in group.commands[words[1]].params
+            for parameter in group.get_command(None, words[1]).params
             for name in (*parameter.opts, *parameter.secondary_opts)
         }
         for word in words[2:]:

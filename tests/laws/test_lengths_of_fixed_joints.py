@@ -1,5 +1,8 @@
 """Lengths that move fixed joints: the tool's frame, a loop's end, the seat of what comes after."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -11,7 +14,6 @@ from prup_pin.diagnosis.influence import Influence
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.deviations import calibration_of
 from prup_pin.laws.law import is_untold
-from prup_pin.mechanism import moved_by_length
 from prup_pin.recordings import Noise, Recording, add_noise
 from prup_pin.simulation import Simulator, effect_named, inputs_of
 from prup_pin.spatial import rotation_log
@@ -162,11 +164,11 @@ def test_first_order_is_the_simulations_slope(request, name, length, acting):
 
 
 def test_a_length_moves_what_stands_beyond_a_fixed_joint(five_bar, crane):
-    rod = moved_by_length(five_bar.mechanism, "left.rod")
+    rod = five_bar.mechanism.moved_by_length["left.rod"]
     assert (set(rod.joints), set(rod.loop_ends), set(rod.frames)) == (set(), {(0, 0)}, {"endL", "tipL"})
-    jib = moved_by_length(crane.mechanism, "jib.length")
+    jib = crane.mechanism.moved_by_length["jib.length"]
     assert (set(jib.joints), set(jib.links)) == (set(), {"hook"})
-    reach = moved_by_length(crane.mechanism, "shoe.reach")
+    reach = crane.mechanism.moved_by_length["shoe.reach"]
     assert set(reach.joints) == {crane.mechanism.joint("lift").id}
 
 
@@ -200,3 +202,12 @@ def test_a_length_that_the_data_cannot_tell_is_told_as_such(five_bar):
         ("rod", "not determined by this recording", "-50 to 50 mm"),
         ("arm", "800 µm", "790 to 810 µm"),
     ]
+
+
+def test_what_lengths_move_is_kept_by_the_mechanism_alone(five_bar):
+    mechanism = five_bar.mechanism.with_tool("armL")
+    assert mechanism.moved_by_length
+    left = weakref.ref(mechanism)
+    del mechanism
+    gc.collect()
+    assert left() is None

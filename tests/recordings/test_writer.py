@@ -121,7 +121,7 @@ def test_a_failure_leaves_the_old_file(tmp_path, monkeypatch):
     def full_disk(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("prup_pin.recordings.writer.os.replace", full_disk)
+    monkeypatch.setattr("prup_pin.files.os.replace", full_disk)
     with pytest.raises(InputError, match="No space left on device"):
         write_recording(full(9), path)
     assert path.read_bytes() == before

@@ -96,6 +96,7 @@ def test_it_is_printed_by_its_name(five_bar, tmp_path):
     done = CliRunner().invoke(app, asked, env={"COLUMNS": "100"})
     assert done.exit_code == 0, done.output
     text = done.stdout[done.stdout.index("Stiffness K_task at 'left_point', in the task coordinates [N/mm]") :]
+    assert "The one for loads in the task coordinates alone" in text
     rows = [line.split() for line in text.splitlines()[3:5]]
     shown = np.array([[float(number) for number in row[2:]] for row in rows])
     assert [row[:2] for row in rows] == [["x", "N"], ["y", "N"]]

@@ -20,7 +20,7 @@ from prup_pin.laws.efforts.inertial_parameters import InertialParameters
 from prup_pin.numbers import number, quantity
 from prup_pin.recordings import Tolerances, read_plan
 from prup_pin.simulation import read_model
-from prup_pin.views.drawing.diagnosis_figures import _lines, marks
+from prup_pin.views.drawing.diagnosis_figures import _lines, marks, within_all_95
 from prup_pin.views.report import pages
 from prup_pin.views.report.as_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_files import write_diagnosis
@@ -373,3 +373,14 @@ def test_a_name_breaks_between_its_words_and_is_escaped():
     assert breakable("shoulder_pan_joint") == "shoulder_<wbr>pan_<wbr>joint"
     assert breakable("a_b<script>") == "a_<wbr>b&lt;script&gt;"
     assert breakable("two words_here") == "two words_here"  # escaped by the page
+
+
+def test_no_line_ends_between_a_number_and_its_unit(page):
+    assert re.search(r"\d\N{NO-BREAK SPACE}µm", page)
+    assert not re.search(r"\d (?:µm|mm|µrad|mrad)\b", re.sub(r"<img[^>]*>", "", page))
+
+
+def test_the_band_of_a_response_holds_all_its_means_at_once():
+    drawn = np.abs(np.random.default_rng(1).normal(size=(20_000, 13))).max(axis=1)
+    assert np.mean(drawn < within_all_95(13)) == pytest.approx(0.95, abs=0.005)
+    assert within_all_95(1) == pytest.approx(1.96, abs=0.001)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from prup_pin.diagnosis.diagnosis import Detectable
-from prup_pin.diagnosis.since import Seen
-from prup_pin.views.text.diagnosis_words import hidden_rows, seen_rows
+from prup_pin.diagnosis.diagnosis import Detectable, Seen
+from prup_pin.views.text.diagnosis_words import hidden_rows, seen_rows, visible_rows
 
 
 @pytest.mark.parametrize(
@@ -23,7 +22,7 @@ def test_absurd_sizes_are_never_visible(sizes, told):
 
 def test_what_would_have_been_seen_has_each_size_with_its_place_and_says_which_way():
     def rows(*found):
-        return seen_rows([Seen(*each) for each in found])
+        return seen_rows([Seen(*each, strong=1.0) for each in found])
 
     tilt = "root_tilt_compliance", "root_tilting_stiffness", "N m/rad"
     two = [
@@ -39,6 +38,16 @@ def test_what_would_have_been_seen_has_each_size_with_its_place_and_says_which_w
     assert rows(("creep", "motor", "share", "1", 84.7, 0.0))[0][1] == "85 times at motor"
     gaps = [("backlash", place, "half_gap", "m", size, 0.0) for place, size in (("a", 2e-6), ("b", 3e-6))]
     assert rows(*gaps)[0][1] == "2 µm at a to 3 µm at b"
+
+
+def test_what_would_have_been_seen_begins_with_the_hardest_and_leaves_out_what_stays_hidden():
+    seen = [
+        Seen("backlash", "a", "half_gap", "m", 2e-6, 0.0, 2e-4),
+        Seen("backlash", "b", "half_gap", "m", 3e-4, 0.0, 2e-4),  # more than a strong one
+        Seen("root_tilt_compliance", "a", "root_tilting_stiffness", "N m/rad", 2e3, np.inf, 1e3),
+    ]
+    assert [row[0].partition(",")[0] for row in visible_rows(seen)] == ["root tilt compliance", "backlash"]
+    assert visible_rows(seen)[1][1] == "2 µm at a"
 
 
 def test_what_could_not_show_has_its_ends_in_units_of_their_own_with_their_places():

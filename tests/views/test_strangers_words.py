@@ -28,6 +28,7 @@ from prup_pin.views.text.diagnosis_words import (
     cost_text,
     diagnosis_text,
     finding_groups,
+    finding_text,
     length_of,
     multiple_text,
     noise_text,
@@ -273,6 +274,19 @@ def test_of_many_laws_that_fit_as_well_a_few_are_told(diagnosed):
     many = replace(diagnosis.findings[0], alternatives=tuple(f"some_law at j{k}" for k in range(20)))
     (told,) = (text for text in alternative_text(diagnosis, many) if text.startswith("as good a fit"))
     assert told.endswith("some law at j3 and 16 more, in diagnosis.json")
+
+
+def test_laws_that_fit_as_well_stand_in_the_first_line_of_text_and_report(diagnosed):
+    _, _, diagnosis = diagnosed
+    first, *others = (item for item in diagnosis.told if item.physics != "unknown")
+    one, two = (
+        replace(diagnosis, findings=(replace(first, alternatives=laws), *others))
+        for laws in (("creep at leg2/motor",), ("creep at leg2/motor", "shear at robot"))
+    )
+    assert f"with either {finding_text(first)} or creep at leg2/motor" in verdict_text(one)
+    assert f"{first.statement} or creep at leg2/motor" in summary_text(one)
+    assert f"with either {finding_text(first)} or one of 2 other laws" in verdict_text(two)
+    assert "either" not in verdict_text(diagnosis)
 
 
 def test_what_is_missing_without_a_name_has_its_place_in_the_summary(diagnosed):

@@ -74,3 +74,13 @@ def test_an_item_longer_than_a_line_is_wrapped_without_separators():
         "told by what the past",
         "does not foretell",
     ]
+
+
+def test_a_name_too_long_for_its_row_has_a_line_of_its_own():
+    name, numbers = "left_shoulder_of_the_second_arm", ["12.345 N m", "6.789", "1.2 → 3.4"]
+    out = console(40)
+    print_table(out, make_table(("joint", ">noise", ">times", ">left"), [(name, *numbers)]))
+    *_, above, row = out.file.getvalue().splitlines()
+    assert above.strip() == name
+    assert row.split() == " ".join(numbers).split()
+    assert len(row) <= 40

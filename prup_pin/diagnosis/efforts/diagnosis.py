@@ -10,7 +10,7 @@ import numpy as np
 from ...laws import Effect
 from ...laws.efforts import EFFORT_LAWS, EffortLaw
 from ...spatial import Array
-from ..diagnosis import Detectable, Finding, named_in
+from ..diagnosis import Detectable, Finding, Seen, named_in
 from ..proposal import Judged, Proposal
 
 __all__ = ["EffortCurve", "EffortDiagnosis", "effort_curve_of"]
@@ -73,6 +73,7 @@ class EffortDiagnosis:
     sliding: tuple[str, ...] = ()
     premises: tuple[str, ...] = ()
     proposals: tuple[Proposal, ...] = ()  # formulas for what is unknown, where they were asked for
+    seen: tuple[Seen, ...] = ()  # what would have been seen, where nothing was found
     judged: tuple[Judged, ...] = ()  # what this recording says of formulas that were proposed from another one
 
     @property

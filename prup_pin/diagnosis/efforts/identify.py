@@ -9,8 +9,8 @@ import numpy as np
 from ...laws.efforts import EFFORT_LAWS
 from ...spatial import Array
 from ..chances import chi2_isf
-from ..criteria import GAIN, INDISTINCT, MOST, PARAMETER_COST, SURE, TRIED
-from ..diagnosis import Detectable
+from ..criteria import GAIN, INDISTINCT, MOST, PARAMETER_COST, ROUNDING, SURE, TRIED
+from ..diagnosis import Detectable, Seen
 from .bayes_factors import log_bayes_factors
 from .evidence import CrossValidation, gradients, held_out, scores, standard_error
 from .final_state import FinalState
@@ -18,7 +18,7 @@ from .nonlinear import optimised
 from .problem import EffortCandidate, EffortModel
 from .search import squared_strain
 
-__all__ = ["alternatives_to", "efforts_not_detectable"]
+__all__ = ["alternatives_to", "efforts_not_detectable", "efforts_visible"]
 
 
 def alternatives_to(final: FinalState, term: EffortCandidate, without: Array) -> tuple[list[str], list[str]]:
@@ -66,27 +66,32 @@ def alternatives_to(final: FinalState, term: EffortCandidate, without: Array) ->
 
 def efforts_not_detectable(final: FinalState) -> Iterator[Detectable]:
     """Yield laws of one parameter that would have stayed below chance even at a strong size, and joints at rest."""
-    model = final.model.in_problem(final.problem.without_curves())
-    ranked, limit = scores(model)
     for name in final.at.driven:
         for law in EFFORT_LAWS if not final.at.moves(name) else ():
             if law.everywhere and law.of_motion:
                 yield Detectable(law.physics, name, law.linear[0], None, "", f"{name} stood still")
+    for item in efforts_visible(final):
+        if item.smallest > item.strong:
+            reason = "smaller ones are hidden by the residual"
+            yield Detectable(item.physics, item.location, item.parameter, item.smallest, item.unit, reason)
+
+
+def efforts_visible(final: FinalState) -> Iterator[Seen]:
+    """Yield the smallest size of each law of one parameter that data do not ask for, from which they would."""
+    model = final.model.in_problem(final.problem.without_curves())
+    ranked, limit = scores(model)
     seen = {term.name for term in final.model.terms}  # of which more would be no other thing
     gradient, products, _ = gradients(model)
+    sizes = np.diag(products - model.problem.precision())  # of what shows in the data, whatever is known beforehand
+    scatters = np.sqrt((gradient**2).sum(axis=0))
     for score in ranked:
         candidate = score.candidate
         if candidate.size != 1 or candidate.name in seen or score.log_chance < limit:
             continue
         seen.add(candidate.name)
         column = candidate.where.start
-        size, scatter = products[column, column], np.sqrt((gradient**2).sum(axis=0))[column]
-        if not size > 0:
-            continue
-        need = float(np.sqrt(chi2_isf(np.exp(max(limit, -700.0)), 1)) * scatter / size)
-        quantity = candidate.law.quantities_at(candidate.place, final.mechanism)[0]
-        strong = float(quantity.default or 1.0)  # type: ignore[arg-type]
-        if need > abs(strong):
-            yield Detectable(
-                *candidate.name, candidate.law.linear[0], need, quantity.unit, "smaller ones are hidden by the residual"
-            )
+        if sizes[column] > ROUNDING * products[column, column]:
+            need = float(np.sqrt(chi2_isf(np.exp(max(limit, -700.0)), 1)) * scatters[column] / sizes[column])
+            quantity = candidate.law.quantities_at(candidate.place, final.mechanism)[0]
+            strong = abs(float(quantity.default or 1.0))  # type: ignore[arg-type]
+            yield Seen(*candidate.name, candidate.law.linear[0], quantity.unit, need, 0.0, strong)

@@ -19,7 +19,7 @@ from .diagnosis import EffortDiagnosis
 from .final_state import FinalState
 from .findings import beyond_found, gains_found, laws_found
 from .gains import law_of_gains
-from .identify import efforts_not_detectable
+from .identify import efforts_not_detectable, efforts_visible
 from .problem import EffortCandidate
 from .residuals import curves_of, residuals_of
 from .unexplained import structure_left, unexplained
@@ -75,6 +75,7 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
         curves=tuple(curves_of(final)),
         verdict="unexplained" if unknown else "explained" if findings else "nothing_missing",
         not_detectable=tuple(efforts_not_detectable(final)),
+        seen=() if findings or unknown else tuple(efforts_visible(final)),
         advice=advice,
         remarks=tuple(remarks),
         rows=motion.rows[efforts.kept],

@@ -102,6 +102,20 @@ def has_poses(recordings: Sequence[Recording], mechanism: Mechanism) -> bool:
     return any(values is not None and np.isfinite(values).any() for values in groups)
 
 
+def check_measured(robot: Robot, recordings: Sequence[Recording]) -> None:
+    """Raise InputError where no recording holds a pose or an effort of the robot: there is nothing to compare."""
+    if has_poses(recordings, robot.mechanism) or has_efforts(recordings, robot.mechanism) or not recordings:
+        return
+    adapted = as_recorded(robot, recordings)  # it knows names that are nearly right
+    unused = dict.fromkeys(name for item in recordings for name in unused_columns(item, adapted.robot.mechanism)[0])
+    rest = f" Not used were {', '.join(unused)}." if unused else ""
+    raise InputError(
+        f"'{recordings[0].path}' holds no measured pose, of the tool (columns p.x … r.z) or of a marker of the robot, "
+        f"and no effort (columns tau.<joint>): nothing can be compared.{rest} Give it poses or efforts under these "
+        "names; prup-pin import makes them of other ones"
+    )
+
+
 def together_in_time(recordings: Sequence[Recording], mechanism: Mechanism) -> Recording:
     """Return several recordings as one, each a run of its own."""
     if len(recordings) == 1:
@@ -149,6 +163,7 @@ def diagnosis_of_efforts(efforts: EffortDiagnosis, recordings: Sequence[Recordin
         by_channel=_by_channel(efforts),
         findings=efforts.findings,
         not_detectable=efforts.not_detectable,
+        seen=efforts.seen,
         next_experiment={"why": efforts.advice, "plan": {}},
         remarks=tuple(dict.fromkeys((*remarks, *efforts.remarks))),
         unused_columns=tuple(dict.fromkeys(unused)),
@@ -195,6 +210,7 @@ def joined(poses: Diagnosis, efforts: EffortDiagnosis) -> Diagnosis:
         by_channel={**poses.by_channel, **_by_channel(efforts)},
         findings=tuple(findings),
         not_detectable=(*poses.not_detectable, *efforts.not_detectable),
+        seen=(*poses.seen, *efforts.seen) if verdict == "nothing_missing" else (),
         next_experiment={**poses.next_experiment, "why": why},
         remarks=tuple(dict.fromkeys((*told, *efforts.remarks))),
         unused_columns=tuple(name for name in poses.unused_columns if not name.startswith(_OWN)),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import UnknownNameError
-from ...mechanism import Changes, moved_by_length
+from ...mechanism import Changes
 from ...spatial import Array
 from .deed import Deed, Solved
 
@@ -80,7 +80,7 @@ class ChangedLength(Deed):
 
 def _by_length(at: Solved, name: str) -> Array:
     """Return what is watched per length, (n, R): what it places is moved at the present state."""
-    return at.first.by_parts(moved_by_length(at.setup.mechanism, name))
+    return at.first.by_parts(at.setup.mechanism.moved_by_length[name])
 
 
 @dataclass(frozen=True)

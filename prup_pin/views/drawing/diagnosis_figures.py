@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...diagnosis import Diagnosis, Finding
+from ...diagnosis.chances import normal_isf
 from ...diagnosis.efforts import EffortCurve, EffortDiagnosis
 from ...diagnosis.locate import Agreement, Recovered, Residuals
 from ...diagnosis.proposal import Proposal
@@ -195,7 +196,7 @@ def response_figure(finding: Finding, *, narrow: bool = False) -> Figure:
 
 def draw_response(axes, response: Recovered, physics: str, letters: float = 10) -> None:
     """Draw what each sample asks of a finding's place, the means that know no law, and the law."""
-    reach = np.abs(response.curve) + 2 * response.band
+    reach = np.abs(response.curve) + within_all_95(len(response.knots)) * response.band
     if response.law is not None:
         reach = np.concatenate((reach, np.abs(response.law)))
     x_unit, x_factor = readable_unit(float(np.abs(response.x).max(initial=0.0)), response.x_unit)
@@ -209,8 +210,10 @@ def draw_response(axes, response: Recovered, physics: str, letters: float = 10) 
     colours[:, 3] = 0.45 * strong
     axes.scatter(x, y, s=30 if response.path else 9, color=colours, linewidths=0, zorder=2, label="each measured pose")
     if not response.path:
-        axes.fill_between(knots, curve - 1.96 * band, curve + 1.96 * band, color=AFTER, alpha=0.18, lw=0, zorder=3)
-        axes.plot(knots, curve, "o-", color=AFTER, lw=1.4, ms=4, zorder=4, label="means over neighbours, 95 %")
+        wide = within_all_95(len(knots)) * band
+        axes.fill_between(knots, curve - wide, curve + wide, color=AFTER, alpha=0.18, lw=0, zorder=3)
+        told = "means over neighbours; all within the band: 95 %"
+        axes.plot(knots, curve, "o-", color=AFTER, lw=1.4, ms=4, zorder=4, label=told)
     if response.law is not None:
         law, name = y_factor * response.law, f"the law: {physics.replace('_', ' ')}"
         order = np.argsort(x, kind="stable")
@@ -227,6 +230,11 @@ def draw_response(axes, response: Recovered, physics: str, letters: float = 10) 
     axes.set_ylim(max(low - pad, -top), min(high + pad, top))
     labels = (f"{response.x_label} [{x_unit}]", f"{response.y_label} [{y_unit}]")
     plain_axes(axes, letters - 1, labels=labels)
+
+
+def within_all_95(count: int) -> float:
+    """Return within how many standard deviations all of so many independent means lie, with 95 %."""
+    return float(normal_isf((1 - 0.95 ** (1 / count)) / 2))
 
 
 def _agreement_figure(finding: Finding, response: Agreement, narrow: bool) -> Figure:

@@ -13,12 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import PrupPinError
-from ...laws.drawn import load_units
 from ...mechanism.tolerances import value_tolerances
-from ...recordings import Tolerances
-from ...recordings.conventions import as_json
 from ...robot import Robot
-from ...sensitivity import Sensitivity
 from ...spatial import TWIST_NAMES, WRENCH_NAMES
 from ..text.answer import Answer
 from ..text.values import coordinate_dimensions, dimension, joint_type, limits
@@ -31,6 +27,8 @@ if TYPE_CHECKING:
     from ...diagnosis.locate import LocalCurve
     from ...diagnosis.proposal import Proposal
     from ...diagnosis.since import Since
+    from ...recordings import Tolerances
+    from ...sensitivity import Sensitivity
 
 _UNIT = {"length": "m", "angle": "rad", "number": ""}
 
@@ -203,6 +201,7 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
         "findings": [_finding(finding, robot, efforts) for finding in diagnosis.findings],
         "calibration": [_calibrated(item) for item in diagnosis.calibration],
         "not_detectable": [_picked(item, hidden) for item in diagnosis.not_detectable],
+        **({"seen": [each._asdict() for each in diagnosis.seen]} if diagnosis.seen else {}),
         "next_experiment": diagnosis.next_experiment,
         **({"proposals": proposed} if (proposed := [_proposal(item) for item in diagnosis.proposals]) else {}),
         **({"judged": judged} if (judged := [_picked(item, "physics word why") for item in diagnosis.judged]) else {}),
@@ -271,6 +270,7 @@ def _calibrated(item: CalibratedParameter) -> dict[str, Any]:
 
 def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | None = None) -> dict[str, Any]:
     from ...diagnosis.efforts import effort_curve_of
+    from ...recordings.conventions import as_json
 
     value = _picked(finding, "physics location") | {
         "aspect": "" if finding.effect is None else finding.effect.place.aspect,
@@ -298,6 +298,8 @@ def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | N
 
 
 def _curve(curve: LocalCurve, robot: Robot) -> dict[str, Any]:
+    from ...laws.drawn import load_units
+
     module = next(item for item in robot.mechanism.modules if item.name == curve.module)
     load, deformation = load_units(robot.mechanism, curve.module, curve.component)
     return {

@@ -10,9 +10,9 @@ from ...diagnosis import Diagnosis
 from ...diagnosis.conventions import as_diagnosed
 from ...diagnosis.corrected import corrected_model, planned
 from ...errors import InputError
+from ...files import check_folder_for, json_lines, text_of, write_folder
 from ...loading import Reading
 from ...recordings import Recording
-from ...recordings.writer import check_folder_for, json_lines, text_of, write_folder
 from ...robot import Robot
 from ...simulation import as_recorded
 from ...simulation.model_file import model_document

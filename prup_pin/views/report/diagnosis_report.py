@@ -41,6 +41,7 @@ from ..text.diagnosis_words import (
     then_and_now_rows,
     used_text,
     verdict_text,
+    visible_rows,
 )
 from ..text.values import clean, dimension
 from .pages import Picture, as_sentence, page_template, picture
@@ -85,6 +86,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         histogram=picture(figures.histogram_figure, white, begun) if drawn else None,
         begun=begun,
         efforts=None if efforts is None else picture(figures.effort_figure, efforts, pixels=True),
+        visible=visible_rows(diagnosis.seen),
         hidden=hidden_rows(diagnosis.not_detectable),
         remarks=list(diagnosis.remarks),
         why=as_sentence(str(diagnosis.next_experiment.get("why", ""))),

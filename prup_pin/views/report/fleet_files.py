@@ -10,8 +10,8 @@ import numpy as np
 
 from ... import __version__
 from ...errors import MissingExtraError
+from ...files import check_folder_for, json_lines, text_of, write_folder
 from ...life.fleet import Fleet
-from ...recordings.writer import check_folder_for, json_lines, text_of, write_folder
 from ...robot import Robot
 from ...sweep.table import write_table
 from ..text.fleet_words import device_rows, fleet_verdict, law_texts, off_rows, scatter_rows

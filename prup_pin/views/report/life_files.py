@@ -10,8 +10,8 @@ import numpy as np
 
 from ... import __version__
 from ...errors import MissingExtraError
+from ...files import check_folder_for, text_of, write_whole
 from ...life.life import Life
-from ...recordings.writer import check_folder_for, text_of, write_whole
 from ...robot import Robot
 from ...sweep.table import write_table
 from ..text.life_words import by_how_much, change_sentence, life_verdict, recording_rows_of, seen_texts

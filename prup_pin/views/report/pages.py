@@ -9,6 +9,8 @@ import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ..text.terminal import with_units_held
+
 if TYPE_CHECKING:
     from ..drawing.plotting import Figure
 
@@ -24,6 +26,7 @@ def page_template(name: str):
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=lambda value: with_units_held(value) if type(value) is str else value,  # not what is markup already
     )
     # a name alone may break between its words, and not in the middle of one
     environment.filters["breakable"] = lambda text: (

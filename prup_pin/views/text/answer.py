@@ -20,7 +20,6 @@ from ...review import yielding_beside
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, wrench_text
 from ...statics import Compliance
-from ...sweep import indices
 from .values import direction_text, percent_text
 
 #: Units of translations and of rotations, each with how many of them one SI unit is.
@@ -200,9 +199,9 @@ class Answer:
         for name, block in (("force", slice(0, 3)), ("moment", slice(3, 6))):
             part = self.load.wrench[block]
             if part.any():
-                c = self.compliance.C[block, block]
-                stiffness, most = float(indices.along(c, part / np.linalg.norm(part))), float(np.abs(c).max())
-                found[name] = stiffness if 0 < stiffness * _ROUNDING * most < 1 else None
+                c, along = self.compliance.C[block, block], part / np.linalg.norm(part)
+                yielded = float(along @ c @ along)
+                found[name] = 1 / yielded if yielded > _ROUNDING * np.abs(c).max() else None
         return found
 
     @cached_property
@@ -252,6 +251,9 @@ _DIAGONAL = (
     "The diagonal of K is the stiffness in each direction while the other five are held; along a load they are free, "
     "and it is no larger."
 )
+#: Which stiffness is for what, where there are several.
+_TASK = "The one for loads in the task coordinates alone, with the tool free to give way in all other directions."
+_FORCES = "The one for forces alone, with the tool free to turn; where moments act as well, take K_yielding."
 #: What K_yielding depends on, where what is rigid mixes forces with moments.
 _AS_ARCS = (
     "What is rigid mixes a force with a moment: K_yielding counts rotations as arcs of {} mm, the robot's "
@@ -272,7 +274,7 @@ def task_table(answer: Answer) -> MatrixTable | None:
         return None
     tasks = [(task.name, task.name, task.component not in "xyz") for task in answer.mechanism.tasks]
     where = f"at '{answer.tool}', in the task coordinates"
-    return _stiffness("Stiffness K_task", where, answer.task_stiffness, tasks)
+    return replace(_stiffness("Stiffness K_task", where, answer.task_stiffness, tasks), note=_TASK)
 
 
 def translation_table(answer: Answer) -> MatrixTable | None:
@@ -281,7 +283,8 @@ def translation_table(answer: Answer) -> MatrixTable | None:
         return None
     axes, stiffness = answer.translation_stiffness
     where = f"inv(C_tt), at '{answer.tool}', under forces alone, base axes"
-    return _stiffness("Translational stiffness", where, stiffness, [_AXES[i] for i in axes])
+    table = _stiffness("Translational stiffness", where, stiffness, [_AXES[i] for i in axes])
+    return replace(table, note=_FORCES)
 
 
 def yielding_table(answer: Answer) -> MatrixTable | None:

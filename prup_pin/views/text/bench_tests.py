@@ -12,14 +12,16 @@ from rich.console import Console
 from rich.text import Text
 
 from ...laws import Effect
+from ...laws.drawn import load_units
 from ...laws.efforts.effort_sensor import EffortUnit
-from ...numbers import counted, number, readable_unit, some
+from ...numbers import counted, number, readable_unit, some, uncertain
 from ...recordings import Recording, suspicions
 from ...recordings.columns import AS_LOGGED, unit_of
 from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
 from .diagnosis_words import (
     channel_rows,
+    curve_rows,
     effort_rows,
     finding_groups,
     finding_lines,
@@ -34,6 +36,7 @@ from .diagnosis_words import (
     then_and_now_rows,
     used_text,
     verdict_text,
+    visible_rows,
 )
 from .terminal import bullets, heading, lines_of, listed, paragraph, show_table
 
@@ -209,6 +212,11 @@ def _unit(robot: Robot, channel: str, own: Collection[str]) -> tuple[str, float]
 # -- a diagnosis -------------------------------------------------------------------------------------------------------
 
 
+_SIZES = "from which size, where it shows best to where it shows least"
+#: Of what would have been seen so many kinds are listed.
+_MOST_SEEN = 8
+
+
 def print_diagnosis(
     out: Console, robot: Robot, recording: Recording | Sequence[Recording], diagnosis: Diagnosis
 ) -> None:
@@ -235,6 +243,10 @@ def print_diagnosis(
             paragraph(out, finding_text(finding), f"{index}  ")
             for text in finding_lines(diagnosis, finding):
                 paragraph(out, text, "   ")
+            if finding.curve is not None:
+                load, deformation = load_units(robot.mechanism, finding.curve.module, finding.curve.component)
+                columns = (f">load [{load}]", f">deformation [µ{deformation}]")
+                show_table(out, columns, curve_rows(finding.curve), indent=5)
     for proposal in diagnosis.proposals:
         heading(out, f"A formula for what is left at {proposal.joint}")
         for text in proposal_lines(proposal):
@@ -250,6 +262,12 @@ def print_diagnosis(
             paragraph(out, f"({note})")
     if since is not None:
         _print_since(out, since)
+    if shown := visible_rows(diagnosis.seen):
+        heading(out, "What would have been seen", f"({_SIZES}; the hardest to see first)")
+        for physics, sizes in shown[:_MOST_SEEN]:
+            paragraph(out, f"{physics}: {sizes}", "- ")
+        if more := shown[_MOST_SEEN:]:
+            paragraph(out, f"{counted(len(more), 'other kind')} of effects that show better still", "- ")
     if diagnosis.not_detectable:
         print_hidden(out, diagnosis.not_detectable)
     why = diagnosis.next_experiment.get("why")
@@ -266,7 +284,7 @@ def _print_since(out: Console, since: Since) -> None:
         columns = ("", ">then", ">now", ">changed by (95 %)", ">would show from")
         show_table(out, columns, then_and_now_rows(since))
     if rows := seen_rows(since.seen):
-        heading(out, "What else would have been seen", "(from which size, where it shows best to where it shows least)")
+        heading(out, "What else would have been seen", f"({_SIZES})")
         for physics, sizes in rows:
             paragraph(out, f"{physics}: {sizes}", "- ")
 
@@ -313,9 +331,11 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
     known = [item for item in found.parameters if item.learned > _UNSEEN]
     for place, item in enumerate(known):
         if place < _SHOWN or abs(item.x) > _FAR:
-            unit, factor = readable_unit(max(abs(item.value), item.sd), item.deviation.unit)
-            value = f"{number(factor * item.value, 5)} ± {number(factor * item.sd, 2)}"
-            rows.append((item.name, value, unit, f"{item.x:+.2f}", f"{number(100 * item.share, 3)} %"))
+            unit, factor = readable_unit(largest := max(abs(item.value), item.sd), item.deviation.unit)
+            if unit in ("", "1") and largest < 1e-3:
+                unit, factor = "ppm", 1e6
+            value = uncertain(factor * item.value, factor * item.sd)
+            rows.append((item.name, value, unit, f"{item.x:+.2f}", f"{number(100 * item.share, 2)} %"))
     show_table(out, ("", ">calibrated", "", ">off", ">known"), rows)
     if found.twins:
         heading(out, "Told only together")

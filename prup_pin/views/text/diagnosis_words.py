@@ -11,15 +11,16 @@ import numpy as np
 
 from ...dynamics.smoothing import pieces
 from ...laws.efforts import EFFORT
-from ...numbers import counted, number, quantity, readable_unit
+from ...numbers import counted, number, quantity, readable_unit, uncertain
 from ...recordings import SENSORS, Convention, Recording
 from ...recordings.columns import AS_LOGGED
 
 if TYPE_CHECKING:
     from ...diagnosis import Diagnosis, Finding
-    from ...diagnosis.diagnosis import Detectable, FittedParameter
+    from ...diagnosis.diagnosis import Detectable, FittedParameter, Seen
+    from ...diagnosis.locate import LocalCurve
     from ...diagnosis.proposal import Proposal
-    from ...diagnosis.since import Changed, Seen, Since
+    from ...diagnosis.since import Changed, Since
 
 #: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
 _ABSURD = 1e9
@@ -175,11 +176,24 @@ def _percent(share: float) -> str:
 def _all_told(named: Sequence[Finding]) -> list[str]:
     """Return findings for a sentence: each for itself, or where there are many of them, each physics once."""
     if len(named) <= _IN_A_SENTENCE:
-        return [finding_text(finding) for finding in named]
+        return [f"{'either ' * bool(f.alternatives)}{finding_text(f)}{_or_else(f)}" for f in named]
     kinds: dict[str, list[Finding]] = {}
     for finding in named:
         kinds.setdefault(finding.physics, []).append(finding)
     return [f"{finding_text(first)}{f' and {len(others)} more' if others else ''}" for first, *others in kinds.values()]
+
+
+def _or_else(finding: Finding) -> str:
+    """Return ' or creep at leg2/motor' of the law that fits as well, ' or one of 3 other laws' of several."""
+    laws = _alternative_laws(finding)
+    return f" or {laws[0] if len(laws) == 1 else f'one of {len(laws)} other laws'}" if laws else ""
+
+
+def _alternative_laws(finding: Finding) -> list[str]:
+    """Return the laws that fit as well as a finding, in words: 'creep at leg2/motor'."""
+    laws = [name.partition(" at ") for name in finding.alternatives]
+    # a way of writing the log stands there as it is declared
+    return [(law.replace("_", " ") if at else law) + at + place for law, at, place in laws]
 
 
 def _joined(items: Sequence[str]) -> str:
@@ -204,6 +218,9 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     for index, finding in enumerate(diagnosis.told, 1):
         lines += ["", f"{index}  {finding_text(finding)}"]
         lines += [f"   {text}" for text in finding_lines(diagnosis, finding, len(finding.parameters))]
+        if finding.curve is not None:
+            lines.append("   its load [N, N m]: deformation [µm, µrad]")
+            lines += [f"{load:>12}: {deformation}" for load, deformation in curve_rows(finding.curve)]
     return "\n".join(lines)
 
 
@@ -236,13 +253,15 @@ def finding_lines(diagnosis: Diagnosis, finding: Finding, most: int = MOST_PARAM
     lines += [f"{name} {value} (95 %: {interval})" for name, value, interval in alone[:shown]]
     if shown < len(alone):
         lines.append(f"and {len(alone) - shown} more, in diagnosis.json")
-    if finding.curve is not None:
-        pairs = zip(finding.curve.load, finding.curve.deformation, strict=True)
-        points = "  ".join(f"{number(load, 3)}: {number(1e6 * moved, 3)}" for load, moved in pairs)
-        lines.append(f"curve, load [N, N m]: deformation [µm, µrad]  {points}")
     lines += [*alternative_text(diagnosis, finding), cost_text(finding)]
     lines.append(f"to do: {finding.remedy}" if finding.remedy else "")
     return [line for line in lines if line]
+
+
+def curve_rows(curve: LocalCurve) -> list[tuple[str, str]]:
+    """Return rows of a curve that was recovered: load [N, N m], deformation with its uncertainty [µm, µrad]."""
+    points = zip(curve.load, 1e6 * curve.deformation, 1e6 * curve.deviation, strict=True)
+    return [(number(load, 3), uncertain(moved, deviation)) for load, moved, deviation in points]
 
 
 def summary_text(diagnosis: Diagnosis) -> str:
@@ -255,7 +274,7 @@ def summary_text(diagnosis: Diagnosis) -> str:
     every = [finding for finding in every if finding not in logs]
     # large deflections are no fault
     named = [finding for finding in every if finding.physics != "finite_deflection"]
-    causes = [finding.statement for finding in named] if len(named) <= _MOST_TOLD else _all_told(named)
+    causes = [f"{f.statement}{_or_else(f)}" for f in named] if len(named) <= _MOST_TOLD else _all_told(named)
     them = "it" if len(causes) == 1 else "them"
     read = [convention for finding in logs for convention in finding.conventions]
     if len(read) <= _IN_A_SENTENCE:
@@ -451,9 +470,8 @@ def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
         alone = "each alone" if len(parts) > 1 else "alone"
         texts.append(f"of {here}, {places_text(parts)} {alone} would explain as much")
     if finding.alternatives:
-        laws = [name.partition(" at ") for name in finding.alternatives]
-        # a way of writing the log stands there as it is declared
-        told = ", ".join((law.replace("_", " ") if at else law) + at + place for law, at, place in laws[:_MOST_RIVALS])
+        laws = _alternative_laws(finding)
+        told = ", ".join(laws[:_MOST_RIVALS])
         more = len(laws) - _MOST_RIVALS
         texts.append(f"as good a fit: {told}{f' and {more} more, in diagnosis.json' if more > 0 else ''}")
     return texts
@@ -644,7 +662,7 @@ def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
             "Nothing has changed since the earlier test beyond what that could know: what its model leaves is noise "
             f"({after} times it).{number_}"
         )
-    told = ", ".join(f"{_name(item)}{_from_to(item)}" for item in named)
+    told = ", ".join(f"{_name(item)}{_from_to(item)}{_or_else(item)}" for item in named)
     takes = f"the residual falls from {before} to {after} times the noise" if before != after else f"{after} are left"
     if diagnosis.verdict == "explained":
         sensors = all(item.effect is not None and item.effect.law.sensor in SENSORS for item in named)
@@ -729,6 +747,19 @@ def seen_rows(seen: Sequence[Seen]) -> list[tuple[str, str]]:
     return rows
 
 
+def visible_rows(seen: Sequence[Seen]) -> list[tuple[str, str]]:
+    """Return rows as `seen_rows` of what a strong effect would have shown, that first of which least would have."""
+    shown = [item for item in seen if _margin(item) > 1]
+    return seen_rows(sorted(shown, key=_margin))
+
+
+def _margin(item: Seen) -> float:
+    """Return how many times a strong effect is what would have been seen."""
+    if _is_endless(item):
+        return item.smallest / item.strong
+    return abs(item.strong - item.neutral) / abs(item.smallest - item.neutral)
+
+
 def _ends(seen: Sequence[Seen]) -> list[tuple[str, list[Seen]]]:
     """Return, of each physics in words and parameter, the most and the least sensitive place."""
     kinds: dict[tuple[str, str, str], list[Seen]] = {}
@@ -745,7 +776,7 @@ def _off(item: Seen) -> str:
     """Return by how much a parameter must be off to show: a factor or a share in per cent."""
     endless = _is_endless(item)
     size = item.smallest if endless else abs(item.smallest - item.neutral)
-    if item.unit != "1":
+    if item.unit not in ("", "1"):
         shown = quantity(size, item.unit)
     elif size >= _MANY:
         shown = f"{number(size, 2)} times"

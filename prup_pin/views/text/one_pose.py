@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
@@ -10,7 +11,6 @@ from rich.text import Text
 
 from ...numbers import fixed, number, readable_unit, some
 from ...robot import Robot
-from ...sensitivity import Sensitivity
 from ...spatial import TWIST_NAMES, wrench_text
 from .answer import (
     ALONG,
@@ -30,6 +30,9 @@ from .answer import (
 )
 from .terminal import bullets, fits, heading, listed, make_table, paragraph, print_table, show_table
 from .values import percent_text, pose_text, position_text, value_text, workshop_text
+
+if TYPE_CHECKING:
+    from ...sensitivity import Sensitivity
 
 #: Width of a full bar.
 _BAR = 20

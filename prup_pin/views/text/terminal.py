@@ -56,6 +56,11 @@ _KEPT = re.compile(
 _HELD = "\N{NO-BREAK SPACE}"
 
 
+def with_units_held(text: str) -> str:
+    """Return a text in which no line ends between a number and its unit, by no-break spaces."""
+    return _KEPT.sub(_HELD, text)
+
+
 def lines_of(text: str, width: int, first: str = "", then: str = "") -> list[str]:
     """Return a text broken into lines, in which a number keeps its unit.
 
@@ -64,7 +69,7 @@ def lines_of(text: str, width: int, first: str = "", then: str = "") -> list[str
     room = width - max(len(first), len(then))
     words = (_pieces(word, room) if len(word) > room else word for word in text.split(" "))
     broken = textwrap.wrap(
-        _KEPT.sub(_HELD, " ".join(words)),
+        with_units_held(" ".join(words)),
         width,
         initial_indent=first,
         subsequent_indent=then,
@@ -156,9 +161,11 @@ def show_table(out: Console, columns: Sequence[str], rows: Iterable[Sequence[str
 
 def fits(out: Console, table: Table, indent: int = 2) -> bool:
     """Return True where a table fits with nothing in it broken, its columns closer to each other if need be."""
-    if _width(out, table) + indent > out.width:
+    width = _width(out, table)
+    if width + indent > out.width:
         table.padding = (0, 1, 0, 0)
-    return _width(out, table) + indent <= out.width
+        width = _width(out, table)
+    return width + indent <= out.width
 
 
 def _width(out: Console, table: Table) -> int:
@@ -167,16 +174,36 @@ def _width(out: Console, table: Table) -> int:
 
 def print_table(out: Console, table: Table, indent: int = 2) -> None:
     """Print a table, indented. Where it is too wide, columns of words are broken between words; a number, a name or a
-    unit never is: then lines are longer than the terminal, which breaks them without losing anything.
+    unit never is: a row that is still too wide has its name on a line above it.
     """
     room = out.width - indent
+    names: list[str] = []
+    width = room
     if not fits(out, table, indent):
         _narrow(out, table, _width(out, table) - room)
-    wide = out.options.update(width=max(room, _width(out, table)))
-    for line in out.render_lines(table, wide, pad=False, new_lines=False):
+        names, table = _names_apart(out, table, room)
+        width = max(room, _width(out, table))
+    lines = out.render_lines(table, out.options.update(width=width), pad=False, new_lines=False)
+    for row, line in enumerate(lines, len(names) - len(lines)):
+        if names and row >= 0:
+            out.print(Text(f"{' ' * indent}{names[row]}"), soft_wrap=True)
         text = Text.assemble(" " * indent, *((segment.text, segment.style or "") for segment in line))
         text.rstrip()
         out.print(text, soft_wrap=True)
+
+
+def _names_apart(out: Console, table: Table, room: int) -> tuple[list[str], Table]:
+    """Return the names of rows that are too wide, and the table without them; no names where that does not help."""
+    first, *others = table.columns
+    in_lines = not any("\n" in str(cell) for column in table.columns for cell in column.cells)
+    if _width(out, table) <= room or first.justify != "left" or not in_lines:
+        return [], table
+    rest = Table(box=table.box, show_edge=False, pad_edge=False, padding=table.padding, header_style="bold")
+    for column in others:
+        rest.add_column(column.header, justify=column.justify, no_wrap=True)
+    for row in zip(*(column.cells for column in others), strict=True):
+        rest.add_row(*row)
+    return ([str(name) for name in first.cells], rest) if _width(out, rest) <= room else ([], table)
 
 
 def _narrow(out: Console, table: Table, excess: int) -> None:
