@@ -151,10 +151,11 @@ def _diagnosed(
     if prepared.spread is not None and prepared.spread.repeated(prepared.inputs.blocks):
         # what explains outliers says that they are none
         every = prepare(robot, recordings, tell, with_outliers=True, all_over=bool(prepared.kinds))
-        prepared, found = _cleaner(prepared, found, every, tell)
+        prepared, found = _cleaner(prepared, found, every, _calibrated(every, tell), tell)
     if prepared.spread is not None and prepared.spread.of_few and not prepared.kinds and not found.is_clean:
         # the few places were not to be found
-        prepared, found = _cleaner(prepared, found, prepare(robot, recordings, tell, all_over=True), tell)
+        every, begun = _all_over(robot, recordings, tell)
+        prepared, found = _cleaner(prepared, found, every, begun, tell)
     return _told(prepared, found, tell, propose)
 
 
@@ -224,7 +225,8 @@ def _under_loads(
     So one law is looked for, and more where what is off all over does not explain more than that one by far.
     """
     if prepared.inputs.weight_alone:
-        return prepared, _searched(prepared, tell)
+        prepared, begun = _all_over(robot, recordings, tell, prepared)
+        return prepared, _searched(prepared, tell, begun=begun)
     begun = _with_one_law(prepared, tell)
     other: Prepared | None = None
     calibrated: _Searched | None = None
@@ -249,13 +251,16 @@ def _under_loads(
     return prepared, few if ended else _searched(prepared, tell, begun=few)
 
 
-def _all_over(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> tuple[Prepared, _Searched]:
+def _all_over(
+    robot: Robot, recordings: Sequence[Recording], tell: Tell, prepared: Prepared | None = None
+) -> tuple[Prepared, _Searched]:
     """Return a preparation with what is off all over, and what the first law beside it leaves.
 
     A law that no kind stands for is noise to the kinds: beside it they are asked again, while less is taken for noise.
+    prepared: with what is off all over, where that is known.
     """
-    prepared = prepare(robot, recordings, tell, all_over=True)
-    begun = _with_one_law(prepared, tell)
+    prepared = prepare(robot, recordings, tell, all_over=True) if prepared is None else prepared
+    begun = _with_one_law(prepared, tell) if prepared.kinds else _calibrated(prepared, tell)
     for _ in range(FEW_ROUNDS):
         laws = [term.effect for term in begun.selection.last.terms]
         if not (prepared.kinds and laws):
@@ -283,9 +288,11 @@ def _explains_more(again: _Searched, few: _Searched) -> bool:
     return left < (1.0 if foretold and not may_be_noise else LITTLE) * before
 
 
-def _cleaner(prepared: Prepared, found: _Searched, other: Prepared, tell: Tell) -> tuple[Prepared, _Searched]:
-    """Return another preparation and what it leads to where that leaves noise alone, else those given."""
-    again = _searched(other, tell)
+def _cleaner(
+    prepared: Prepared, found: _Searched, other: Prepared, begun: _Searched, tell: Tell
+) -> tuple[Prepared, _Searched]:
+    """Return another preparation and what it leads to from where it began if that is noise alone, else those given."""
+    again = _searched(other, tell, begun=begun)
     return (other, again) if again.is_clean else (prepared, found)
 
 
