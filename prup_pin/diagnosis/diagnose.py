@@ -152,8 +152,9 @@ def _diagnosed(
         # what explains outliers says that they are none
         every = prepare(robot, recordings, tell, with_outliers=True, all_over=bool(prepared.kinds))
         prepared, found = _cleaner(prepared, found, every, _calibrated(every, tell), tell)
-    if prepared.spread is not None and prepared.spread.of_few and not prepared.kinds and not found.is_clean:
-        # the few places were not to be found
+    few = prepared.spread is not None and prepared.spread.of_few and not prepared.kinds
+    if few and (not found.is_clean or found.problem.noise.source == "residual"):
+        # the few places were not to be found, or what they leave was taken for noise
         every, begun = _all_over(robot, recordings, tell)
         prepared, found = _cleaner(prepared, found, every, begun, tell)
     return _told(prepared, found, tell, propose)
@@ -293,7 +294,8 @@ def _cleaner(
 ) -> tuple[Prepared, _Searched]:
     """Return another preparation and what it leads to from where it began if that is noise alone, else those given."""
     again = _searched(other, tell, begun=begun)
-    return (other, again) if again.is_clean else (prepared, found)
+    better = again.is_clean and (not found.is_clean or _explains_more(again, found))
+    return (other, again) if better else (prepared, found)
 
 
 def _calibrated(prepared: Prepared, tell: Tell) -> _Searched:

@@ -7,11 +7,14 @@ that together still miss are nobody's faults.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .criteria import GAIN, IMITATED, ROUGHLY, clean_bound
+from ..laws import Effect
+from .candidates import Term
+from .criteria import GAIN, IMITATED, MOST, ROUGHLY, clean_bound
 from .diagnosis import Finding
 from .evidence import cross_validated
 from .findings import chi2_without, finding_of, nothing_compared, parameters_of, rms_of_sum, unknown_at, without_place
@@ -28,7 +31,7 @@ class Final:
     """What stands in the end: a fit, findings of its laws, and what no law explains.
 
     held_out: chi squared of blocks that were left out in turn; count: numbers that were compared; in_doubt: what would
-    be said in multiples of the noise says nothing.
+    be said in multiples of the noise says nothing. stand_ins: laws of the fit that are nobody's faults, but foretell.
     """
 
     fit: Fit
@@ -37,6 +40,7 @@ class Final:
     held_out: float
     count: int
     in_doubt: bool = False
+    stand_ins: tuple[Effect, ...] = ()
 
 
 def final_state(
@@ -54,9 +58,22 @@ def final_state(
         return Final(last, tuple(laws), doubt, held, count, in_doubt=True)
     if not _unexplained(_without_laws(problem, selection.first, last), last, count, bool(laws)):
         return Final(last, tuple(laws), None, held, count)
-    laws, unknown, fit = _beside_unknown(laws, problem, selection, blocks, tell)
-    held = cross_validated(problem, fit, labels)
-    return Final(fit, tuple(laws), unknown or without_place(problem, fit, selection, count), held, count)
+    kept, unknown, fit = _beside_unknown(list(laws), problem, selection, blocks, tell)
+    unknown = unknown or without_place(problem, fit, selection, count)
+    left = cross_validated(problem, fit, labels)
+    named = [_same(finding.effect, last.terms) for finding in kept]
+    if None in named or held >= MOST * left:
+        return Final(fit, tuple(kept), unknown, left, count)
+    # laws that nobody names foretell what was held out all the same
+    others = [term.effect for index, term in enumerate(last.terms) if index not in named]
+    kept = [finding for index, finding in enumerate(laws) if index in named]
+    return Final(last, tuple(kept), unknown, held, count, stand_ins=tuple(others))
+
+
+def _same(effect: Effect | None, terms: Sequence[Term]) -> int | None:
+    """Return which term is the law of an effect at its place; None where none is."""
+    own = None if effect is None else (effect.law, effect.place)
+    return next((index for index, term in enumerate(terms) if (term.candidate.law, term.candidate.place) == own), None)
 
 
 def _without_laws(problem: Problem, first: Fit, last: Fit) -> float:

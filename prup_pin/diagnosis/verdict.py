@@ -75,13 +75,15 @@ def verdict_of(
         remarks.append(_driven_beyond([item.name for item in beyond]))
         beyond = []
     findings += [calibrated_beyond(item, final.held_out) for item in beyond]
+    if final.stand_ins:
+        remarks.append(_stand_ins([effect.statement(robot.mechanism) for effect in final.stand_ins]))
     if beyond and prepared.earlier is not None:
         verdict = "explained"  # what was known to be elsewhere has changed
     findings = [with_neutral_values(finding, robot) for finding in findings]
     kinds = [kind for kind in prepared.kinds if not (prepared.placed.found and kind in SENSORS["pose_sensor"])]
     findings += all_over(problem, fit, calibrated, kinds, blocks)
     findings += [final.unknown] if final.unknown is not None else []
-    found = [finding.effect for finding in findings if finding.effect is not None]
+    found = [*(finding.effect for finding in findings if finding.effect is not None), *final.stand_ins]
     changed = [effect for effect in found if effect.law.instead_of is not None]
     # a sensor reports what all the others have left
     effects = tuple(effect for effect in found if effect not in (*changed, *prepared.placed.found))
@@ -147,6 +149,14 @@ def _driven_beyond(names: Sequence[str]) -> str:
     return (
         f"{counted(len(names), 'parameter')} would be beyond tolerance ({listed}), but while part of the residual "
         "is unexplained they may only imitate it"
+    )
+
+
+def _stand_ins(statements: Sequence[str]) -> str:
+    """Return a sentence on laws that the corrected model has though nobody names them."""
+    return (
+        "the corrected model follows laws that are no findings: they leave a shape behind and may stand for something "
+        f"else, but with them it foretells what was held out: {'; '.join(statements)}"
     )
 
 
