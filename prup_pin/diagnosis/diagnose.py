@@ -346,6 +346,7 @@ def _searched(prepared: Prepared, tell: Tell, most: int = MOST_FITS, begun: _Sea
     problem, selection, labels, doubt = _calibrated(prepared, tell) if begun is None else begun
     if problem.count(problem.first):
         selection = select(problem, library, labels, problem.first, tell, most, selection.last)
+        problem, selection = _noise_asked_again(prepared, problem, selection, labels, tell, most)
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
         force = _force_left(problem, selection.last) if larger is not None and inputs.weight_alone else 0.0
         if larger is not None and force:
@@ -363,6 +364,26 @@ def _searched(prepared: Prepared, tell: Tell, most: int = MOST_FITS, begun: _Sea
     if prepared.noise_unknown and doubt is None and problem.count(problem.first) and is_clean(problem, selection.last):
         doubt = no_noise(problem, selection.last, inputs.blocks)
     return _Searched(problem, selection, labels, doubt)
+
+
+def _noise_asked_again(
+    prepared: Prepared, problem: Problem, selection: Selection, labels: np.ndarray, tell: Tell, most: int
+) -> tuple[Problem, Selection]:
+    """Return problem and selection with the wrench's noise as it comes through what was found, if then noise is left.
+
+    At the edge of a gap it reaches the poses much farther than through the robot of the file.
+    """
+    fit = selection.last
+    if not problem.noise.wrench.any() or not fit.terms or is_clean(problem, fit):
+        return problem, selection
+    again = problem
+    for _ in range(FEW_ROUNDS):
+        again = replace(again, by_wrench=problem.stack.seen(fit.influence.first.by_wrench))
+        fit = again.refine(fit.terms, again.fit_at(fit.terms, fit.run, fit))
+        if is_clean(again, fit):
+            again = prepared.within_tolerances(replace(again, tolerances=None), _reach(prepared))
+            return again, select(again, prepared.library, labels, again.first, tell, most)
+    return problem, selection
 
 
 def _weight_asked_again(

@@ -153,7 +153,7 @@ def prepare(
             together = together.with_runs_of("pose_sensor")
             library = _library(together, problem)
             remarks.append(_stations_remark(spread.stations))
-        together, library = spread.widened(together), spread.among(library)
+        together, library = spread.widened(together), spread.among(library, beside)
     assumed = noise.source == "assumed"
     if assumed:
         noise = replace(noise, source="estimated")

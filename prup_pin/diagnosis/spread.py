@@ -128,10 +128,16 @@ class Spread:
             return together
         return together.within(self.kinds)
 
-    def among(self, library: Sequence[Candidate]) -> list[Candidate]:
-        """Return the candidates without laws at single places of a kind for which nothing speaks beside what is off."""
+    def among(self, library: Sequence[Candidate], beside: Sequence[Effect] = ()) -> list[Candidate]:
+        """Return the candidates without laws at single places of a kind for which nothing speaks beside what is off.
+
+        Nor beside what acts; but where that acts it may stand for one of them.
+        """
+        taken = {effect.place.name for effect in beside}
 
         def speaks(item: Candidate) -> bool:
+            if item.place.name in taken:
+                return True
             if item.of_rigid_joint:
                 return way_told(item.place) in self.yielding
             return not item.law.toleranced or item.law.physics not in self.silent

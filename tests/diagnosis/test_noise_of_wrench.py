@@ -3,12 +3,14 @@
 The lift is simulated here, without the package: two links in a plane, a spring in each joint, play in one of them.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
-from prup_pin.recordings import Recording
+from prup_pin.recordings import Noise, Recording
 
 LENGTHS, STIFFNESSES = np.array([0.6, 0.5]), np.array([4e4, 1.5e4])
 JOINTS = ("shoulder", "elbow")
@@ -82,6 +84,17 @@ def test_play_explains_what_is_more_than_noise_only_at_the_edge_of_its_gap(lift,
     assert all(other.physics == "finite_deflection" for other in others)
     assert found.noise.position == pytest.approx(POSITION, rel=0.15)
     assert found.noise.force == pytest.approx(FORCE, rel=0.35)
+
+
+@pytest.mark.parametrize("gap", [4e-4, 2e-3])
+def test_declared_noise_reaches_the_poses_through_the_gap_that_was_found(lift, gap):
+    declared = Noise(position=POSITION, force=FORCE, moment=MOMENT)
+    found = diagnose(lift, replace(measured(1, gap), noise=declared))
+    assert found.verdict == "explained"
+    assert (found.findings[0].physics, found.findings[0].location) == ("backlash", "elbow/gear")
+    assert found.findings[0].parameters["half_gap"].value == pytest.approx(gap, rel=2e-2)
+    assert found.noise.source == "declared"
+    assert 0.9 < found.after["fit"] < 1.15
 
 
 def test_a_faultless_lift_has_no_sensor_of_another_gain(lift):
