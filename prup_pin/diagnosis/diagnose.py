@@ -19,8 +19,9 @@ from ..simulation import CorrectedModel, Simulator, as_recorded
 from ..simulation.needs import taking_part
 from .calibrate import carried
 from .candidates import Term
+from .chances import chi2_isf
 from .conventions import read_logs
-from .criteria import AS_GOOD, FEW_FITS, FEW_ROUNDS, LITTLE, MOST_FITS, MOSTLY, PARAMETER_COST, beyond_tolerance
+from .criteria import AS_GOOD, FALSE_ALARM, FEW_FITS, FEW_ROUNDS, LITTLE, MOST_FITS, PARAMETER_COST, beyond_tolerance
 from .diagnosis import Diagnosis, Finding, by_recording
 from .efforts import diagnose_efforts
 from .efforts.with_poses import (
@@ -263,19 +264,20 @@ def _all_over(
     prepared = prepare(robot, recordings, tell, all_over=True) if prepared is None else prepared
     begun = _with_one_law(prepared, tell) if prepared.kinds else _calibrated(prepared, tell)
     for _ in range(FEW_ROUNDS):
-        laws = [term.effect for term in begun.selection.last.terms]
-        if not (prepared.kinds and laws):
+        terms = begun.selection.last.terms
+        if not (prepared.kinds and terms):
             break
-        other = prepare(robot, recordings, tell, all_over=True, beside=laws)
-        if not other.kinds or _noise_of(other) >= MOSTLY * _noise_of(prepared):
+        other = prepare(robot, recordings, tell, all_over=True, beside=[term.effect for term in terms])
+        most = chi2_isf(FALSE_ALARM / len(prepared.library), sum(term.candidate.size for term in terms))
+        if not other.kinds or _noise_of(other) >= _noise_of(prepared) - most:
             break
-        prepared, begun = other, _with_laws(other, begun.selection.last.terms, tell)
+        prepared, begun = other, _with_laws(other, terms, tell)
     return prepared, begun
 
 
 def _noise_of(prepared: Prepared) -> float:
-    """Return the noise beside all that is off, positions times orientations, in multiples of that assumed."""
-    return np.inf if prepared.spread is None else float(np.prod(prepared.spread.scale))
+    """Return -2 log of how likely what is left beside all that is off is as noise."""
+    return np.inf if prepared.spread is None else prepared.spread.minus_2_log_noise
 
 
 def _explains_more(again: _Searched, few: _Searched) -> bool:

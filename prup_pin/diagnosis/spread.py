@@ -73,7 +73,8 @@ class Spread:
     positions and of orientations in multiples of those assumed; exists (N, K): what was measured but for outliers.
     of_few: kinds that a few laws at single places would explain as well, which are no `kinds` while such laws are
     looked for. stations: by how much the pose sensor's stations, one a run, are turned [rad] and shifted [m]; None: it
-    stands in one place. force [N]: unrecorded, it leaves the outliers behind; 0: none does.
+    stands in one place. force [N]: unrecorded, it leaves the outliers behind; 0: none does. count: how many numbers of
+    positions and of orientations there are beside outliers.
     """
 
     kinds: Mapping[str, float]
@@ -85,6 +86,12 @@ class Spread:
     stations: tuple[float, float] | None = None
     of_few: Mapping[str, float] = field(default_factory=dict)
     force: float = 0.0
+    count: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def minus_2_log_noise(self) -> float:
+        """-2 log of how likely what is left is as noise, but for a constant."""
+        return float(2 * np.dot(self.count, np.log(self.scale)))
 
     def all_over(self) -> Spread:
         """Return the same where laws at a few places were looked for and do not explain it."""
@@ -249,7 +256,9 @@ def spread_of(
         sizes = [np.sqrt(fit.variances[labels == name].max(initial=NOTHING**2)) for name in STATIONS]
         found = float(sizes[0]) * USUAL[STAND[0]], float(sizes[1]) * USUAL[STAND[1]]
     position, rotation = np.where(data.count > 0, np.sqrt(fit.noise), 1.0).tolist()
-    spread = Spread(kinds, yielding, silent, (position, rotation), tuple(outliers), exists, found, force=force)
+    counts = float(data.count[0]), float(data.count[1])
+    scale = position, rotation
+    spread = Spread(kinds, yielding, silent, scale, tuple(outliers), exists, found, force=force, count=counts)
     return replace(spread, kinds={}, of_few=kinds) if kinds and _are_few(data, fit, seen) else spread
 
 
