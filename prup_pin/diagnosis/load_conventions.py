@@ -26,9 +26,11 @@ from .criteria import (
     FAR_LESS,
     FEWEST_IN_BLOCK,
     GAIN,
+    MOST,
     MUCH,
     SURE,
 )
+from .rigid_fit import rigid_fit
 
 __all__ = ["conventions_of_loads"]
 
@@ -163,7 +165,7 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     wrench = recording.wrench[rows]
     exists = np.repeat(np.column_stack([item[rows] for item in seen]), 3, axis=1)
     weight = np.where(exists, 1 / np.array(COARSE), 0.0)
-    moved = _moved(tool, position[rows], rotation_exp(np.nan_to_num(vector[rows])))
+    moved = _moved(tool, *_from_base(tool, position[rows], rotation_exp(np.nan_to_num(vector[rows]))))
     bent = _moved(tool, run.position[there], run.rotation[there]) - (parts.sum(axis=0) @ wrench[..., None])[..., 0]
     parts = parts * weight[None, :, :, None]
     noise = _noise_of(recording, parts.sum(axis=0), weight, exists) * (1 - len(np.unique(blocks[rows])) / len(rows))
@@ -172,6 +174,22 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     # what large deflections add to C w is much the same however the wrench is read, unless it is read far too large
     other = replace(loaded, moved=moved - bent)
     return min(loaded, other, key=lambda item: _softened(item, wrench))
+
+
+def _from_base(tool: Array, position: Array, rotation: Array) -> tuple[Array, Array]:
+    """Return positions (n, 3) and rotations (n, 3, 3) as a sensor at the robot's base sees them, wherever it stood.
+
+    Loads move what a turned sensor sees along other axes than their own. tool (n, 4, 4): the drawn poses.
+    """
+    seen = np.isfinite(position).all(axis=1)
+    points = tool[seen, :3, 3], tool[seen, :3, :3], position[seen]
+    plain, beside = (rigid_fit([points], aside) for aside in (False, True))
+    if plain is None or beside is None:
+        return position, rotation
+    fit = beside if beside.after < FAR_LESS * plain.after else plain
+    if not fit.after < MOST * fit.before:
+        return position, rotation
+    return (position - fit.shift) @ fit.turn, fit.turn.T @ rotation
 
 
 def _moved(tool: Array, position: Array, rotation: Array) -> Array:
