@@ -21,7 +21,17 @@ from .calibrate import carried
 from .candidates import Term
 from .chances import chi2_isf
 from .conventions import read_logs
-from .criteria import AS_GOOD, FALSE_ALARM, FEW_FITS, FEW_ROUNDS, LITTLE, MOST_FITS, PARAMETER_COST, beyond_tolerance
+from .criteria import (
+    AS_GOOD,
+    FALSE_ALARM,
+    FEW_FITS,
+    FEW_ROUNDS,
+    LITTLE,
+    MOST,
+    MOST_FITS,
+    PARAMETER_COST,
+    beyond_tolerance,
+)
 from .diagnosis import Diagnosis, Finding, by_recording
 from .efforts import diagnose_efforts
 from .efforts.with_poses import (
@@ -149,10 +159,13 @@ def _diagnosed(
 ) -> Diagnosis:
     prepared = prepare(robot, recordings, tell)
     prepared, found = _under_loads(prepared, robot, recordings, tell)
-    if prepared.spread is not None and prepared.spread.repeated(prepared.inputs.blocks):
+    if prepared.spread is not None and prepared.outliers:
         # what explains outliers says that they are none
+        again = prepared.spread.repeated(prepared.inputs.blocks)
         every = prepare(robot, recordings, tell, with_outliers=True, all_over=bool(prepared.kinds))
-        prepared, found = _cleaner(prepared, found, every, _calibrated(every, tell), tell)
+        every, begun = (every, _calibrated(every, tell)) if again else _all_over(robot, recordings, tell, every)
+        if again or begun.selection.last.terms:
+            prepared, found = _cleaner(prepared, found, every, begun, tell)
     few = prepared.spread is not None and prepared.spread.of_few and not prepared.kinds
     if few and (not found.is_clean or found.problem.noise.source == "residual"):
         # the few places were not to be found, or what they leave was taken for noise
@@ -296,7 +309,8 @@ def _cleaner(
 ) -> tuple[Prepared, _Searched]:
     """Return another preparation and what it leads to from where it began if that is noise alone, else those given."""
     again = _searched(other, tell, begun=begun)
-    better = again.is_clean and (not found.is_clean or _explains_more(again, found))
+    more = len(other.outliers) < MOST * len(prepared.outliers)  # of what was measured
+    better = again.is_clean and (not found.is_clean or more or _explains_more(again, found))
     return (other, again) if better else (prepared, found)
 
 

@@ -36,6 +36,7 @@ from .criteria import (
     MUCH,
     NOTHING,
 )
+from .gross_errors import Outlier
 from .noise import estimate_noise, scatter_of_repeats
 from .problem import Problem
 from .registration import OWN_STATIONS, Registered, own_frames, registered, worlds_apart
@@ -90,6 +91,11 @@ class Prepared:
     def kinds(self) -> tuple[str, ...]:
         """Kinds of parameters that are off all over by more than anything declares."""
         return () if self.spread is None else tuple(self.spread.kinds)
+
+    @property
+    def outliers(self) -> tuple[Outlier, ...]:
+        """Gross errors that were left out."""
+        return () if self.spread is None else self.spread.outliers
 
     def within_tolerances(self, problem: Problem, reach: float = np.inf) -> Problem:
         """Return a problem with the toleranced parameters calibrated, where there are any and anything to compare.

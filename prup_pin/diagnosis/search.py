@@ -22,6 +22,7 @@ from .candidates import Candidate
 from .chances import WITHIN_95
 from .criteria import (
     BEYOND,
+    FAR_LESS,
     GAIN,
     INDISTINCT,
     LEAD,
@@ -162,6 +163,10 @@ def dropped_by_folds(problem: Problem, selection: Selection, blocks: np.ndarray)
         smaller = search.refine(fit.others(least)[1], fit)
         if is_clean(problem, fit) and not is_clean(problem, smaller):
             break  # what would take its place lies farther off than parts are
+        if fit.chi2 < FAR_LESS * smaller.chi2:
+            smaller = search.released(smaller)  # unless it explains more
+            if fit.chi2 < smaller.chi2:
+                break
         fit = smaller
         rivals = rivals[:least] + rivals[least + 1 :]
     return replace(selection, last=fit, rivals=tuple(rivals))
