@@ -14,6 +14,7 @@ from prup_pin.errors import InputError
 from prup_pin.plugins import along
 from prup_pin.recordings import Recording, read_recording, write_recording
 from prup_pin.simulation import simulate
+from prup_pin.simulation.model_file import effect_named
 from prup_pin.testing import check_law
 from prup_pin.views.drawing.diagnosis_figures import formula_figure
 from prup_pin.views.text.diagnosis_words import proposal_lines
@@ -140,9 +141,12 @@ def test_what_the_shape_of_a_formula_leaves_is_a_curve_beside_it(carriage):
     (proposal,) = diagnose(carriage, recorded(raised_cosine), propose=True).proposals
     assert [term.shape for term in proposal.law.terms] == ["bump"]
     assert proposal.parameters["coefficient"].value == pytest.approx(40.0, rel=0.05)
-    assert [effect.place.aspect for effect in proposal.effects if effect.law.physics == "unknown"] == [
-        "effort against position, finely"
-    ]
+    (curve,) = (effect for effect in proposal.effects if effect.law.physics == "unknown")
+    assert curve.place.aspect == "effort against position, finely"
+    # a file of the corrected model knows it by name
+    named = effect_named("unknown", "carriage", curve.place.aspect, curve.values, carriage.mechanism)
+    assert named.place == curve.place
+    assert named.law == curve.law
     other, clean = recorded(raised_cosine, seed=2), recorded(raised_cosine, seed=2, noise=0.0)
     errors = []
     for left_out in ((), ("unknown",)):

@@ -63,8 +63,9 @@ class _Tried:
 
     @property
     def numbers(self) -> int:
-        """How many numbers were fitted for all laws."""
-        return sum(term.size + len(term.law.free(term.values)) for term in self.model.terms)
+        """How many numbers were fitted for all laws; a curve of no law has as many beside any."""
+        laws = [term for term in self.model.terms if not term.law.is_curve]
+        return sum(term.size + len(term.law.free(term.values)) for term in laws)
 
     def term_of(self, model: EffortModel) -> EffortCandidate:
         """Return the formula as a term of a model."""
@@ -115,11 +116,12 @@ def _found(final: FinalState, efforts: PreparedEfforts, model: EffortModel, join
     # a curve, or a body that cannot be, was no chance: something is there
     best, equals = _searched(efforts, base, joint, 0 if curves or imitating else places)
     if laws := [term for term in plain.terms if _is_of_joint(final, term, joint)]:
-        beside = best or _Tried(Formula.of(joint, (), efforts.at), base, held_out(base))
+        nothing = _Tried(Formula.of(joint, (), efforts.at), base, held_out(base))
         other = _with_everyday(final, efforts, plain.without(*laws), joint)
-        best, instead = _in_place_of(efforts, other, joint, beside, laws)
+        beside = _with_remainder(efforts, best) if best else nothing
+        best, instead = _in_place_of(efforts, other, joint, beside, laws) or (best, "")
     for _ in range(FEW_ROUNDS):
-        if best is None or not best.formula.terms:
+        if best is None:
             return None
         before, whole = best, _with_remainder(efforts, best).model
         efforts = efforts.whitened_by(whole)
@@ -138,23 +140,25 @@ def _found(final: FinalState, efforts: PreparedEfforts, model: EffortModel, join
 
 def _in_place_of(
     efforts: PreparedEfforts, base: EffortModel, joint: str, beside: _Tried, laws: Sequence[EffortCandidate]
-) -> tuple[_Tried, str]:
-    """Return the formula that has the place of laws of the library, with that in words; else the one beside them.
+) -> tuple[_Tried, str] | None:
+    """Return the formula that has the place of laws of the library, and that in words; None where none has.
 
-    Laws may imitate what is none of them. A formula has their place where it is likelier, or where the data cannot tell
-    it from them and it has fewer numbers; chance had as many goes at each of its terms as the library has.
+    beside: these laws, with a formula that they need; each with what its shape leaves.
+
+    Laws may imitate what is none of them. A formula has their place where it is likelier and surely leaves less; or,
+    where they need one beside them, where the data cannot tell it from all of these and it has fewer numbers. Chance
+    had as many goes at each of its terms as the library has.
     """
     goes = 2 * float(np.log(len(list(library(efforts.at, joint)))))
     names = " and ".join(dict.fromkeys(term.law.physics.replace("_", " ") for term in laws))
     for one in _searched(efforts, base, joint, 0)[1]:
-        worse = one.total - beside.total + goes * (len(one.formula.terms) - len(beside.formula.terms))
-        if beside.formula.terms and worse < INDISTINCT and one.numbers < beside.numbers:
+        whole = _with_remainder(efforts, one)
+        worse = whole.total - beside.total + goes * (len(one.formula.terms) - len(beside.formula.terms))
+        if beside.formula.terms and worse < INDISTINCT and whole.numbers < beside.numbers:
             return one, f"it is in the place of {names}, beside which a formula is needed too"
-        if worse < -INDISTINCT:
+        if worse < -INDISTINCT and relative_gain(beside.left, whole.left)[1] > SURE:
             return one, f"it is in the place of {names}, with which chi squared is larger by {number(-worse, 3)}"
-        if worse < INDISTINCT and one.numbers < beside.numbers:
-            return one, f"the data do not tell it from {names}, of more numbers"
-    return beside, ""
+    return None
 
 
 def places_of_laws(final: FinalState) -> list[str]:
