@@ -20,8 +20,7 @@ from ...dynamics import InMotion
 from ...errors import InputError
 from ...laws import Place
 from ...laws.efforts import EFFORT_LAWS, FINE_CURVES, Body, EffortLaw
-from ...laws.efforts.variables import SINCE_TURNING
-from ...laws.formulas import KNOWN, Formula, JointFormula, Term, library, tried
+from ...laws.formulas import Formula, JointFormula, Term, library, tried
 from ...numbers import number
 from ...spatial import Array
 from ..chances import WITHIN_95, student_95
@@ -200,7 +199,7 @@ def _with_remainder(efforts: PreparedEfforts, found: _Tried) -> _Tried:
     """
     formula, at = found.formula, efforts.at
     factors = [factor for term in formula.terms for factor in term.factors if factor.joint == formula.joint]
-    followed = {factor.name for factor in factors} | {SINCE_TURNING for f in factors if KNOWN[f.name].parameters}
+    followed = {factor.name for factor in factors}
     term = found.term_of(found.model)
     own = fit(found.model)[0][found.model.slice_of(term)]
     size = rms_of(at.effort_of(formula.joint, term.law.efforts_per(term.place, term.values, at) @ own))
@@ -253,10 +252,12 @@ def _searched(
         gained = float((held_out(base) - rivals[0].left).sum())
         good = [one for one in rivals if _is_as_good(one, rivals[0], gained)][:_MOST_BEGUN]
         begun = _by_squares([_with_remainder(efforts, one) for one in good])
-        saved, before = float((beside.left - begun[0].left).sum()), float((held_out(base) - beside.left).sum())
+        saved, least = float((beside.left - begun[0].left).sum()), 0.0
+        if any(term.law.is_curve and term.place.name == joint for term in beside.model.terms):
+            # what takes next to nothing of what those before it took is left to the curve
+            least = float((held_out(base) - beside.left).sum())
         here = CrossValidation(beside.model).squares_at(begun[0].term_of(begun[0].model))
-        # what takes next to nothing of what those before it took is left to the curve
-        if not (relative_gain(beside.left, begun[0].left)[1] > SURE and saved > GAIN * max(here, before)):
+        if not (relative_gain(beside.left, begun[0].left)[1] > SURE and saved > GAIN * max(here, least)):
             break
         beside = begun[0]
         best = next(one for one in good if one.formula is beside.formula)

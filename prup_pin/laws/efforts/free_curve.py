@@ -142,9 +142,8 @@ CURVES = (
     FreeCurve("position", friction=True),
 )
 #: Those that stand beside a formula, for what its shape leaves.
-FINE_CURVES = (
-    *(FreeCurve(name, turns, fine=True) for name in ("position", "speed", "load") for turns in (False, True)),
-    FreeCurve(SINCE_TURNING, friction=True),
+FINE_CURVES = tuple(
+    FreeCurve(name, turns, fine=True) for name in ("position", "speed", "load") for turns in (False, True)
 )
 #: Those of friction alone, which stand for what no law explains when noise is told from it.
 ROUGH_CURVES = tuple(curve for curve in CURVES if curve.friction)
