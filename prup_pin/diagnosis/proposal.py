@@ -35,7 +35,8 @@ class Proposal:
     """A formula for what is unknown at a joint, the simplest of those that the data cannot tell apart.
 
     `law` has the fitted values as defaults; share, of_curve: of the held-out squares without either, what the formula
-    takes away, and what the curve of no law took; `equals`: the others, simplest first; `doubts`: what no passive part
+    takes away, and what the curve of no law took; `equals`: the others, simplest first; `instead`: the laws of the
+    library in whose place it stands, in words; `doubts`: what no passive part
     does, in words; `apart`: which motion would tell it from the others; `effects`: the corrected model with it;
     `curve`: what the efforts ask for against a variable of it, and it, where there is one.
     """
@@ -48,6 +49,7 @@ class Proposal:
     share: float
     of_curve: float
     equals: tuple[EqualFormula, ...] = ()
+    instead: str = ""
     doubts: tuple[str, ...] = ()
     apart: str = ""
     effects: tuple[Effect, ...] = field(default=(), repr=False)

@@ -16,7 +16,7 @@ from ..files import json_lines, write_whole
 from ..laws import LAWS, Effect, Law, Place
 from ..laws.deviations import Calibration, calibration_of
 from ..laws.efforts import EFFORT_LAWS
-from ..laws.efforts.free_curve import CURVES
+from ..laws.efforts.free_curve import CURVES, FINE_CURVES
 from ..laws.target import of_markers
 from ..loading import Reading
 from ..mechanism import Mechanism
@@ -125,7 +125,7 @@ def _every_law() -> tuple[Law, ...]:
 
 def _known() -> tuple[Law, ...]:
     """Return what a file may hold: curves of efforts that no law gives too."""
-    return (*_every_law(), *CURVES)
+    return (*_every_law(), *CURVES, *FINE_CURVES)
 
 
 def law_named(physics: str, place: Place | None = None, mechanism: Mechanism | None = None) -> Law:

@@ -13,6 +13,8 @@ from prup_pin.diagnosis.proposal import proposed_files
 from prup_pin.errors import InputError
 from prup_pin.plugins import along
 from prup_pin.recordings import Recording, read_recording, write_recording
+from prup_pin.simulation import simulate
+from prup_pin.simulation.model_file import effect_named
 from prup_pin.testing import check_law
 from prup_pin.views.drawing.diagnosis_figures import formula_figure
 from prup_pin.views.text.diagnosis_words import proposal_lines
@@ -23,7 +25,7 @@ from .test_efforts import AXIS
 NOISE = 0.5
 
 
-def recorded(effort, n=3000, seed=1, faster=1.0):
+def recorded(effort, n=3000, seed=1, faster=1.0, noise=NOISE):
     """Return a recording of the ball-screw axis whose carriage needs an effort [N] by its position, speed and time."""
     rng = np.random.default_rng(seed)
     time = np.arange(n) * 0.004
@@ -31,7 +33,7 @@ def recorded(effort, n=3000, seed=1, faster=1.0):
     q = 0.1 * np.sin(slow * time + seed) + 0.05 * np.sin(fast * time + 1)
     v = 0.1 * slow * np.cos(slow * time + seed) + 0.05 * fast * np.cos(fast * time + 1)
     a = -0.1 * slow**2 * np.sin(slow * time + seed) - 0.05 * fast**2 * np.sin(fast * time + 1)
-    tau = 95 * a + 40 * v + effort(q, v, time) + NOISE * rng.normal(size=n)
+    tau = 95 * a + 40 * v + effort(q, v, time) + noise * rng.normal(size=n)
     return Recording(time=time, positions={"carriage": q}, efforts={"carriage": tau})
 
 
@@ -101,6 +103,57 @@ def test_a_second_recording_confirms_or_refutes_it(found, carriage, tmp_path, ef
         (told,) = diagnose(carriage, recorded(effort, seed=2)).judged
     assert told.word == word
     assert str(told).startswith(f"{name} is {word}: ")
+
+
+def test_a_formula_has_the_place_of_a_law_that_imitates_it_and_brings_its_own_offset(carriage):
+    found = diagnose(carriage, recorded(lambda q, v, t: 900.0 * (q + 0.3) ** 2), propose=True)
+    assert {item.physics for item in found.findings} & {"counterbalance", "effort_offset"}
+    (proposal,) = found.proposals
+    assert [term.factor.name for term in proposal.law.terms] == ["position"]
+    assert "in the place of counterbalance" in proposal.instead
+    assert proposal.instead in proposal_lines(proposal)
+    laws = [proposal.law, *(other.law for other in proposal.equals)]
+    (square,) = (law for law in laws if [term.shape for term in law.terms] == ["square_about"])
+    fitted = {q.name: q.default for q in square.quantities}
+    assert fitted["coefficient"] == pytest.approx(900.0, rel=0.05)
+    assert fitted["rest"] == pytest.approx(-0.3, abs=0.02)
+
+
+def test_a_law_of_the_library_keeps_its_place(carriage):
+    found = diagnose(carriage, recorded(lambda q, v, t: 400.0 * (q - 0.02)), propose=True)
+    assert {item.physics for item in found.findings} == {"counterbalance", "viscous_friction"}
+    assert not found.proposals
+
+
+def test_a_step_is_found_wherever_it_stands(carriage):
+    (proposal,) = diagnose(
+        carriage, recorded(lambda q, v, t: np.where(q > 0.033, 8.0 + 300.0 * (q - 0.033), 0.0)), propose=True
+    ).proposals
+    assert [term.shape for term in proposal.law.terms] == ["stop_above"]
+    assert proposal.parameters["start"].value == pytest.approx(0.033, abs=0.001)
+
+
+def raised_cosine(q, v, time):
+    return 20.0 * (1 + np.cos(np.pi * np.clip((q - 0.03) / 0.05, -1, 1)))
+
+
+def test_what_the_shape_of_a_formula_leaves_is_a_curve_beside_it(carriage):
+    (proposal,) = diagnose(carriage, recorded(raised_cosine), propose=True).proposals
+    assert [term.shape for term in proposal.law.terms] == ["bump"]
+    assert proposal.parameters["coefficient"].value == pytest.approx(40.0, rel=0.05)
+    (curve,) = (effect for effect in proposal.effects if effect.law.physics == "unknown")
+    assert curve.place.aspect == "effort against position, finely"
+    # a file of the corrected model knows it by name
+    named = effect_named("unknown", "carriage", curve.place.aspect, curve.values, carriage.mechanism)
+    assert named.place == curve.place
+    assert named.law == curve.law
+    other, clean = recorded(raised_cosine, seed=2), recorded(raised_cosine, seed=2, noise=0.0)
+    errors = []
+    for left_out in ((), ("unknown",)):
+        kept = [effect for effect in proposal.effects if effect.law.physics not in left_out]
+        predicted = simulate(carriage, other, kept).efforts["carriage"]
+        errors.append(np.sqrt(np.nanmean((predicted - clean.efforts["carriage"]) ** 2)))
+    assert errors[0] < 0.6 * errors[1]
 
 
 def test_of_noise_nothing_is_proposed(carriage):

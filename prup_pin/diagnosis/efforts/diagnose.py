@@ -34,7 +34,7 @@ from .nonlinear import refined, settled_together
 from .outliers import OutlierInterval, is_outlying
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
-from .propose import judged, proposals
+from .propose import judged, places_of_laws, proposals
 from .search import cost_of, kinds_of_most_drives, pruned, relieving_curve, searched, sure_of_all, with_relieving_laws
 from .verdict import effort_diagnosis_of
 
@@ -100,6 +100,7 @@ def diagnose_efforts(
         joints = [item.location for item in sorted(unknown, key=lambda item: -item.heldout_gain)]
         if found.declared:  # what laws leave beyond the noise is no less a matter of something else
             joints += [name for name, sizes in found.by_joint.items() if sizes["after"] > NEARLY]
+        joints += places_of_laws(final)
     proposed = tuple(proposals(final, list(dict.fromkeys(joints))))
     advice = "; ".join(text for text in (*(item.apart for item in proposed), found.advice) if text)
     return replace(found, proposals=proposed, advice=advice)

@@ -91,9 +91,12 @@ class FinalState:
         self.laws = [term for term in self.laws if not self._imitates_impossible(term)]
         self.squared_strain = squared_strain(self.model)
 
-    def with_model(self, model: EffortModel) -> FinalState:
-        """Return the final state of another model of the same efforts, whose curves are findings no more."""
-        same = self.robot, self.recording, self.efforts, self.noise
+    def with_model(self, model: EffortModel, efforts: PreparedEfforts | None = None) -> FinalState:
+        """Return the final state of another model, whose curves are findings no more, of the same efforts.
+
+        efforts: these as they are whitened there, if otherwise.
+        """
+        same = self.robot, self.recording, efforts or self.efforts, self.noise
         curves = [curve for curve in self.curves if curve in model.terms]
         return FinalState(*same, model, curves, self.imitating, self.gains, self.outliers, self.doubts)
 

@@ -292,7 +292,10 @@ def _solved(sums: tuple[Array, Array, Array], drawn: Array, width: float, start:
 
     def cost(apart: Array) -> tuple[float, Array]:
         gain = np.exp(level + apart)
-        x, _ = inertial(gain)
+        try:
+            x, _ = inertial(gain)
+        except np.linalg.LinAlgError:  # of gains so far apart that nothing of the bodies is left beside the largest
+            return np.inf, np.zeros(count)
         bears = gain**2 * np.einsum("i,kij,j->k", x, columns, x)
         data = float((bears - 2 * gain * (moment @ x)).sum())
         likely = float(((x - drawn) ** 2).sum()) / width**2 + float(apart @ prior @ apart)

@@ -167,16 +167,33 @@ class PreparedEfforts:
 
         So is a prediction judged. The prior counts as much beside what is left as it does beside white noise.
         """
-        problem, columns = model.problem, DesignMatrix(self._plain.target(np.nan_to_num(self.target)), self.blocks)
-        columns.add([self._plain(SparseColumns.of(self.columns_of(model)))])
+        left = float(self.held_out_unwhitened(model).sum()) / max(int(self._plain.good.sum()), 1)
+        return self._alone(model, self._plain, left)
+
+    def whitened_by(self, model: EffortModel) -> PreparedEfforts:
+        """Return the efforts whitened by what a model leaves: what was taken for noise may be what it explains."""
+        other, residual = copy(self), self.target - self.columns_of(model) @ fit(model)[0]
+        order = self.whitening.filters.shape[1] - 1
+        other.whitening = Whitening(autoregression(residual, self.good, self.piece, order), self.whitening.good)
+        return other
+
+    def alone(self, model: EffortModel) -> EffortModel:
+        """Return the same model of its own columns alone, as these efforts are whitened."""
+        return self._alone(model, self.whitening)
+
+    def _alone(self, model: EffortModel, whitening: Whitening, left: float = 1.0) -> EffortModel:
+        """Return a model of its own columns alone, whitened; left: the mean square that a prior counts beside."""
+        problem, columns = model.problem, DesignMatrix(whitening.target(np.nan_to_num(self.target)), self.blocks)
+        columns.add([whitening(SparseColumns.of(self.columns_of(model)))])
         new = {old: index for index, old in enumerate(model.where)}
         terms = tuple(
             replace(term, where=slice(new[term.where.start], new[term.where.start] + term.size)) for term in model.terms
         )
-        left = float(self.held_out_unwhitened(model).sum()) / max(int(self._plain.good.sum()), 1)
         bodies = {new[first]: left * block for first, block in problem.bodies.items() if first in new}
-        alone = EffortProblem(problem.mechanism, columns, terms, left * problem.prior[list(model.where)], bodies)
-        return EffortModel(alone, tuple(range(len(model.toleranced))), terms)
+        links = {new[index]: link for index, link in problem.links.items() if index in new}
+        prior = left * problem.prior[list(model.where)]
+        alone = EffortProblem(problem.mechanism, columns, terms, prior, bodies, links)
+        return replace(model, problem=alone, toleranced=tuple(range(len(model.toleranced))), terms=terms)
 
     def held_out_unwhitened(self, model: EffortModel) -> Array:
         """Return the held-out squares of all blocks (B,), each joint weighed by its size and not whitened."""
@@ -293,8 +310,10 @@ class PreparedEfforts:
     ) -> EffortProblem:
         """Return the problem of these columns, candidates and inverse variances of the coefficients (P,)."""
         links = {index: item.place for index, item in enumerate(self.deviations) if item.inertial is not None}
-        own = ((c.where.start, c.law.covariance_inverse(c.place, self.at.mechanism)) for c in candidates)
-        bodies = {first: block * self._body_factor for first, block in own if block is not None}
+        own = ((c, c.law.covariance_inverse(c.place, self.at.mechanism)) for c in candidates)
+        bodies = {
+            c.where.start: block * (self._body_factor if c.law.body else 1.0) for c, block in own if block is not None
+        }
         return EffortProblem(self.at.mechanism, columns, tuple(candidates), prior, bodies, links)
 
     def with_learned_variances(self, model: EffortModel) -> tuple[PreparedEfforts, EffortModel]:

@@ -19,28 +19,33 @@ import numpy as np
 from ...dynamics import InMotion
 from ...errors import InputError
 from ...laws import Place
-from ...laws.efforts import EFFORT_LAWS, EffortLaw
+from ...laws.efforts import EFFORT_LAWS, FINE_CURVES, Body, EffortLaw
 from ...laws.formulas import Formula, JointFormula, Term, library, tried
 from ...numbers import number
 from ...spatial import Array
 from ..chances import WITHIN_95, student_95
-from ..criteria import FEWEST_BLOCKS, GAIN, INDISTINCT, LITTLE, MOST_LISTED, SURE, TRIED, WIDER
+from ..criteria import FEW_ROUNDS, FEWEST_BLOCKS, GAIN, INDISTINCT, LITTLE, MOST_LISTED, SURE, TRIED, UNSEEN, WIDER
 from ..diagnosis import Finding
 from ..proposal import EqualFormula, Judged, Proposal
 from .evidence import CrossValidation, held_out, relative_gain, scores, standard_error
 from .final_state import FinalState, shows
 from .findings import parameters_of
 from .nonlinear import optimised
+from .nuisance import learned_precisions
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
-from .residuals import curves_of
+from .residuals import curves_of, rms_of
 from .search import pruned
 from .verdict import effects_of
 
-__all__ = ["judged", "proposals"]
+__all__ = ["judged", "places_of_laws", "proposals"]
 
+#: A law, its place, and the values of its nonlinear parameters.
+_LawAt = tuple[EffortLaw, Place, Mapping[str, float]]
 #: Terms of a formula: with more it is a curve by another name.
 _MOST_TERMS = 3
+#: Formulas that the data cannot tell apart to which a further term is added, the best ones: each costs as much.
+_MOST_BEGUN = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +60,29 @@ class _Tried:
     def total(self) -> float:
         return float(self.left.sum())
 
+    @property
+    def numbers(self) -> int:
+        """How many numbers were fitted for all laws; a curve of no law has as many beside any."""
+        laws = [term for term in self.model.terms if not term.law.is_curve]
+        return sum(term.size + len(term.law.free(term.values)) for term in laws)
+
     def term_of(self, model: EffortModel) -> EffortCandidate:
         """Return the formula as a term of a model."""
         return next(term for term in model.terms if term.law is self.formula)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """The formula that is proposed, beside the model `base`, in efforts whitened by what is left.
+
+    equals: all that the data cannot tell from it; instead: of which laws it has the place, in words.
+    """
+
+    efforts: PreparedEfforts
+    base: EffortModel
+    best: _Tried
+    equals: list[_Tried]
+    instead: str = ""
 
 
 def proposals(final: FinalState, joints: Sequence[str]) -> Iterator[Proposal]:
@@ -65,37 +90,139 @@ def proposals(final: FinalState, joints: Sequence[str]) -> Iterator[Proposal]:
 
     Those found before are there when the next one is looked for.
     """
-    at, efforts = final.at, final.efforts
+    at, efforts, model = final.at, final.efforts, final.model
     joints = [name for name in joints if name in at.driven and name in at.motion.names and at.moves(name)]
     if final.problem.columns.count < FEWEST_BLOCKS or at.motion.standing:
         return
-    model = final.model
     for joint in joints:
-        curves = [term for term in model.terms if term.law.is_curve and term.place.name == joint]
-        imitating = [term for term in final.impossible if final.joint_of(term.place.name) == joint]
-        base = _with_everyday(model.without(*curves, *imitating), joint)
-        # a curve, or a body that cannot be, was no chance: something is there
-        best, equals = _searched(efforts, base, joint, 0 if curves or imitating else len(joints))
-        if best is None:
+        found = _found(final, efforts, model, joint, len(joints))
+        if found is None:
             continue
-        doubtful = [term for term in best.model.terms if term.place.name == joint and not term.law.is_curve]
-        doubtful = [term for term in doubtful if term.law is not best.formula]
-        found = replace(best, model=pruned(best.model, doubtful))
-        yield _proposal(final, found, equals, held_out(base), held_out(model))
-        model = found.model
+        before, with_curve = held_out(found.base), held_out(found.efforts.alone(model))
+        efforts, model = found.efforts, found.best.model
+        yield _proposal(final, found, before, with_curve)
 
 
-def _with_everyday(model: EffortModel, joint: str) -> EffortModel:
+def _found(final: FinalState, efforts: PreparedEfforts, model: EffortModel, joint: str, places: int) -> _Found | None:
+    """Return the formula that stands for what a model leaves at a joint, or for laws of the library there, if any does.
+
+    It is looked for again, whitened by what it leaves, until it stays: what it explains was taken for noise before.
+    """
+    curves = [term for term in model.terms if term.law.is_curve and term.place.name == joint]
+    imitating = [term for term in final.impossible if final.joint_of(term.place.name) == joint]
+    plain = model.without(*curves, *imitating)
+    base, instead = _with_everyday(final, efforts, plain, joint), ""
+    # a curve, or a body that cannot be, was no chance: something is there
+    best, equals = _searched(efforts, base, joint, 0 if curves or imitating else places)
+    if laws := [term for term in plain.terms if _is_of_joint(final, term, joint)]:
+        nothing = _Tried(Formula.of(joint, (), efforts.at), base, held_out(base))
+        other = _with_everyday(final, efforts, plain.without(*laws), joint)
+        beside = _with_remainder(efforts, best) if best else nothing
+        best, instead = _in_place_of(efforts, other, joint, beside, laws) or (best, "")
+    for _ in range(FEW_ROUNDS):
+        if best is None:
+            return None
+        before, whole = best, _with_remainder(efforts, best).model
+        efforts = efforts.whitened_by(whole)
+        whole = efforts.alone(whole)
+        ours = [term for term in whole.terms if term.place.name == joint]
+        base = whole.without(*(term for term in ours if term.law is before.formula or term.law.is_curve))
+        best, equals = _searched(efforts, base, joint, 0)
+        if best is not None and best.formula.terms == before.formula.terms:
+            break
+    if best is None:
+        return None
+    doubtful = [term for term in best.model.terms if term.place.name == joint and term.law is not best.formula]
+    best = replace(best, model=pruned(best.model, doubtful))
+    return _Found(efforts, base, _with_remainder(efforts, best), equals, instead)
+
+
+def _in_place_of(
+    efforts: PreparedEfforts, base: EffortModel, joint: str, beside: _Tried, laws: Sequence[EffortCandidate]
+) -> tuple[_Tried, str] | None:
+    """Return the formula that has the place of laws of the library, and that in words; None where none has.
+
+    beside: these laws, with a formula that they need; each with what its shape leaves.
+
+    Laws may imitate what is none of them. A formula has their place where it is likelier and surely leaves less; or,
+    where they need one beside them, where the data cannot tell it from all of these and it has fewer numbers. Chance
+    had as many goes at each of its terms as the library has.
+    """
+    goes = 2 * float(np.log(len(list(library(efforts.at, joint)))))
+    names = " and ".join(dict.fromkeys(term.law.physics.replace("_", " ") for term in laws))
+    for one in _searched(efforts, base, joint, 0)[1]:
+        whole = _with_remainder(efforts, one)
+        worse = whole.total - beside.total + goes * (len(one.formula.terms) - len(beside.formula.terms))
+        if beside.formula.terms and worse < INDISTINCT and whole.numbers < beside.numbers:
+            return one, f"it is in the place of {names}, beside which a formula is needed too"
+        if worse < -INDISTINCT and relative_gain(beside.left, whole.left)[1] > SURE:
+            return one, f"it is in the place of {names}, with which chi squared is larger by {number(-worse, 3)}"
+    return None
+
+
+def places_of_laws(final: FinalState) -> list[str]:
+    """Return the joints at which a law of the library was found that a formula may be in place of."""
+    return [joint for joint in final.at.driven if any(_is_of_joint(final, term, joint) for term in final.laws)]
+
+
+def _is_of_joint(final: FinalState, term: EffortCandidate, joint: str) -> bool:
+    """Return whether a term is a law of one joint, or of the link that it moves, that not every drive has."""
+    link = term.is_body and term.law.body is not Body.HELD
+    return not term.law.everywhere and joint == (final.joint_of(term.place.name) if link else term.place.name)
+
+
+def _with_everyday(final: FinalState, efforts: PreparedEfforts, model: EffortModel, joint: str) -> EffortModel:
     """Return the model with what every drive has free at a joint, whether it was needed beside a curve or not."""
     there = {term.law.physics for term in model.terms if term.place.name == joint}
     families = {term.law.family for term in model.terms if term.place.name == joint and term.law.family}
     more: dict[str, EffortCandidate] = {}
-    for candidate in model.problem.candidates:
+    for candidate in final.problem.candidates:
         law = candidate.law
         everyday = candidate.place.name == joint and law.everywhere and not law.body
         if everyday and law.physics not in there and law.family not in families:
             more.setdefault(law.physics, candidate)
-    return model.with_term(*more.values())
+    wider = _with_columns(efforts, model, [(each.law, each.place, each.values) for each in more.values()])
+    wider = wider.with_term(*wider.problem.candidates[len(model.problem.candidates) :])
+    # a formula may bring an offset or a friction along that is none of a usual size
+    prior = wider.problem.prior.copy()
+    for term in wider.terms:
+        if term.place.name == joint and term.law.everywhere and not term.law.body:
+            prior[term.where] = 0.0
+    return wider.in_problem(replace(wider.problem, prior=prior))
+
+
+def _with_remainder(efforts: PreparedEfforts, found: _Tried) -> _Tried:
+    """Return a formula with a curve of no law beside it, by a variable of its own, where blocks held out ask for one.
+
+    A formula's shape is nearly that of what it stands for. The curve is as large as is likeliest beside it (a model's
+    discrepancy: Kennedy and O'Hagan, J. Royal Statistical Society B 63, 2001), so that the formula says what it can.
+    """
+    formula, at = found.formula, efforts.at
+    factors = [factor for term in formula.terms for factor in term.factors if factor.joint == formula.joint]
+    followed = {factor.name for factor in factors}
+    term = found.term_of(found.model)
+    own = fit(found.model)[0][found.model.slice_of(term)]
+    size = rms_of(at.effort_of(formula.joint, term.law.efforts_per(term.place, term.values, at) @ own))
+    tried = [found]
+    for curve in FINE_CURVES:
+        place = Place(formula.joint, curve.variant)
+        if curve.variable not in followed or not curve.acts(place, at):
+            continue
+        knots = curve.scanned(place, at)[0]
+        wider = _with_columns(efforts, found.model, [(curve, place, knots)])
+        candidate = wider.problem.candidates[-1]
+        # what the formula can say is none of the curve
+        alike = np.linalg.qr(wider.problem.columns.total[candidate.where, term.where])[0]
+        usual = (np.eye(candidate.size) + alike @ alike.T / UNSEEN**2) / size**2
+        whole = wider.with_term(candidate)
+        where = np.arange(len(whole.where))[whole.slice_of(candidate)]
+        factor = learned_precisions(whole, {curve.physics: (where, usual)})[curve.physics]
+        wider.problem.columns.cut(candidate.where.start)
+        wider = _with_columns(efforts, found.model, [(replace(curve, precision=factor * usual), place, knots)])
+        wider = wider.with_term(wider.problem.candidates[-1])
+        tried.append(_Tried(formula, wider, held_out(wider)))
+    best = min(tried, key=lambda one: one.total)
+    return best if relative_gain(found.left, best.left)[1] > SURE else found
 
 
 def _searched(
@@ -107,30 +234,44 @@ def _searched(
     """
     at, columns = efforts.at, base.problem.columns
     place = Formula(joint, ()).places(at.mechanism)[0]
-    singles: list[tuple[EffortLaw, Mapping[str, float]]] = []
+    singles: list[_LawAt] = []
     for term in library(at, joint):
         one = Formula.of(joint, (term,), at)
-        singles += [(one, dict(zip(one.settled, values, strict=True))) for values in tried(term, at, joint)]
-    wider = _with_columns(efforts, base, place, singles)
+        singles += [(one, place, dict(zip(one.settled, values, strict=True))) for values in tried(term, at, joint)]
+    wider = _with_columns(efforts, base, singles)
     terms = wider.problem.candidates[-len(singles) :]
     pool: list[_Tried] = []
-    best = _Tried(Formula.of(joint, (), at), base, held_out(base))
+    best = beside = _Tried(Formula.of(joint, (), at), base, held_out(base))
+    begun = [beside]
     while len(best.formula.terms) < _MOST_TERMS:
-        rivals = list(_extended(efforts, best, base, terms, places))
-        if not rivals:
+        # a further term is none that a curve beside the others would do for
+        further = [one for own in begun for one in _extended(efforts, own, base, terms, places)]
+        if not further:
             break
-        leader = min(rivals, key=lambda one: one.total)
-        saved = float((best.left - leader.left).sum())
-        here = CrossValidation(best.model).squares_at(leader.model.terms[-1])
-        if not (relative_gain(best.left, leader.left)[1] > SURE and saved > GAIN * here):
+        rivals = list({frozenset(one.formula.terms): one for one in reversed(_by_squares(further))}.values())[::-1]
+        gained = float((held_out(base) - rivals[0].left).sum())
+        good = [one for one in rivals if _is_as_good(one, rivals[0], gained)][:_MOST_BEGUN]
+        begun = _by_squares([_with_remainder(efforts, one) for one in good])
+        saved, least = float((beside.left - begun[0].left).sum()), 0.0
+        if any(term.law.is_curve and term.place.name == joint for term in beside.model.terms):
+            # what takes next to nothing of what those before it took is left to the curve
+            least = float((held_out(base) - beside.left).sum())
+        here = CrossValidation(beside.model).squares_at(begun[0].term_of(begun[0].model))
+        if not (relative_gain(beside.left, begun[0].left)[1] > SURE and saved > GAIN * max(here, least)):
             break
-        pool, best = [*pool, *rivals], leader
+        beside = begun[0]
+        best = next(one for one in good if one.formula is beside.formula)
+        pool += rivals
     if not pool:
         columns.cut(len(base.problem.prior))
         return None, []
     pool = [one for one in pool if _is_as_good(one, best, float((held_out(base) - best.left).sum()))]
     pool.sort(key=lambda one: (one.formula.size, len(one.formula.terms), one.total))
     return pool[0], pool
+
+
+def _by_squares(formulas: Sequence[_Tried]) -> list[_Tried]:
+    return sorted(formulas, key=lambda one: one.total)
 
 
 def _is_as_good(one: _Tried, best: _Tried, saved: float) -> bool:
@@ -143,7 +284,7 @@ def _extended(
     efforts: PreparedEfforts, best: _Tried, base: EffortModel, terms: Sequence[EffortCandidate], places: int
 ) -> Iterator[_Tried]:
     """Yield formulas of one more term that save most, if chance would save less, each with its best parameters."""
-    model = _with_columns(efforts, best.model, terms[0].place, ())
+    model = _with_columns(efforts, best.model, [])
     ranked, limit = scores(model.in_problem(model.problem.only(terms)), evenly=True)
     certain = not places and not best.formula.terms
     if not certain and not min((one.log_chance for one in ranked), default=0.0) < limit - np.log(max(places, 1)):
@@ -160,35 +301,36 @@ def _extended(
 def _fitted(efforts: PreparedEfforts, best: _Tried, base: EffortModel, term: Term, values: Sequence[float]) -> _Tried:
     """Return a formula with one term more, all its parameters where the squares are least."""
     formula = Formula.of(best.formula.joint, (*best.formula.terms, term), efforts.at)
-    before = best.model.terms[-1].values if best.formula.terms else {}
+    before = best.term_of(best.model).values if best.formula.terms else {}
     own = dict(zip(formula.settled, (*before.values(), *values), strict=True))
-    model = _with_columns(efforts, base, formula.places(efforts.at.mechanism)[0], [(formula, own)])
+    model = _with_columns(efforts, base, [(formula, formula.places(efforts.at.mechanism)[0], own)])
     model = model.with_term(model.problem.candidates[-1])
     model = optimised(efforts, model, [len(model.terms) - 1])
     return _Tried(formula, model, held_out(model))
 
 
-def _with_columns(
-    efforts: PreparedEfforts, model: EffortModel, place: Place, laws: Sequence[tuple[EffortLaw, Mapping[str, float]]]
-) -> EffortModel:
+def _with_columns(efforts: PreparedEfforts, model: EffortModel, laws: Sequence[_LawAt]) -> EffortModel:
     """Return the model in a problem with further laws at values among its candidates, the last ones."""
     problem, columns = model.problem, model.problem.columns
-    where = columns.add(efforts.whitened(law.efforts_per(place, values, efforts.at)) for law, values in laws)
-    new = [EffortCandidate(law, place, values, own) for (law, values), own in zip(laws, where, strict=True)]
+    where = columns.add(efforts.whitened(law.efforts_per(place, values, efforts.at)) for law, place, values in laws)
+    new = [EffortCandidate(*law, own) for law, own in zip(laws, where, strict=True)]
     prior = np.zeros(columns.size)
     prior[: len(problem.prior)] = problem.prior[: columns.size]
+    for candidate in new:
+        prior[candidate.where] = efforts.prior_of(candidate.law, candidate.place)
     return model.in_problem(efforts.with_candidates(columns, (*problem.candidates, *new), prior))
 
 
-def _proposal(final: FinalState, found: _Tried, equals: Sequence[_Tried], before: Array, with_curve: Array) -> Proposal:
+def _proposal(final: FinalState, of: _Found, before: Array, with_curve: Array) -> Proposal:
     """Return what is told of a formula. before, with_curve (B,): held-out squares without it, and with the curve."""
-    state = final.with_model(found.model)
+    found = of.best
+    state = final.with_model(found.model, of.efforts)
     term = found.term_of(state.model)
     values = dict(term.law.fitted(term.place, state.x[state.model.slice_of(term)], term.values))
     parameters = parameters_of(state, term, values)
     law = found.formula.with_values(values, {name: item.interval for name, item in parameters.items()})
     # what has the same terms and some more is the same formula, not another one
-    others = [one for one in equals if not set(found.formula.terms) <= set(one.formula.terms)]
+    others = [one for one in of.equals if not set(found.formula.terms) <= set(one.formula.terms)]
     squares = float(before.sum())
     return Proposal(
         joint=law.joint,
@@ -199,6 +341,7 @@ def _proposal(final: FinalState, found: _Tried, equals: Sequence[_Tried], before
         share=1 - found.total / squares,
         of_curve=1 - float(with_curve.sum()) / squares,
         equals=tuple(_equal(one, found) for one in others[:MOST_LISTED]),
+        instead=of.instead,
         doubts=tuple(_doubts(state, law, values)),
         apart=_apart(final, found, others),
         effects=tuple(replace(e, law=law) if e.law is found.formula else e for e in effects_of(state, ())),
@@ -329,8 +472,8 @@ def _judged(final: FinalState, law: JointFormula, place: Place, findings: Sequen
         return "neither", "in this motion it would be less than the noise of a sample"
     own = [term for term in final.model.terms if term.law is law]
     curves = [term for term in final.model.terms if term.law.is_curve and term.place.name == law.joint]
-    base = _with_everyday(final.model.without(*own, *curves), law.joint)
-    model = _with_columns(final.efforts, base, place, [(whole, {})])
+    base = _with_everyday(final, final.efforts, final.model.without(*own, *curves), law.joint)
+    model = _with_columns(final.efforts, base, [(whole, place, {})])
     model = model.with_term(model.problem.candidates[-1])
     saved, sure = relative_gain(held_out(base), held_out(model))
     if not (sure > SURE and saved > 0):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -28,10 +28,14 @@ class FreeCurve(EffortLaw):
 
     Once as it is and once turning round with the motion, so that friction of any kind is among it; or as friction
     alone, through more knots. Between two knots it is straight, and beyond the last ones it stays what it is there.
+    fine: beside a formula, what the shape of that leaves, anywhere alike: one of the two, through more knots; precision
+    (p, p): the inverse covariance of its heights, where that was learned.
     """
 
     variable: str
     friction: bool = False
+    fine: bool = False
+    precision: Array | None = field(default=None, compare=False, repr=False)
     physics: ClassVar[str] = "unknown"
     is_curve: ClassVar[bool] = True
     quantities = ()
@@ -59,7 +63,7 @@ class FreeCurve(EffortLaw):
     @property
     def variant(self) -> str:  # type: ignore[override]
         """The aspect of its places."""
-        return f"{self.word} against {self.variable}"
+        return f"{self.word} against {self.variable}{', finely' if self.fine else ''}"
 
     @property
     def word(self) -> str:
@@ -71,12 +75,12 @@ class FreeCurve(EffortLaw):
         """Knots of the curve."""
         if self.variable == SINCE_TURNING:
             return len(_WAYS)
-        return _FINE if self.friction else _KNOTS
+        return _FINE if self.friction or self.fine else _KNOTS
 
     @property
     def linear(self) -> tuple[str, ...]:  # type: ignore[override]
         """Names of its heights at the knots."""
-        words = ("friction",) if self.friction else ("effort", "friction")
+        words = (self.word,) if self.friction or self.fine else ("effort", "friction")
         return tuple(f"{word} {index}" for word in words for index in range(self.count))
 
     @property
@@ -96,6 +100,9 @@ class FreeCurve(EffortLaw):
         ]
         return (*knots, *heights)
 
+    def covariance_inverse(self, place: Place, mechanism: Mechanism) -> Array | None:
+        return self.precision
+
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(name, self.variant) for name in mechanism.actuated]
 
@@ -110,7 +117,7 @@ class FreeCurve(EffortLaw):
             return [{f"at {index}": share * travel for index, share in enumerate(_WAYS)}]
         x, shares = variable_of(at, place.name, self.variable), np.linspace(0, 1, self.count)
         knots = np.quantile(x, shares)
-        if not (np.diff(knots) > 1e-9 * np.ptp(x)).all():  # where the joint often stands
+        if self.fine or not (np.diff(knots) > 1e-9 * np.ptp(x)).all():  # where the joint often stands
             knots = x.min() + np.ptp(x) * shares
         return [{f"at {index}": float(knot) for index, knot in enumerate(knots)}]
 
@@ -121,8 +128,9 @@ class FreeCurve(EffortLaw):
             return columns_along(at, place.name, *(at.dragged(place.name, way) for way in knots.tolist()))
         hats = np.array([np.interp(x, knots, row) for row in np.eye(len(knots))]).T
         turning = at.dragged(place.name, usual_way(at, place.name))
-        both = np.concatenate(([] if self.friction else [hats]) + [hats * turning[:, None]], axis=1)
-        return columns_along(at, place.name, *both.T)
+        either = {"effort": hats, "friction": hats * turning[:, None]}
+        words = dict.fromkeys(name.split()[0] for name in self.linear)
+        return columns_along(at, place.name, *np.concatenate([either[word] for word in words], axis=1).T)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the {self.word} at {place.name} follows the joint's {self.variable} by no law known here"
@@ -132,6 +140,10 @@ class FreeCurve(EffortLaw):
 CURVES = (
     *(FreeCurve(variable, friction=variable == SINCE_TURNING) for variable in VARIABLES),
     FreeCurve("position", friction=True),
+)
+#: Those that stand beside a formula, for what its shape leaves.
+FINE_CURVES = tuple(
+    FreeCurve(name, turns, fine=True) for name in ("position", "speed", "load") for turns in (False, True)
 )
 #: Those of friction alone, which stand for what no law explains when noise is told from it.
 ROUGH_CURVES = tuple(curve for curve in CURVES if curve.friction)

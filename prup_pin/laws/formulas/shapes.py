@@ -63,7 +63,7 @@ class Shape:
 
 
 #: Shares of a variable's range where something may begin, and of its reach over which it may go on.
-_PLACES = tuple((np.arange(9) + 1.0) / 10)
+_PLACES = tuple((np.arange(19) + 1.0) / 20)
 _SIZES = (0.03, 0.1, 0.2, 0.4, 0.7)
 #: Widths of bumps, as shares of a range, and how many waves it may hold.
 _WIDTHS = (0.02, 0.05, 0.12, 0.3)

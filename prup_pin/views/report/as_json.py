@@ -242,7 +242,7 @@ def _since(since: Since) -> dict[str, Any]:
 def _proposal(item: Proposal) -> dict[str, Any]:
     """Return a formula for what is unknown at a joint, and what the data cannot tell from it."""
     return {
-        **_picked(item, "joint text share of_curve doubts apart"),
+        **_picked(item, "joint text share of_curve instead doubts apart"),
         "equation": item.law.equation,
         "parameters": {name: {"unit": fitted.unit} | _fitted(fitted) for name, fitted in item.parameters.items()},
         "recorded": [

@@ -448,6 +448,7 @@ def proposal_lines(proposal: Proposal) -> list[str]:
         *(f"{name}: {value} (95 %: {interval})" for name, value, interval in parameter_texts(proposal.parameters)),
         f"it takes away {_percent(proposal.share)} of the held-out squares that are left without it{curve}; "
         f"it was seen in: {'; '.join(ranges)}",
+        *([proposal.instead] * bool(proposal.instead)),
         *(f"the data do not tell it from {other.text}" for other in proposal.equals),
         *proposal.doubts,
     ]
