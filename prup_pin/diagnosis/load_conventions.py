@@ -28,7 +28,9 @@ from .criteria import (
     GAIN,
     MOST,
     MUCH,
+    ROUNDS,
     SURE,
+    trusted,
 )
 from .rigid_fit import rigid_fit
 
@@ -233,12 +235,15 @@ def _softened(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) 
     columns, target = fit.by_module(load), fit.free(fit.moved).ravel()
     size = len(columns[0])
     scale = np.ones(size)
-    for _ in range(3):
+    for _ in range(ROUNDS):
         rest = target - columns @ scale
         noise2 = max(float(rest @ rest) / len(target), 1e-6)
-        matrix = columns.T @ columns / noise2 + np.eye(size) / ANYHOW**2
-        scale = 1 + np.linalg.solve(matrix, columns.T @ (target - columns.sum(axis=1)) / noise2)
-        scale = np.clip(scale, 1 / MUCH, MUCH)
+        known = trusted(((scale - 1) / ANYHOW) ** 2) / ANYHOW**2
+        matrix = columns.T @ columns / noise2 + np.diag(known)
+        found = 1 + np.linalg.solve(matrix, columns.T @ (target - columns.sum(axis=1)) / noise2)
+        scale = np.clip(found, 1 / MUCH, MUCH)
+        far = int(np.argmax(np.abs(found - scale)))  # one of them may be off by far, but not all
+        scale[far] = max(found[far], 1 / MUCH)
     rest = judged.free(judged.moved).ravel() - judged.by_module(other) @ scale
     return max(float(rest @ rest) - judged.noise, 0.0)
 

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from ..laws import Effect
+from ..numbers import counted
 from .candidates import Term
-from .criteria import GAIN, IMITATED, MOST, ROUGHLY, clean_bound
+from .criteria import GAIN, IMITATED, LITTLE, MOST, ROUGHLY, clean_bound
 from .diagnosis import Finding
 from .evidence import cross_validated
 from .findings import chi2_without, finding_of, nothing_compared, parameters_of, rms_of_sum, unknown_at, without_place
@@ -57,7 +59,10 @@ def final_state(
     if doubt is not None:
         return Final(last, tuple(laws), doubt, held, count, in_doubt=True)
     if not _unexplained(_without_laws(problem, selection.first, last), last, count, bool(laws)):
-        return Final(last, tuple(laws), None, held, count)
+        group = _cancelling(problem, last) if rms_of_sum(held, count) > ROUGHLY * clean_bound(count) else ()
+        left_over = tuple(finding for index, finding in enumerate(laws) if index not in group)
+        ins = tuple(last.terms[index].effect for index in group)
+        return Final(last, left_over, _in_place_of(ins), held, count, stand_ins=ins)
     kept, unknown, fit = _beside_unknown(list(laws), problem, selection, blocks, tell)
     unknown = unknown or without_place(problem, fit, selection, count)
     left = cross_validated(problem, fit, labels)
@@ -68,6 +73,38 @@ def final_state(
     others = [term.effect for index, term in enumerate(last.terms) if index not in named]
     kept = [finding for index, finding in enumerate(laws) if index in named]
     return Final(last, tuple(kept), unknown, held, count, stand_ins=tuple(others))
+
+
+def _cancelling(problem: Problem, fit: Fit) -> tuple[int, ...]:
+    """Return the terms that together do a small part of what each of them does; () where none do.
+
+    Faults do not make up for each other: such laws are the pieces of a curve that none of them has.
+    """
+    places = range(len(fit.terms))
+
+    def moved(group: Sequence[int]) -> float:
+        kept = [term.effect for index, term in enumerate(fit.terms) if index not in group]
+        return float(np.linalg.norm(problem.change(fit, kept)))
+
+    alone = [moved([index]) for index in places]
+    groups = [group for size in range(2, len(alone) + 1) for group in combinations(places, size)]
+    shares = {group: moved(group) / max(min(alone[index] for index in group), 1e-300) for group in groups}
+    best = min(shares, key=lambda group: shares[group], default=())
+    return best if best and shares[best] < LITTLE else ()
+
+
+def _in_place_of(effects: Sequence[Effect]) -> Finding | None:
+    """Return that something unknown is where effects stand that cancel each other; None where there are none."""
+    if not effects:
+        return None
+    where = min((effect.place.name for effect in effects), key=len)
+    return unknown_at(
+        where,
+        f"{counted(len(effects), 'law')} of the library follow what was measured at {where} only by making up for each "
+        "other, each many times as large as all together, and do not foretell what was held out: none of them is "
+        "what is missing there",
+        advice=f"measure {where} in more positions: its error by position, free of loads, is the curve that is missing",
+    )
 
 
 def _same(effect: Effect | None, terms: Sequence[Term]) -> int | None:

@@ -155,8 +155,8 @@ def _driven_beyond(names: Sequence[str]) -> str:
 def _stand_ins(statements: Sequence[str]) -> str:
     """Return a sentence on laws that the corrected model has though nobody names them."""
     return (
-        "the corrected model follows laws that are no findings: they leave a shape behind and may stand for something "
-        f"else, but with them it foretells what was held out: {'; '.join(statements)}"
+        "the corrected model follows laws that are no findings, for they may only imitate what is missing; without "
+        f"them it would predict worse: {'; '.join(statements)}"
     )
 
 
