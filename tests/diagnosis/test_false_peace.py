@@ -13,6 +13,7 @@ from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.criteria import clean_bound
 from prup_pin.diagnosis.diagnosis import Finding, FittedParameter
 from prup_pin.diagnosis.findings import finite_deflection, with_neutral_values
+from prup_pin.diagnosis.unexplained import _cancelling
 from prup_pin.recordings import Noise, Recording, add_noise, read_recording
 from prup_pin.simulation import effect_named
 from prup_pin.spatial import rotation_exp, rotation_log
@@ -273,3 +274,19 @@ def test_what_data_do_not_tell_is_set_to_nothing_only_where_its_law_allows_that(
     parameters["reference_load"] = replace(parameters["reference_load"], interval=(400.0, 600.0))
     finding = Finding("hertzian_contact", "leg1/ball_nut", ("leg1/ball_nut",), parameters, 0.5, "", effect)
     with_neutral_values(finding, robot).effect.checked(robot.mechanism)
+
+
+@pytest.mark.parametrize(
+    ("moved", "cancel"),
+    [
+        ([[9.0, 0.0], [-8.5, 0.3]], (0, 1)),  # a scale and a zero that leave a twentieth
+        ([[9.0, 0.0], [-7.0, 0.3]], ()),
+        ([[9.0, 0.0], [0.0, 1.0], [-4.5, 4.4], [-4.4, -4.5]], (0, 2, 3)),  # three, beside one that is there
+        ([[9.0, 0.0]], ()),
+        ([], ()),
+    ],
+)
+def test_laws_that_do_a_small_part_together_of_what_each_does_cancel(moved, cancel):
+    terms = [SimpleNamespace(effect=np.array(each)) for each in moved]
+    problem = SimpleNamespace(change=lambda fit, kept: np.sum(kept, axis=0) - np.sum(moved, axis=0))
+    assert _cancelling(problem, SimpleNamespace(terms=terms)) == cancel
