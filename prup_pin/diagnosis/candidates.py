@@ -13,7 +13,7 @@ from ..laws.deeds import Along, Deed, ExtraStrain, YieldingJoint
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
-from .criteria import LEAST_WARMING, TAIL, USUAL_MULTIPLE
+from .criteria import BEYOND, LEAST_WARMING, TAIL, USUAL_MULTIPLE
 from .influence import Influence
 
 __all__ = ["Candidate", "Term", "candidates", "under_load"]
@@ -193,6 +193,11 @@ class Term:
     @property
     def effect(self) -> Effect:
         return self.candidate.effect(self.coordinates)
+
+    @property
+    def is_expected(self) -> bool:
+        """True where it acts on every robot, as weight does, and is as large as that is known to be."""
+        return bool(self.candidate.known.all()) and bool(np.abs(self.off).max() <= BEYOND)
 
     def lessened(self, share: float) -> Term:
         """Return the same law where it does a share of what it does here, to first order."""

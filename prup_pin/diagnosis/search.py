@@ -21,7 +21,6 @@ from ..spatial import Array
 from .candidates import Candidate
 from .chances import WITHIN_95
 from .criteria import (
-    BEYOND,
     FAR_LESS,
     GAIN,
     INDISTINCT,
@@ -144,7 +143,7 @@ def _not_less_expected(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]
 
     Weight within its prior is not in doubt because something else could be fitted as well.
     """
-    if not term.candidate.known.all() or np.abs(term.off).max() > BEYOND:
+    if not term.is_expected:
         return tuple(rivals)
     return tuple(rival for rival in rivals if rival.term.candidate.known.all())
 

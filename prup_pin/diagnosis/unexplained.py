@@ -140,7 +140,13 @@ def _beside_unknown(
     again = select(freed, selection.library, labels, begin, tell)
     beside = problem.fit_at(again.last.terms, again.last.run)
     # else what was freed has taken what the others explain, or they explain what it alone did
-    if _leaves_noise(problem, again.last, found.module) and _no_worse(problem, selection.first, beside, labels):
+    own = {term.candidate.name for term in again.last.terms}
+    whole = all(term.candidate.name in own for term in fit.terms if term.is_expected)
+    if (
+        whole
+        and _leaves_noise(problem, again.last, found.module)
+        and _no_worse(problem, selection.first, beside, labels)
+    ):
         around = cross_validated(freed, again.last, labels[again.last.samples])
         robot = problem.simulator.robot
         kept = [finding_of(freed, again.last, index, again, robot, around) for index in range(len(again.last.terms))]
@@ -167,11 +173,14 @@ def _beside_unknown(
 def _outweighing(
     kept: list[Finding], fit: Fit, problem: Problem, first: Fit
 ) -> tuple[list[Finding], Located | None, Fit]:
-    """Return the findings that each take `IMITATED` times what is left, where that sits, and their fit."""
+    """Return the findings that each take `IMITATED` times what is left, where that sits, and their fit.
+
+    What acts on every robot, as weight does, imitates nothing.
+    """
     count, mechanism = problem.count(fit), problem.simulator.robot.mechanism
     while True:
         least = IMITATED * max(fit.chi2 - count, 0.0)
-        gains = [chi2_without(problem, fit, index) for index in range(len(kept))]
+        gains = [np.inf if term.is_expected else chi2_without(problem, fit, at) for at, term in enumerate(fit.terms)]
         if min(gains, default=np.inf) >= least:
             return kept, locate(problem, fit), fit
         kept.pop(int(np.argmin(gains)))

@@ -296,11 +296,11 @@ def summary_text(diagnosis: Diagnosis) -> str:
             texts.append(_NO_FAULT)
     if diagnosis.verdict == "explained":
         times = diagnosis.after.get("heldout", math.nan)
-        scatter = "little more than the sensors' own scatter"
+        scatter = ", little more than the sensors' own scatter"
         if not times < _LITTLE_MORE:
             known = f"{number(times, 3)} times" if math.isfinite(times) else "an unknown multiple of"
-            scatter = f"{known} the sensors' own scatter, and independent of all that was measured"
-        texts.append(f"With {them} in the model {last}, {scatter}.")
+            scatter = f"; what was left out of the fit lies {known} the sensors' own scatter off"
+        texts.append(f"With {them} in the model {last}{scatter}.")
         if named and not logs and not any(finding.is_fault for finding in named):
             return f"{' '.join(texts)} Nothing needs repair: {named[0].remedy}."
     elif untold := [finding.statement for finding in diagnosis.findings if finding.untold]:
