@@ -33,7 +33,7 @@ def test_report_writes_one_page_and_says_where(run, tmp_path):
     )
     assert done.exit_code == 0, done.output
     assert re.search(r"Written: out\.html \(\d\.\d MB\)", done.stdout)
-    page = (tmp_path / "out.html").read_text(encoding="utf-8")
+    page = (tmp_path / "out.html").read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
     for word in ("theta 25°", "fx 300 N, mz 100 N m", "leg1/motor.torsional_stiffness = 7 N m/mrad", "rank 12 of 12"):
         assert word in page
     assert os.listdir(tmp_path) == ["out.html"]

@@ -54,7 +54,7 @@ def words(page):
     parser.handle_data = lambda data: texts.append(data.strip())
     parser.handle_starttag = lambda tag, attributes: tags.append(tag)
     parser.feed(page)
-    return " ".join(text for text in texts if text), tags
+    return " ".join(" ".join(texts).split()), tags  # spaces that do not break are spaces
 
 
 # -- cells -------------------------------------------------------------------------------------------------------------
