@@ -161,10 +161,11 @@ def _diagnosed(
     prepared, found = _under_loads(prepared, robot, recordings, tell)
     if prepared.spread is not None and prepared.outliers:
         # what explains outliers says that they are none
-        again = prepared.spread.repeated(prepared.inputs.blocks)
+        begun, again = None, prepared.spread.repeated(prepared.inputs.blocks)
         every = prepare(robot, recordings, tell, with_outliers=True, all_over=bool(prepared.kinds))
-        every, begun = (every, _calibrated(every, tell)) if again else _all_over(robot, recordings, tell, every)
-        if again or begun.selection.last.terms:
+        if not again:
+            every, begun = _all_over(robot, recordings, tell, every)
+        if again or (begun is not None and begun.selection.last.terms):
             prepared, found = _cleaner(prepared, found, every, begun, tell)
     few = prepared.spread is not None and prepared.spread.of_few and not prepared.kinds
     if few and (not found.is_clean or found.problem.noise.source == "residual"):
@@ -248,7 +249,7 @@ def _under_loads(
     again: _Searched | None = None
     if begun.is_far_from_clean:
         other, calibrated = _all_over(robot, recordings, tell)
-        if not other.kinds:
+        if calibrated is None:
             return prepared, _searched(prepared, tell, begun=begun)
         if other.spread is not None and not other.spread.of_few and _explains_more(calibrated, begun):
             again = _searched(other, tell, begun=calibrated)
@@ -268,17 +269,19 @@ def _under_loads(
 
 def _all_over(
     robot: Robot, recordings: Sequence[Recording], tell: Tell, prepared: Prepared | None = None
-) -> tuple[Prepared, _Searched]:
-    """Return a preparation with what is off all over, and what the first law beside it leaves.
+) -> tuple[Prepared, _Searched | None]:
+    """Return a preparation with what is off all over, and what the first law beside it leaves; None where nothing is.
 
     A law that no kind stands for is noise to the kinds: beside it they are asked again, while less is taken for noise.
     prepared: with what is off all over, where that is known.
     """
     prepared = prepare(robot, recordings, tell, all_over=True) if prepared is None else prepared
-    begun = _with_one_law(prepared, tell) if prepared.kinds else _calibrated(prepared, tell)
+    if not prepared.kinds:
+        return prepared, None
+    begun = _with_one_law(prepared, tell)
     for _ in range(FEW_ROUNDS):
         terms = begun.selection.last.terms
-        if not (prepared.kinds and terms):
+        if not terms:
             break
         other = prepare(robot, recordings, tell, all_over=True, beside=[term.effect for term in terms])
         most = chi2_isf(FALSE_ALARM / len(prepared.library), sum(term.candidate.size for term in terms))
@@ -305,7 +308,7 @@ def _explains_more(again: _Searched, few: _Searched) -> bool:
 
 
 def _cleaner(
-    prepared: Prepared, found: _Searched, other: Prepared, begun: _Searched, tell: Tell
+    prepared: Prepared, found: _Searched, other: Prepared, begun: _Searched | None, tell: Tell
 ) -> tuple[Prepared, _Searched]:
     """Return another preparation and what it leads to from where it began if that is noise alone, else those given."""
     again = _searched(other, tell, begun=begun)
