@@ -65,6 +65,11 @@ class Quantity:
     within: tuple[str, ...] = ()
 
     @property
+    def typical(self) -> float:
+        """A usual size: that of the default, 1 where there is none."""
+        return abs(self.default) or 1.0 if isinstance(self.default, int | float) else 1.0
+
+    @property
     def lowest(self) -> float:
         """The least value that `check` takes."""
         if not self.positive:

@@ -180,7 +180,7 @@ class Candidate:
 
     def scales(self) -> Array:
         """Return a typical change of every coordinate, (p,)."""
-        return np.array([1.0 if log else abs(self._scale(q)) or 1.0 for q, log in self._pairs()])
+        return np.array([1.0 if log else q.typical for q, log in self._pairs()])
 
 
 @dataclass(frozen=True)

@@ -93,5 +93,4 @@ def efforts_visible(final: FinalState) -> Iterator[Seen]:
         if sizes[column] > ROUNDING * products[column, column]:
             need = float(np.sqrt(chi2_isf(np.exp(max(limit, -700.0)), 1)) * scatters[column] / sizes[column])
             quantity = candidate.law.quantities_at(candidate.place, final.mechanism)[0]
-            strong = abs(float(quantity.default or 1.0))  # type: ignore[arg-type]
-            yield Seen(*candidate.name, candidate.law.linear[0], quantity.unit, need, 0.0, strong)
+            yield Seen(*candidate.name, candidate.law.linear[0], quantity.unit, need, 0.0, quantity.typical)
