@@ -61,7 +61,7 @@ def test_a_robot_is_loaded_without_what_is_behind_its_doors(loaded):
 
 def test_stiffness_does_not_wait_for_what_other_commands_need():
     code = "import sys, prup_pin.cli.application as line; sys.argv[1:] = ['stiffness', '3prup', '--json', '-']\n"
-    code += "try: line.main()\nexcept SystemExit: print(*sys.modules, file=sys.stderr)"
+    code += "try: line.main()\nexcept SystemExit as end: print(*sys.modules, file=sys.stderr); sys.exit(end.code)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = {name.split(".")[1] for name in done.stderr.split() if name.startswith("prup_pin.")}
     assert "statics" in loaded
