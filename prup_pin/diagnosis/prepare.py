@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -44,10 +45,12 @@ from .since import Earlier
 from .spread import Spread, spread_of
 
 __all__ = [
+    "Drawn",
     "Prepared",
     "Tell",
     "allowed_of_markers",
     "check_belongs",
+    "drawn_problem",
     "prepare",
     "silent",
     "unused_columns",
@@ -108,20 +111,114 @@ class Prepared:
         return within_tolerances(problem, self.toleranced, self.library, reach)
 
 
-def prepare(
-    robot: Robot,
-    recordings: Recording | Sequence[Recording],
-    tell: Tell,
-    with_outliers: bool = False,
-    all_over: bool = False,
-    earlier: Earlier | None = None,
-    beside: Sequence[Effect] = (),
-) -> Prepared:
-    """Return the problem that recordings pose to a robot, gross errors left out or not. Raises as `diagnose` does.
+class Seen(NamedTuple):
+    """Recordings, what was put in and measured, and the measured poses with each sensor where it stands."""
 
-    all_over: what a few laws could explain as well is off all over, as what is off under loads may be; beside: what
-    acts while that is asked. earlier: what an earlier diagnosis found acts from the start, and nothing else is taken to
-    be off.
+    together: Together
+    inputs: Inputs
+    simulator: Simulator
+    linear: Linear
+    measured: Stack
+    placed: Registered
+    allowed: tuple[float, float]  # how far markers may be off, as `allowed_of_markers` says
+    nominal: Run | None  # where effects act from the start
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Recordings beside the robot as its file has it, checked and thinned, before anything is said to be off.
+
+    problem: all that was measured, with the noise declared, seen in repeats or assumed; `seen`: inputs, and where
+    sensors stand.
+    """
+
+    together: Together
+    problem: Problem
+    seen: Seen
+    library: Sequence[Candidate]
+    unused: tuple[str, ...]
+    remarks: tuple[str, ...]
+    earlier: Earlier | None
+
+    @property
+    def is_loaded(self) -> bool:
+        """True where more than the robot's weight loads it."""
+        return not self.seen.inputs.weight_alone
+
+    @cached_property
+    def spread(self) -> Spread | None:
+        """What is off all over, beside nothing."""
+        return self.spread_beside(())
+
+    def spread_beside(self, effects: Sequence[Effect]) -> Spread | None:
+        """Return what is off all over a robot that is seen by a pose sensor, beside effects that act.
+
+        With the robot's weight, or where it is loaded without: loads may have been told beyond it; alone, weight bends
+        all.
+        """
+        problem, together = self.problem, self.together
+        heavy = next((item for item in self.library if item.law.weighs and not item.place.aspect), None)
+        weights = [[] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]]
+        if weights[0] and self.is_loaded:
+            weights.append([])
+        ways = [[*weight, *effects] for weight in weights]
+        # a station for each run is a kind as any other, which data ask for or not; two do not tell how they scatter
+        own = bool(together.stations) or "pose_sensor" not in together.groups
+        several = own and len(np.unique(together.recording.run)) >= (2 if together.stations else FEWEST_OF_KIND)
+        found = spread_of(replace(problem, stack=replace(problem.stack, stations=None)), together, ways, several)
+        if not several or found is None or found.stations is not None:
+            return found
+        return spread_of(problem, together, ways, False)
+
+    def prepared(self, spread: Spread | None = None, beside: Sequence[Effect] = ()) -> Prepared:
+        """Return the problem with what is off all over, where that was asked; beside: what acted while it was."""
+        seen, together, problem, library = self.seen, self.together, self.problem, self.library
+        noise, stack, remarks = problem.noise, problem.stack, list(self.remarks)
+        if spread is not None:
+            remarks += spread.told(together, noise)
+            stack, noise = spread.stack(stack), spread.noise(noise)
+            stack = spread.placed(stack, noise, together.recording.run)
+            if spread.stations is not None and not together.stations:
+                together = together.with_runs_of("pose_sensor")
+                library = _library(together, problem)
+                remarks.append(_stations_remark(spread.stations))
+            together, library = spread.widened(together), spread.among(library, beside)
+        assumed = noise.source == "assumed"
+        if assumed:
+            noise = replace(noise, source="estimated")
+        if noise is not problem.noise or stack is not problem.stack:
+            problem = Problem.of(seen.simulator, stack, noise, problem.nominal.run)
+        recording, samples = together.recording, problem.first.samples
+        mechanism = seen.simulator.robot.mechanism
+        toleranced = toleranced_of(seen.placed.open(recording), mechanism, together.groups, seen.inputs.moves)
+        if self.earlier is not None:
+            toleranced = self.earlier.toleranced(toleranced, mechanism)
+            library = under_load(self.earlier.library(library, mechanism), problem.nominal)
+        remarks += without_effect(recording.tolerances.declared)
+        return Prepared(
+            together=together,
+            problem=problem,
+            inputs=seen.inputs,
+            raw_linear=(seen.measured if seen.placed.found else stack).residual_of_start(seen.linear)[samples],
+            raw_registered=stack.residual_of_start(seen.linear)[samples],
+            library=library,
+            toleranced=toleranced,
+            unused=self.unused,
+            remarks=remarks,
+            placed=seen.placed,
+            spread=spread,
+            noise_unknown=spread is not None and self.problem.noise.source == "assumed",
+            assumed=assumed,
+            earlier=self.earlier,
+        )
+
+
+def drawn_problem(
+    robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell, earlier: Earlier | None = None
+) -> Drawn:
+    """Return the problem that recordings pose to a robot as its file has it. Raises as `diagnose` does.
+
+    earlier: what an earlier diagnosis found acts from the start, and nothing else is taken to be off.
     """
     adapted = as_recorded(robot, recordings)
     robot = adapted.robot
@@ -141,52 +238,21 @@ def prepare(
     tell("the nominal simulation", 0.0)
     nominal = seen.nominal or seen.simulator.run()
     noise = _noise_of_each(seen, nominal, remarks)
-    together, stack = seen.together, seen.placed.stack
-    problem = Problem.of(seen.simulator, stack, noise, nominal)
-    library = _library(together, problem)
+    problem = Problem.of(seen.simulator, seen.placed.stack, noise, nominal)
+    library = _library(seen.together, problem)
     tell("what is off all over", 0.01)
-    loaded = not seen.inputs.weight_alone
-    one_by_one = (loaded and not all_over) or earlier is not None
-    spread = None if one_by_one else _off_everywhere(problem, together, library, beside)
-    noise_unknown = spread is not None and noise.source == "assumed"
-    if spread is not None:
-        spread = spread.with_all(problem.stack.exists) if with_outliers else spread
-        spread = spread.all_over() if all_over else spread
-        remarks += spread.told(together, noise)
-        stack, noise = spread.stack(stack), spread.noise(noise)
-        stack = spread.placed(stack, noise, together.recording.run)
-        if spread.stations is not None and not together.stations:
-            together = together.with_runs_of("pose_sensor")
-            library = _library(together, problem)
-            remarks.append(_stations_remark(spread.stations))
-        together, library = spread.widened(together), spread.among(library, beside)
-    assumed = noise.source == "assumed"
-    if assumed:
-        noise = replace(noise, source="estimated")
-    if noise is not problem.noise or stack is not problem.stack:
-        problem = Problem.of(seen.simulator, stack, noise, nominal)
-    recording, samples = together.recording, problem.first.samples
-    toleranced = toleranced_of(seen.placed.open(recording), robot.mechanism, together.groups, seen.inputs.moves)
-    if earlier is not None:
-        toleranced = earlier.toleranced(toleranced, robot.mechanism)
-        library = under_load(earlier.library(library, robot.mechanism), problem.nominal)
-    remarks += without_effect(recording.tolerances.declared)
-    return Prepared(
-        together=together,
-        problem=problem,
-        inputs=seen.inputs,
-        raw_linear=(seen.measured if seen.placed.found else stack).residual_of_start(seen.linear)[samples],
-        raw_registered=stack.residual_of_start(seen.linear)[samples],
-        library=library,
-        toleranced=toleranced,
-        unused=unused,
-        remarks=remarks,
-        placed=seen.placed,
-        spread=spread,
-        noise_unknown=noise_unknown,
-        assumed=assumed,
-        earlier=earlier,
-    )
+    return Drawn(seen.together, problem, seen, library, unused, tuple(remarks), earlier)
+
+
+def prepare(
+    robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell, earlier: Earlier | None = None
+) -> Prepared:
+    """Return the problem that recordings pose to a robot, gross errors left out. Raises as `diagnose` does.
+
+    What is off all over is asked first where nothing but weight loads the robot. earlier: as `drawn_problem` says.
+    """
+    drawn = drawn_problem(robot, recordings, tell, earlier)
+    return drawn.prepared(None if drawn.is_loaded or earlier is not None else drawn.spread)
 
 
 def _columns_told(together: Together, mechanism: Mechanism) -> tuple[tuple[str, ...], list[str]]:
@@ -201,20 +267,7 @@ def _columns_told(together: Together, mechanism: Mechanism) -> tuple[tuple[str, 
     return tuple(dict.fromkeys(unused)), remarks
 
 
-class _Seen(NamedTuple):
-    """Recordings, what was put in and measured, and the measured poses with each sensor where it stands."""
-
-    together: Together
-    inputs: Inputs
-    simulator: Simulator
-    linear: Linear
-    measured: Stack
-    placed: Registered
-    allowed: tuple[float, float]  # how far markers may be off, as `allowed_of_markers` says
-    nominal: Run | None  # where effects act from the start
-
-
-def _seen(robot: Robot, together: Together, motion: Trajectory | None, acting: Sequence[Effect]) -> _Seen:
+def _seen(robot: Robot, together: Together, motion: Trajectory | None, acting: Sequence[Effect]) -> Seen:
     """Return what was seen, each sensor where it stands; with frames of their own where one does not fit all."""
     mechanism, inputs = robot.mechanism, _inputs(robot, together, motion)
     measured, simulator = Stack(channels_of(together.recording, mechanism)), Simulator(robot, inputs, acting)
@@ -228,10 +281,10 @@ def _seen(robot: Robot, together: Together, motion: Trajectory | None, acting: S
         simulator = simulator.under(inputs)
         nominal = simulator.run() if acting else None
     allowed = allowed[0] + placed.beside, allowed[1]
-    return _Seen(together, inputs, simulator, linear, measured, placed, allowed, nominal)
+    return Seen(together, inputs, simulator, linear, measured, placed, allowed, nominal)
 
 
-def _check_each(seen: _Seen) -> None:
+def _check_each(seen: Seen) -> None:
     """Raise InputError where a recording and the robot are worlds apart."""
     for source, here in seen.together.each():
         try:
@@ -240,7 +293,7 @@ def _check_each(seen: _Seen) -> None:
             raise InputError(seen.together.told(source, str(error))) from error
 
 
-def _noise_of_each(seen: _Seen, nominal: Run, remarks: list[str]) -> Noise:
+def _noise_of_each(seen: Seen, nominal: Run, remarks: list[str]) -> Noise:
     """Return the noise of all recordings; tell rows that could not be simulated, and noise declared too large."""
     together, stack, noises = seen.together, seen.placed.stack, []
     for source, here in together.each():
@@ -259,27 +312,6 @@ def _library(together: Together, problem: Problem) -> list[Candidate]:
     mechanism, inputs = problem.simulator.robot.mechanism, problem.simulator.inputs
     found = candidates(mechanism, inputs, together.recording.marker_names, together.groups, together.alone)
     return under_load(found, problem.nominal)
-
-
-def _off_everywhere(
-    problem: Problem, together: Together, library: Sequence[Candidate], beside: Sequence[Effect]
-) -> Spread | None:
-    """Return what is off all over a robot that is seen by a pose sensor, beside effects that act.
-
-    With the robot's weight, or where it is loaded without: loads may have been told beyond it; alone, weight bends all.
-    """
-    heavy = next((item for item in library if item.law.weighs and not item.place.aspect), None)
-    weights = [[] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]]
-    if weights[0] and not problem.simulator.inputs.weight_alone:
-        weights.append([])
-    ways = [[*weight, *beside] for weight in weights]
-    # A station for each run is a kind as any other, which the data ask for or not; two do not tell how they scatter.
-    own = bool(together.stations) or "pose_sensor" not in together.groups
-    several = own and len(np.unique(together.recording.run)) >= (2 if together.stations else FEWEST_OF_KIND)
-    found = spread_of(replace(problem, stack=replace(problem.stack, stations=None)), together, ways, several)
-    if not several or found is None or found.stations is not None:
-        return found
-    return spread_of(problem, together, ways, False)
 
 
 def _stations_remark(stations: tuple[float, float]) -> str:

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.account import Account
 from prup_pin.diagnosis.evidence import fold_labels
 from prup_pin.diagnosis.search import Selection
 from prup_pin.diagnosis.variance_components import SensorEquations, estimated, unusual
@@ -73,8 +74,9 @@ def test_what_is_off_all_over_shows_under_loads(tmp_path):
     robot, recording, _ = read(drawn, tmp_path)
     assert asked(robot, recording).spread is None  # laws are looked for first
     with threadpool_limits(1, user_api="blas"):
-        prepare = importlib.import_module("prup_pin.diagnosis.prepare").prepare
-        given = prepare(robot, recording, lambda stage, share: None, all_over=True)
+        drawn_problem = importlib.import_module("prup_pin.diagnosis.prepare").drawn_problem
+        posed = drawn_problem(robot, recording, lambda stage, share: None)
+        given = posed.prepared(posed.spread.all_over())
     actual, kinds = drawn["actual"], given.spread.kinds
     assert set(kinds) - FRAME <= set(actual)
     for kind in ("encoder_offset", "position"):
@@ -113,11 +115,11 @@ def test_what_two_preparations_leave_is_weighed_by_one_noise(tmp_path):
     for own in (given.problem.noise, replace(given.problem.noise, position=3e-5, rotation=3e-2), noise):
         problem = replace(given.problem, noise=own)
         nothing = Selection.nothing(problem.first, given.library)
-        found.append(whole._Searched(problem, nothing, fold_labels(given.inputs.blocks), None).by_noise(noise))
+        found.append(Account(given, problem, nothing, fold_labels(given.inputs.blocks)).by_noise(noise))
     chi2 = problem.first.chi2
     assert found == [(pytest.approx(chi2, rel=1e-9), False)] * 3
     loud = replace(noise, position=1.0, rotation=1.0)
-    assert whole._Searched(problem, nothing, fold_labels(given.inputs.blocks), None).by_noise(loud)[1]
+    assert Account(given, problem, nothing, fold_labels(given.inputs.blocks)).by_noise(loud)[1]
 
 
 @pytest.mark.parametrize(
@@ -150,22 +152,23 @@ def test_what_is_off_all_over_takes_the_place_of_few_laws(again, few, more):
 def test_laws_are_not_looked_for_long_where_none_comes_near_what_is_off_all_over(
     one_law, far, of_few, searches, monkeypatch
 ):
-    def searched(told, **more):
-        return SimpleNamespace(noise=None, size=30, is_clean=told[1], by_noise=lambda noise: told, **more)
+    def account(called, told, **more):
+        return SimpleNamespace(called=called, noise=None, size=30, is_clean=told[1], by_noise=lambda _: told, **more)
 
     asked_for = []
 
-    def search(prepared, tell, most=60, begun=None):
-        asked_for.append(prepared.called)
-        told = (one_law, False) if prepared.called == "few laws" else (1.0, True)
-        return searched(told, selection=SimpleNamespace(fits=1))
+    def search(begun, tell, most=60):
+        asked_for.append(begun.called)
+        told = (one_law, False) if begun.called == "few laws" else (1.0, True)
+        return account(begun.called, told, selection=SimpleNamespace(fits=1))
 
-    few = SimpleNamespace(called="few laws", inputs=SimpleNamespace(weight_alone=False))
-    other = SimpleNamespace(called="all over", kinds=("position",), spread=SimpleNamespace(of_few=of_few))
-    monkeypatch.setattr(whole, "_all_over", lambda *_: (other, searched((30.0, False))))
-    monkeypatch.setattr(whole, "_with_one_law", lambda *_: searched((one_law, False), is_far_from_clean=far))
-    monkeypatch.setattr(whole, "_searched", search)
-    chosen, _ = whole._under_loads(few, None, (), lambda *_: None)
+    other = SimpleNamespace(spread=SimpleNamespace(of_few=of_few))
+    monkeypatch.setattr(whole, "_all_over", lambda *_: account("all over", (30.0, False), prepared=other))
+    monkeypatch.setattr(
+        whole, "with_first_law", lambda *_: account("few laws", (one_law, False), is_far_from_clean=far)
+    )
+    monkeypatch.setattr(whole, "searched", search)
+    chosen = whole._under_loads(SimpleNamespace(prepared=lambda: None), lambda *_: None)
     assert asked_for == searches
     assert chosen.called == searches[-1]
 

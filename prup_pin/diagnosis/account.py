@@ -1,0 +1,238 @@
+"""One account of recordings: the robot within its tolerances, laws that recordings ask for, and second thoughts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..channels import Noise
+from ..numbers import number, quantity
+from ..simulation import Simulator
+from .calibrate import carried
+from .candidates import Term
+from .criteria import FEW_ROUNDS, LITTLE, MOST_FITS, PARAMETER_COST, beyond_tolerance
+from .diagnosis import Finding
+from .evidence import (
+    count_beyond_tolerance,
+    cross_validated,
+    fold_labels,
+    is_clean,
+    minus_2_log_posterior,
+    rescaled_tolerances,
+    rescaling_remark,
+    with_rescaled,
+)
+from .findings import no_noise, too_few, unrecorded_load
+from .noise import noise_of_the_rest
+from .prepare import Prepared, Tell
+from .problem import Fit, Problem
+from .search import Selection, dropped_by_folds, select, with_one_law
+from .unrecorded_load import reaches, unrecorded_force
+
+__all__ = ["Account", "beside_laws", "calibrated", "searched", "with_first_law"]
+
+
+@dataclass(frozen=True, eq=False)
+class Account:
+    """What was prepared, its problem as it was calibrated, the laws that were selected, and a doubt.
+
+    labels (N,) of samples that are held out together.
+    """
+
+    prepared: Prepared
+    problem: Problem
+    selection: Selection
+    labels: np.ndarray
+    doubt: Finding | None = None
+
+    @property
+    def is_clean(self) -> bool:
+        """True where what is left may be noise."""
+        return is_clean(self.problem, self.selection.last)
+
+    @property
+    def size(self) -> int:
+        """How many numbers what is left has."""
+        return self.problem.count(self.selection.last)
+
+    @property
+    def cost(self) -> float:
+        """-2 log of how likely what was measured is with what was found."""
+        return minus_2_log_posterior(self.selection.last, len(self.prepared.library))
+
+    @property
+    def is_far_from_clean(self) -> bool:
+        """True where more is left than noise by so much that noise would be a small part of it."""
+        return LITTLE * self.selection.last.chi2 > self.size
+
+    @property
+    def noise(self) -> Noise:
+        """The noise; where nothing but what is left tells it, what is left beside the laws that were found."""
+        noise = self.problem.noise
+        if noise.source != "residual":
+            return noise
+        left = float(np.sqrt(self.selection.last.chi2 / max(self.size, 1)))
+        return replace(noise, position=left * noise.position, rotation=left * noise.rotation)
+
+    def selecting(self, selection: Selection) -> Account:
+        """Return the same account with other laws."""
+        return replace(self, selection=selection)
+
+    def by_noise(self, noise: Noise) -> tuple[float, bool]:
+        """Return what is left of blocks that are held out in turn, chi squared by a noise, and whether all may be that.
+
+        What two accounts leave is not compared by two noises, nor metres by one and radians by another.
+        """
+        problem, last = replace(self.problem, noise=noise), self.selection.last
+        fit = problem.relinearised(problem.fit_at(last.terms, last.run, last))
+        return cross_validated(problem, fit, self.labels[fit.samples]), is_clean(problem, fit)
+
+
+def calibrated(prepared: Prepared, tell: Tell) -> Account:
+    """Return a problem calibrated within tolerances, before any law."""
+    tell("calibration within tolerances", 0.02)
+    # What is left out would drive parameters beyond their tolerances, where laws' first order tells nothing any more.
+    problem = _within_tolerances(prepared, prepared.problem)
+    nothing = Selection.nothing(problem.first, prepared.library)
+    return Account(prepared, problem, nothing, fold_labels(prepared.inputs.blocks))
+
+
+def _within_tolerances(prepared: Prepared, problem: Problem) -> Problem:
+    """Return a problem calibrated anew within what is declared, no parameter farther off than chance takes one."""
+    return prepared.within_tolerances(replace(problem, tolerances=None), beyond_tolerance(len(prepared.toleranced)))
+
+
+def with_first_law(prepared: Prepared, tell: Tell) -> Account:
+    """Return what the first law that recordings ask for leaves."""
+    begun = calibrated(prepared, tell)
+    if not begun.size:
+        return begun
+    tell("laws, round 1", 0.05)
+    last = with_one_law(begun.problem, prepared.library, begun.labels, begun.problem.first)
+    return begun.selecting(replace(begun.selection, last=last))
+
+
+def beside_laws(prepared: Prepared, terms: Sequence[Term], tell: Tell) -> Account:
+    """Return what laws leave that are known by and large: parameters are calibrated and weight is asked beside them."""
+    problem = prepared.problem
+    acting = Simulator(problem.simulator.robot, prepared.inputs, [term.effect for term in terms])
+    start = _within_tolerances(prepared, Problem.of(acting, problem.stack, problem.noise)).tolerances
+    if start is None:
+        return with_first_law(prepared, tell)
+    problem = problem.within(carried(problem, start.start))
+    first = problem.first
+    beside = problem.fit_at(terms, first.run, first, start.start.x)
+    last = min((problem.refine(terms, begin) for begin in (first, beside)), key=lambda fit: fit.chi2)
+    selection = replace(Selection.nothing(first, prepared.library), last=last)
+    return Account(prepared, problem, selection, fold_labels(prepared.inputs.blocks))
+
+
+def searched(begun: Account, tell: Tell, most: int = MOST_FITS) -> Account:
+    """Return what recordings say of laws and parameters; no further law is looked for after so many fits.
+
+    begun: a calibration, or what a shorter search of the same led to, from which this one goes on.
+    """
+    if not begun.size:
+        return begun
+    now = _selected(begun, begun.problem, tell, most, begun.selection.last)
+    now = _by_noise_of_the_rest(_by_noise_of_the_wrench(now, tell, most), tell, most)
+    now = _with_weight_or_without(now, tell, most)
+    if begun.prepared.kinds:
+        now = now.selecting(dropped_by_folds(now.problem, now.selection, now.labels))
+    elif now.doubt is None and now.is_clean:
+        now = _within_rescaled(now, tell)
+    if begun.prepared.noise_unknown and now.doubt is None and now.is_clean:
+        return replace(now, doubt=no_noise(now.problem, now.selection.last, begun.prepared.inputs.blocks))
+    return now
+
+
+def _selected(now: Account, problem: Problem, tell: Tell, most: int = MOST_FITS, begun: Fit | None = None) -> Account:
+    """Return an account with another problem and the laws that are selected for it."""
+    selection = select(problem, now.prepared.library, now.labels, problem.first, tell, most, begun)
+    return replace(now, problem=problem, selection=selection)
+
+
+def _by_noise_of_the_wrench(now: Account, tell: Tell, most: int) -> Account:
+    """Return an account with the wrench's noise as it comes through what was found, if then noise is left.
+
+    At the edge of a gap it reaches the poses much farther than through the robot of the file.
+    """
+    again, fit = now.problem, now.selection.last
+    if not again.noise.wrench.any() or not fit.terms or now.is_clean:
+        return now
+    for _ in range(FEW_ROUNDS):
+        again = replace(again, by_wrench=again.stack.seen(fit.influence.first.by_wrench))
+        fit = again.refine(fit.terms, again.fit_at(fit.terms, fit.run, fit))
+        if is_clean(again, fit):
+            return _selected(now, _within_tolerances(now.prepared, again), tell, most)
+    return now
+
+
+def _by_noise_of_the_rest(now: Account, tell: Tell, most: int) -> Account:
+    """Return an account with the noise that is left where it is no other than was assumed but in size.
+
+    Where no load was recorded, and forces at the tool leave it likelier, with a doubt instead.
+    """
+    inputs, fit = now.prepared.inputs, now.selection.last
+    larger = noise_of_the_rest(now.problem, fit, inputs.blocks[fit.samples])
+    if larger is None:
+        return now
+    force = _force_left(now.problem, fit) if inputs.weight_alone else 0.0
+    if force:
+        return replace(now, doubt=unrecorded_load(larger.noise, force))
+    now.prepared.remarks.append(_larger_noise(now.problem.noise, larger.noise))
+    now = _selected(now, _within_tolerances(now.prepared, larger), tell, most)
+    return replace(now, doubt=too_few(now.problem, now.selection, inputs.blocks))
+
+
+def _with_weight_or_without(now: Account, tell: Tell, most: int) -> Account:
+    """Return an account without the robot's own weight, where that makes what was found likelier.
+
+    Whether weight acts was asked before any law was there: it may have stood for one, and further laws for it.
+    """
+    prepared, last = now.prepared, now.selection.last
+    if prepared.kinds or not now.problem.acting or len(last.terms) < 2:
+        return now
+    without = replace(prepared, library=[item for item in prepared.library if not item.law.weighs])
+    light = _within_tolerances(without, now.problem)
+    # laws that stand for weight do as well without it
+    if light.refine(last.terms, light.first).chi2 > last.chi2 + PARAMETER_COST * len(last.terms):
+        return now
+    other = _selected(now, light, tell, most)
+    return other if other.cost < now.cost - PARAMETER_COST else now
+
+
+def _within_rescaled(now: Account, tell: Tell) -> Account:
+    """Return an account within wider tolerances, where these explain better what was found; and tell it."""
+    problem, selection, prepared = now.problem, now.selection, now.prepared
+    # what laws have taken may be what a kind is off by where nothing asks for them but the tolerances
+    wider = rescaled_tolerances(problem, selection.first if is_clean(problem, selection.first) else selection.last)
+    if not wider:
+        return now
+    other = replace(prepared, toleranced=with_rescaled(prepared.toleranced, wider))
+    again = _within_tolerances(other, problem)
+    found = replace(now, problem=again, selection=Selection.nothing(again.first, prepared.library))
+    if selection.last.terms or count_beyond_tolerance(selection.last) or not found.is_clean:
+        found = _selected(now, again, tell)
+    taken = minus_2_log_posterior(found.selection.last, len(prepared.library), wider) < now.cost
+    prepared.remarks.append(rescaling_remark(wider, taken))
+    return found if taken else now
+
+
+def _force_left(problem: Problem, fit: Fit) -> float:
+    """Return the size [N] of unrecorded forces that leave behind what a fit leaves; 0 where something else does."""
+    white, seen = problem.whiteners(fit.influence), problem.stack.exists[fit.samples]
+    by_force, *by_strains = (white @ reach for reach in reaches(fit.influence))
+    return unrecorded_force(fit.residual, by_force, by_strains, seen, seen)
+
+
+def _larger_noise(noise: Noise, larger: Noise) -> str:
+    wrench = [quantity(value, unit) for value, unit in ((larger.force, "N"), (larger.moment, "N m")) if value]
+    through = f", and {' and '.join(wrench)} of the wrench sensor" if wrench and not noise.wrench.any() else ""
+    return (
+        f"what is left is noise, and larger than {noise.source}: {number(1e6 * larger.position, 3)} µm and "
+        f"{number(1e6 * larger.rotation, 3)} µrad{through} were taken for it, where "
+        f"{number(1e6 * noise.position, 3)} µm and {number(1e6 * noise.rotation, 3)} µrad were {noise.source}"
+    )
