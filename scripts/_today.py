@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 
 from prup_pin.channels import Noise, Stack, channels_of
-from prup_pin.diagnosis.calibrate import Toleranced, calibrate
+from prup_pin.diagnosis.calibrate import calibrate, calibrated_parameters
 from prup_pin.diagnosis.candidates import Candidate, candidates
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.diagnosis.problem import Problem
+from prup_pin.diagnosis.toleranced import Toleranced
 from prup_pin.errors import PrupPinError
 from prup_pin.laws import LAWS, Effect, Place
 from prup_pin.laws.deviations import deviations_of
@@ -71,8 +72,8 @@ def least_squares(robot: Robot, recording: Recording, heldout: Recording) -> tup
     wide = {name: _WIDE * value for name, value in tolerances.items()}
     found = calibrate(bench.problem, Toleranced.of(free, wide), bench.weight)
     findings, calibration = [], []
-    kept = found.toleranced.law.deviations
-    for item, x, sd in zip(kept, _WIDE * found.x, _WIDE * found.deviations, strict=True):
+    for item in calibrated_parameters(found, found.first):
+        item, x, sd = item.deviation, _WIDE * item.x, _WIDE * item.share
         value = item.value(float(x * tolerances[item.name]))
         error = float(sd * tolerances[item.name] * abs(item.per_amount(value)))
         calibration.append({"parameter": item.name, "nominal": item.nominal, "value": value, "sd": error})
@@ -80,7 +81,7 @@ def least_squares(robot: Robot, recording: Recording, heldout: Recording) -> tup
             findings.append({"physics": item.physics, "location": item.place, "candidates": [item.place],
                              "heldout_gain": abs(float(x))})  # fmt: skip
     findings.sort(key=lambda item: -item["heldout_gain"])
-    predicted = simulate(robot, heldout, [found.effect, *bench.weight])
+    predicted = simulate(robot, heldout, found.prior.at(found.first.x))
     poses = {"p": predicted.position, "r": predicted.rotation}
     return {"verdict": "", "findings": _once(findings), "calibration": calibration}, poses
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..channels import Noise
 from ..numbers import number, quantity
 from ..simulation import Simulator
-from .calibrate import carried
+from .calibrate import calibrated_from
 from .candidates import Term
 from .criteria import FEW_ROUNDS, LITTLE, MOST_FITS, PARAMETER_COST, beyond_tolerance
 from .diagnosis import Finding
@@ -31,7 +31,7 @@ from .problem import Fit, Problem
 from .search import Selection, dropped_by_folds, select, with_one_law
 from .unrecorded_load import reaches, unrecorded_force
 
-__all__ = ["Account", "beside_laws", "calibrated", "searched", "with_first_law"]
+__all__ = ["Account", "beside_laws", "searched", "with_first_law", "without_laws"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class Account:
         return cross_validated(problem, fit, self.labels[fit.samples]), is_clean(problem, fit)
 
 
-def calibrated(prepared: Prepared, tell: Tell) -> Account:
+def without_laws(prepared: Prepared, tell: Tell) -> Account:
     """Return a problem calibrated within tolerances, before any law."""
     tell("calibration within tolerances", 0.02)
     # What is left out would drive parameters beyond their tolerances, where laws' first order tells nothing any more.
@@ -106,7 +106,7 @@ def _within_tolerances(prepared: Prepared, problem: Problem) -> Problem:
 
 def with_first_law(prepared: Prepared, tell: Tell) -> Account:
     """Return what the first law that recordings ask for leaves."""
-    begun = calibrated(prepared, tell)
+    begun = without_laws(prepared, tell)
     if not begun.size:
         return begun
     tell("laws, round 1", 0.05)
@@ -118,12 +118,14 @@ def beside_laws(prepared: Prepared, terms: Sequence[Term], tell: Tell) -> Accoun
     """Return what laws leave that are known by and large: parameters are calibrated and weight is asked beside them."""
     problem = prepared.problem
     acting = Simulator(problem.simulator.robot, prepared.inputs, [term.effect for term in terms])
-    start = _within_tolerances(prepared, Problem.of(acting, problem.stack, problem.noise)).tolerances
-    if start is None:
+    calibrated = _within_tolerances(prepared, Problem.of(acting, problem.stack, problem.noise))
+    if calibrated.tolerances is None:
         return with_first_law(prepared, tell)
-    problem = problem.within(carried(problem, start.start))
+    problem = calibrated_from(
+        replace(problem, tolerances=replace(calibrated.tolerances, start=None)), calibrated.first.x
+    )
     first = problem.first
-    beside = problem.fit_at(terms, first.run, first, start.start.x)
+    beside = problem.fit_at(terms, first.run, first, calibrated.first.x)
     last = min((problem.refine(terms, begin) for begin in (first, beside)), key=lambda fit: fit.chi2)
     selection = replace(Selection.nothing(first, prepared.library), last=last)
     return Account(prepared, problem, selection, fold_labels(prepared.inputs.blocks))

@@ -13,7 +13,7 @@ from ..errors import InputError, limits_heard
 from ..laws import Effect
 from ..recordings import Convention, Recording
 from ..robot import Robot
-from .calibrate import CalibratedParameter, calibrated_parameters
+from .calibrate import CalibratedParameter, calibrated_parameters, twins
 from .conventions import read_logs
 from .criteria import clean_bound
 from .prepare import prepare
@@ -84,7 +84,7 @@ def calibrated(
             nominal=float(np.sqrt(problem.drawn.chi2 / count)),
             calibrated=float(np.sqrt(first.chi2 / count)),
             parameters=tuple(calibrated_parameters(problem, first)),
-            twins=problem.tolerances.start.twins,
+            twins=twins(problem, first),
             effects=(*problem.tolerances.at(first.x), *prepared.placed.every),
             samples=len(first.samples),
             conventions=every.pop() if len(every) == 1 else (),

@@ -13,7 +13,7 @@ from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import CorrectedModel, as_recorded
 from ..simulation.needs import taking_part
-from .account import Account, beside_laws, calibrated, searched, with_first_law
+from .account import Account, beside_laws, searched, with_first_law, without_laws
 from .chances import chi2_isf
 from .conventions import read_logs
 from .criteria import AS_GOOD, FALSE_ALARM, FEW_FITS, FEW_ROUNDS, LITTLE, MOST
@@ -121,7 +121,7 @@ def _changed(robot: Robot, recordings: Sequence[Recording], earlier: Earlier, te
             "poses alone so far: record where the tool or markers are (columns p.x … r.z), or diagnose this recording "
             "by itself, without an earlier model, and compare the two"
         )
-    return _told(searched(calibrated(prepare(robot, recordings, tell, earlier), tell), tell), tell)
+    return _told(searched(without_laws(prepare(robot, recordings, tell, earlier), tell), tell), tell)
 
 
 def _diagnosed(
@@ -163,7 +163,7 @@ def _told(found: Account, tell: Tell, propose: bool | Sequence[str] = False) -> 
 
 def _under_weight(drawn: Drawn, tell: Tell) -> Account:
     """Return the account of a robot that nothing but its weight loads: what is off all over is asked first."""
-    begun = _all_over(drawn, tell, drawn.spread) or calibrated(drawn.prepared(drawn.spread), tell)
+    begun = _all_over(drawn, tell, drawn.spread) or without_laws(drawn.prepared(drawn.spread), tell)
     return searched(begun, tell)
 
 
@@ -230,7 +230,7 @@ def _with_outliers(drawn: Drawn, found: Account, spread: Spread, tell: Tell) -> 
     assert every is not None
     every = (every.all_over() if found.prepared.kinds else every).with_all(drawn.problem.stack.exists)
     if spread.repeated(found.prepared.inputs.blocks):
-        return _cleaner(found, searched(calibrated(drawn.prepared(every), tell), tell))
+        return _cleaner(found, searched(without_laws(drawn.prepared(every), tell), tell))
     begun = _all_over(drawn, tell, every)
     if begun is None or not begun.selection.last.terms:
         return found

@@ -14,7 +14,6 @@ import numpy as np
 
 from ..numbers import number
 from ..spatial import Array
-from .calibrate import Toleranced
 from .candidates import Candidate
 from .chances import chi2_isf
 from .criteria import (
@@ -32,6 +31,7 @@ from .criteria import (
 from .normal_equations import likeliest_widths
 from .nuisance import with_priors
 from .problem import Fit, Problem, Term
+from .toleranced import Toleranced
 
 __all__ = [
     "Rival",

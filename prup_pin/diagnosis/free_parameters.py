@@ -14,9 +14,9 @@ from ..mechanism import Mechanism
 from ..recordings import ARM, KINDS_OF_TOLERANCE, SENSORS, Group, Recording
 from ..simulation import Simulator
 from ..spatial import Array
-from .calibrate import Toleranced, changes_per_tolerance
 from .criteria import ROUNDING, STEP
 from .influence import Influence
+from .toleranced import Toleranced, changes_per_tolerance
 from .variance_components import SensorEquations, VarianceEstimate, posterior
 
 __all__ = [

@@ -351,14 +351,12 @@ class SimulatedTest:
         ]
         noise = replace(problem.noise, each=(), which=None)
         own = Problem.of(problem.simulator.under(inputs), Stack(tuple(channels)), noise)
-        self.problem = own if problem.tolerances is None else replace(own, tolerances=problem.tolerances)
+        self.problem = replace(own, tolerances=replace(problem.prior, start=None))
 
     @cached_property
     def fit(self) -> Fit:
         """The robot with its calibrated parameters and no law; the change per tolerance taken there."""
-        if self.problem.tolerances is None:
-            return self.problem.first
-        return self.problem.relinearised(self.problem.fit_at((), like=self.last))
+        return self.problem.relinearised(self.problem.off(self.last.x))
 
     @property
     def count(self) -> int:

@@ -14,11 +14,11 @@ from ..recordings import SENSORS, Recording
 from ..robot import Robot
 from ..simulation import CorrectedModel
 from ..spatial import Array
-from .calibrate import changes_per_tolerance
 from .conventions import read_logs
 from .influence import Influence
 from .prepare import Prepared, prepare, silent
 from .since import Earlier
+from .toleranced import changes_per_tolerance
 
 __all__ = ["Linearised"]
 

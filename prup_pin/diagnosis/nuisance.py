@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from ..spatial import Array
-from .calibrate import least_within
 from .criteria import NOTHING
 
-__all__ = ["Nuisance", "least_step", "with_priors", "without"]
+__all__ = ["Nuisance", "least_step", "least_within", "with_priors", "without"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +94,11 @@ def least_step(jacobian: Array, residual: Array, held: Array, x: Array, reach: f
         ends = np.concatenate((np.full(count, np.inf), np.full(len(x), reach)))
         step = least_within(root, turned.T @ right + root @ here, ends) - here
     return np.concatenate((step[:count] / scale, step[count:]))
+
+
+def least_within(matrix: Array, right: Array, reach: Array) -> Array:
+    """Return the least-squares solution of matrix x = right with every |x| within `reach` (p,), inf where free."""
+    return np.asarray(lsq_linear(matrix, right, (-reach, reach), method="bvls").x)
 
 
 def with_priors(free: Array, held: Array, residual: Array, x: Array) -> tuple[Array, Array]:

@@ -20,11 +20,7 @@ from ..recordings.columns import AXES, MARKER_GROUPS
 from ..robot import Robot
 from ..simulation import Run, Simulator, as_recorded, inputs_of, trajectory_of
 from ..spatial import Array, turn_between
-from .calibrate import (
-    Toleranced,
-    toleranced_of,
-    within_tolerances,
-)
+from .calibrate import within_tolerances
 from .candidates import Candidate, candidates, under_load
 from .criteria import (
     ALIKE,
@@ -43,6 +39,7 @@ from .problem import Problem
 from .registration import OWN_STATIONS, Registered, own_frames, registered, worlds_apart
 from .since import Earlier
 from .spread import Spread, spread_of
+from .toleranced import Toleranced, toleranced_of
 
 __all__ = [
     "Drawn",

@@ -8,7 +8,7 @@ steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -20,13 +20,13 @@ from ..channels import Noise, Stack
 from ..laws import Effect, Setup
 from ..simulation import Run, Simulator
 from ..spatial import Array
-from .calibrate import Calibrated, Toleranced, changes_per_tolerance, settled, shortened
 from .candidates import Candidate, Term
-from .criteria import LITTLE, MOST, NOTHING, SETTLED, UNSEEN, WIDEST_STEP
+from .criteria import CALIBRATION_STEP, LITTLE, MOST, NOTHING, SETTLED, UNSEEN, WIDEST_STEP
 from .influence import Influence
 from .nuisance import Nuisance, least_step, without
+from .toleranced import Toleranced, changes_per_tolerance
 
-__all__ = ["Fit", "Problem", "Term"]
+__all__ = ["Fit", "Problem", "Term", "shortened"]
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,10 @@ class Fit:
     """A simulation with fitted laws (`terms`) and parameters: its run, whitened residual (n, K) and chi squared.
 
     x (p,): toleranced parameters in multiples of their tolerances; p = 0 where the robot file is taken at its word.
-    chi2: squares of the residual, of x, and of coordinates with a prior about zero (`Candidate.known`).
-    per_tolerance (K n, p): whitened change per tolerance, taken at this fit or at one near by, which bends the next
-    step of a parameter a little and no residual. begin: the setup that the laws come after.
+    chi2: squares of the residual, of x, and of coordinates with a prior about zero (`Candidate.known`). changes
+    (n, K, p): what the columns change per tolerance, taken at this fit or at one near by, which bends the next step of
+    a parameter a little and no residual; per_tolerance (K n, p): the same whitened. begin: the setup that the laws
+    come after.
     """
 
     terms: tuple[Term, ...]
@@ -45,6 +46,7 @@ class Fit:
     residual: Array
     chi2: float
     x: Array
+    changes: Array
     per_tolerance: Array
     begin: Setup
     _made: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -63,6 +65,10 @@ class Fit:
         begin = sum(term.candidate.size for term in self.terms[:index])
         return slice(begin, begin + self.terms[index].candidate.size)
 
+    def near(self, other: Fit) -> Fit:
+        """Return the fit with what another one near by changes per tolerance."""
+        return replace(self, changes=other.changes, per_tolerance=other.per_tolerance)
+
     def once(self, what: Any, make: Callable[[], Any]) -> Any:
         """Return what its problem makes of this fit, made once: its Jacobian, what may be fitted beside a law."""
         if what not in self._made:
@@ -72,17 +78,16 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class TolerancePrior:
-    """Parameters with a prior, calibrated once: where all fits begin. `effects`, the weight, act beside any law."""
+    """Parameters with a prior, and `effects`, the weight, that act beside any law.
+
+    reach: by how many tolerances one may be off while laws are looked for, for all or (p,). start: the calibration at
+    which all fits begin, None at the robot file.
+    """
 
     toleranced: Toleranced
-    effects: tuple[Effect, ...]
-    start: Calibrated
-
-    @classmethod
-    def of(cls, problem: Problem, begin: Calibrated) -> TolerancePrior:
-        """Return what may be off; a calibration that has begun is brought to its end."""
-        start = settled(problem, begin)
-        return cls(start.toleranced, start.effects, start)
+    effects: tuple[Effect, ...] = ()
+    reach: float | Array = np.inf
+    start: Fit | None = None
 
     def at(self, x: Array, changed: Sequence[Effect] = ()) -> list[Effect]:
         """Return what acts before any law, the parameters at x (p,); changed: effects found before, as they are."""
@@ -122,14 +127,19 @@ class Problem:
     def first(self) -> Fit:
         """The fit of the robot as its file has it, within its tolerances."""
         if self.tolerances is None:
-            return self._fit((), self.nominal, np.zeros(0), np.zeros((self._size, 0)), self.nominal.run.setup)
+            none = np.zeros((len(self.nominal.run.samples), self.stack.size, 0))
+            return self._fit((), self.nominal, np.zeros(0), none, self.nominal.run.setup)
         start = self.tolerances.start
-        held = self.whitened_changes(start.influence, start.changes)
-        return self._fit((), start.influence, start.x, held, start.run.setup)
+        if start is None:
+            return self.relinearised(self.off())
+        return self._fit((), start.influence, start.x, start.changes, start.begin)
 
-    @property
-    def _size(self) -> int:
-        return len(self.nominal.run.samples) * self.stack.size
+    def off(self, x: Array | None = None) -> Fit:
+        """Return the fit without laws with toleranced parameters at x (p,), or at the robot file; not linearised."""
+        x = np.zeros(len(self.prior.toleranced)) if x is None else x
+        setup = self.setup((), x)
+        influence = Influence(self.simulator, self.simulator.run_setup(setup), self.stack)
+        return self._fit((), influence, x, np.zeros((len(influence), self.stack.size, len(x))), setup)
 
     def whitened_changes(self, influence: Influence, changes: Array) -> Array:
         """Return changes (n, K, p) of the columns in multiples of the noise, (K n, p)."""
@@ -142,13 +152,33 @@ class Problem:
         return replace(self, tolerances=None).first
 
     @property
+    def prior(self) -> TolerancePrior:
+        """What may be off, and what acts beside any law."""
+        return TolerancePrior(Toleranced.of((), {})) if self.tolerances is None else self.tolerances
+
+    @property
     def acting(self) -> tuple[Effect, ...]:
         """What the calibration found to act whatever else does: weight."""
-        return () if self.tolerances is None else self.tolerances.effects
+        return self.prior.effects
 
-    def within(self, begin: Calibrated) -> Problem:
-        """Return the same problem with parameters that may be off; the calibration's effects act whatever else does."""
-        return replace(self, tolerances=TolerancePrior.of(replace(self, tolerances=None), begin))
+    def within(self, toleranced: Toleranced, effects: Sequence[Effect] = (), reach: float | Array = np.inf) -> Problem:
+        """Return the same problem with parameters that may be off; effects act whatever else does.
+
+        Parameters that leave the robot no equilibrium are left out.
+        """
+        return replace(self, tolerances=TolerancePrior(toleranced.possible(self.nominal), tuple(effects), reach))
+
+    def beside(self, effects: Sequence[Effect]) -> Problem:
+        """Return the same problem with other effects that act whatever else does."""
+        return replace(self, tolerances=replace(self.prior, effects=tuple(effects)))
+
+    def reaching(self, reach: float | Array) -> Problem:
+        """Return the same problem with parameters that may be off by as many tolerances."""
+        return replace(self, tolerances=replace(self.prior, reach=reach))
+
+    def beginning(self, start: Fit) -> Problem:
+        """Return the same problem with fits that begin at a calibration."""
+        return replace(self, tolerances=replace(self.prior, start=start))
 
     # -- residuals -----------------------------------------------------------------------------------------------------
 
@@ -201,7 +231,7 @@ class Problem:
         begin = self.setup((), x)
         setup = self.setup([term.effect for term in terms], x, begin)
         run = self.simulator.run_setup(setup, start, near=near)
-        return self._fit(terms, Influence(self.simulator, run, self.stack), x, like.per_tolerance, begin)
+        return self._fit(terms, Influence(self.simulator, run, self.stack), x, like.changes, begin)
 
     def relinearised(self, fit: Fit) -> Fit:
         """Return a fit with the change per tolerance taken at it."""
@@ -209,7 +239,7 @@ class Problem:
             return fit
         effects = [*self.tolerances.effects, *(term.effect for term in fit.terms)]
         changes = changes_per_tolerance(self.simulator, fit.influence, self.tolerances.toleranced, fit.x, effects)
-        return replace(fit, per_tolerance=self.whitened_changes(fit.influence, changes))
+        return replace(fit, changes=changes, per_tolerance=self.whitened_changes(fit.influence, changes))
 
     def setup(self, effects: Sequence[Effect], x: Array, begin: Setup | None = None) -> Setup:
         """Return the simulation with these effects, toleranced parameters at x (p,); begin: the same without any.
@@ -231,13 +261,14 @@ class Problem:
         begin = fit.once(key, lambda: self.setup(changed, fit.x))
         return self.simulator.setup([effect for effect in effects if effect.law.instead_of is None], begin)
 
-    def _fit(self, terms: Sequence[Term], influence: Influence, x: Array, held: Array, begin: Setup) -> Fit:
+    def _fit(self, terms: Sequence[Term], influence: Influence, x: Array, changes: Array, begin: Setup) -> Fit:
         run = influence.run
         residual = self.whitened(influence, self.stack.residual(run)[run.samples])
         chi2 = float((residual**2).sum() + x @ x + sum(term.off @ term.off for term in terms))
         if (self.nominal.run.solved & ~run.solved).any():
             chi2 = np.inf  # samples that these values leave without an answer must not count as a good fit
-        return Fit(tuple(terms), run, influence, residual, chi2, x, held, begin)
+        held = self.whitened_changes(influence, changes)
+        return Fit(tuple(terms), run, influence, residual, chi2, x, changes, held, begin)
 
     def count(self, fit: Fit) -> int:
         """Return how many numbers of a fit's residual were both measured and simulated."""
@@ -370,7 +401,7 @@ class Problem:
     @property
     def farthest(self) -> float:
         """By how many tolerances a parameter may be off while laws are looked for."""
-        return np.inf if self.tolerances is None else float(np.max(self.tolerances.start.reach))
+        return float(np.max(self.prior.reach))
 
     def is_held_back(self, fit: Fit) -> bool:
         """Return True where a parameter would go farther than laws are looked for."""
@@ -508,6 +539,14 @@ def _stepped(
         return start, False
     unforeseen = there - here - slopes @ step
     return moved, bool((moved == whole).all() and unforeseen @ unforeseen < _AGREED * (there @ there))
+
+
+def shortened(least: float = CALIBRATION_STEP) -> Iterator[float]:
+    """Yield shares of a step, each a third of the one before, down to the least."""
+    share = 1.0
+    while share >= least:
+        yield share
+        share /= 3
 
 
 #: Steps through the whole simulation, and evaluations to first order, in which nearly all fits have ended.

@@ -23,7 +23,6 @@ from ..numbers import quantity, some
 from ..recordings import ARM, SENSORS, TYPICAL, Recording, Tolerances
 from ..robot import Robot
 from ..simulation import CorrectedModel, Posterior, PosteriorValue
-from .calibrate import Toleranced
 from .candidates import Candidate
 from .chances import WITHIN_95, chi2_isf
 from .criteria import (
@@ -39,6 +38,7 @@ from .diagnosis import Finding, FittedParameter, Seen
 from .identify import visible
 from .posterior import covariant_of
 from .problem import Fit, Problem
+from .toleranced import Toleranced
 
 __all__ = ["Changed", "Earlier", "Since", "since_of", "told_since"]
 

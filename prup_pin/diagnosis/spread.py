@@ -20,7 +20,6 @@ from ..numbers import counted, number, quantity
 from ..recordings import SENSORS, Together
 from ..simulation import Run
 from ..spatial import Array
-from .calibrate import shortened
 from .candidates import Candidate
 from .chances import chi2_isf
 from .criteria import (
@@ -47,7 +46,7 @@ from .free_parameters import (
 )
 from .gross_errors import Outlier, gross_errors, without_outliers
 from .influence import Influence
-from .problem import Problem
+from .problem import Problem, shortened
 from .unrecorded_load import reaches, unrecorded_force
 from .variance_components import (
     LOUD,

@@ -12,9 +12,9 @@ import prup_pin
 from prup_pin.channels import Noise, PoseChannel, Stack, channels_of
 from prup_pin.cli import app
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.calibrate import toleranced_of
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.diagnosis.noise import estimate_noise
+from prup_pin.diagnosis.toleranced import toleranced_of
 from prup_pin.errors import InputError, RecordingFileError, UnknownNameError
 from prup_pin.recordings import Noise as SensorNoise
 from prup_pin.recordings import Recording, Tolerances, add_noise, read_plan, read_recording, write_recording

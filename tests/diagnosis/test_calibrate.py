@@ -5,9 +5,10 @@ import pytest
 
 import prup_pin
 from prup_pin.channels import Noise, PoseChannel, Stack
-from prup_pin.diagnosis.calibrate import Toleranced, calibrate, changes_per_tolerance
+from prup_pin.diagnosis.calibrate import calibrate, calibrated_parameters, twins
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.diagnosis.problem import Problem
+from prup_pin.diagnosis.toleranced import Toleranced, changes_per_tolerance
 from prup_pin.laws.deviations import amounts_of, deviations_of
 from prup_pin.simulation import Simulator, effect_named, inputs_of
 from prup_pin.spatial import rotation_exp, rotation_log
@@ -148,27 +149,30 @@ def scattered(robot, toleranced):
 
 def test_a_faultless_robot_calibrates_to_its_noise(scattered, robot):
     _, problem, other, found = scattered
-    count = found.residual.size
+    count = found.first.residual.size
     assert np.sqrt(problem.first.chi2 / count) > 50
-    assert found.objective / count == pytest.approx(1.0, abs=3.5 * np.sqrt(2 / count))
-    run = other.simulator.run([found.effect, weight_of(robot)])
+    assert found.first.chi2 / count == pytest.approx(1.0, abs=3.5 * np.sqrt(2 / count))
+    run = other.simulator.run(found.prior.at(found.first.x))
     held = other.whitened(other.nominal, other.stack.residual(run)[run.samples])
     assert np.sqrt((held**2).mean()) < 1.4
 
 
 def test_the_posterior_covers_the_truth(scattered):
     x, _, _, found = scattered
-    off = np.abs(found.x - x) / found.deviations
+    known = {item.name: item for item in calibrated_parameters(found, found.first)}
+    kept = [known[item.name] for item in found.prior.toleranced.law.deviations]
+    off = np.array([abs(item.x - true) / item.share for item, true in zip(kept, x, strict=True)])
     assert np.mean(off < 1.96) > 0.85
     assert off.max() < 4.5
     # ... and says much of some parameters, and next to nothing of others
-    assert found.learned.max() > 0.9
-    assert found.learned.min() < 0.05
+    learned = [item.learned for item in kept]
+    assert max(learned) > 0.9
+    assert min(learned) < 0.05
 
 
 def test_twins_are_named(scattered):
     _, _, _, found = scattered
-    together = {frozenset(group) for group in found.twins}
+    together = {frozenset(group) for group in twins(found, found.first)}
     slides = {name for group in together for name in group if name.endswith("_slide.z")}
     assert slides, "the height of a base and the zero of its encoder are one"
 
@@ -177,9 +181,9 @@ def test_what_the_data_never_saw_stays_as_it_is(robot, toleranced):
     """No load and no weight: stiffnesses and the wrench sensor keep their priors, the frame is found."""
     frame = toleranced.effect(np.array([2.0 * (item.name == "pose_sensor.x") for item in toleranced.law.deviations]))
     found = calibrate(recorded(robot, frame, 3, poses=6, cycle=(0.0,)), toleranced)
-    names = [item.name for item in toleranced.law.deviations]
-    for index, item in enumerate(toleranced.law.deviations):
-        if item.kind in ("stiffness", "bending", "mass") or item.kind == "wrench_gain":
-            assert found.x[index] == pytest.approx(0.0, abs=1e-6)
-            assert found.learned[index] < 1e-6
-    assert found.x[names.index("pose_sensor.x")] == pytest.approx(2.0, abs=0.5)
+    for item in calibrated_parameters(found, found.first):
+        if item.deviation.kind in ("stiffness", "bending", "mass") or item.deviation.kind == "wrench_gain":
+            assert item.x == pytest.approx(0.0, abs=1e-6)
+            assert item.learned < 1e-6
+        if item.name == "pose_sensor.x":
+            assert item.x == pytest.approx(2.0, abs=0.5)

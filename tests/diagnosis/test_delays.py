@@ -10,8 +10,8 @@ import pytest
 import prup_pin
 from prup_pin.channels import Stack, channels_of
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.calibrate import toleranced_of
 from prup_pin.diagnosis.prepare import what_is_missing
+from prup_pin.diagnosis.toleranced import toleranced_of
 from prup_pin.recordings import TYPICAL, Recording, read_recording
 from prup_pin.simulation import inputs_of, simulate, trajectory_of
 

@@ -6,12 +6,13 @@ from scipy.special import chdtri
 
 import prup_pin
 from prup_pin.channels import Noise, PoseChannel, Stack
-from prup_pin.diagnosis.calibrate import Toleranced, calibrate
+from prup_pin.diagnosis.calibrate import calibrate
 from prup_pin.diagnosis.candidates import candidates
 from prup_pin.diagnosis.criteria import FALSE_ALARM
 from prup_pin.diagnosis.identify import not_detectable
 from prup_pin.diagnosis.problem import Problem
 from prup_pin.diagnosis.search import Selection
+from prup_pin.diagnosis.toleranced import Toleranced
 from prup_pin.laws.deviations import deviations_of
 from prup_pin.simulation import Simulator, inputs_of
 
@@ -101,7 +102,7 @@ def test_what_wide_tolerances_could_hide_is_told_with_its_size(simulator):
     name = "leg1/R_lambda.tilting_stiffness"
     off = Toleranced.of(deviations_of(mechanism), {name: 1.2})
     problem = hidden(simulator, 2e-6)[0]
-    problem = problem.within(calibrate(problem, off))
+    problem = calibrate(problem, off)
     library = candidates(mechanism, simulator.inputs)
     found = list(not_detectable(problem, problem.first, Selection.nothing(problem.first, library)))
     told = [item for item in found if "tolerances" in item.reason]

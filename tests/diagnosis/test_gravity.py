@@ -9,8 +9,8 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.calibrate import toleranced_of
 from prup_pin.diagnosis.influence import Influence
+from prup_pin.diagnosis.toleranced import toleranced_of
 from prup_pin.errors import InputError, RecordingFileError
 from prup_pin.recordings import Noise, Recording, Tolerances, add_noise, read_recording, suspicions, write_recording
 from prup_pin.robots import packaged_folder

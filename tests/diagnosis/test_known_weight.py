@@ -7,10 +7,11 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import search as searching
-from prup_pin.diagnosis.calibrate import Toleranced, within_tolerances
+from prup_pin.diagnosis.calibrate import within_tolerances
 from prup_pin.diagnosis.candidates import candidates
 from prup_pin.diagnosis.evidence import penalty
 from prup_pin.diagnosis.search import select
+from prup_pin.diagnosis.toleranced import Toleranced
 from prup_pin.laws.deviations import amounts_of, deviations_of
 from prup_pin.recordings import LoadProgramme, RandomPoses, TestPlan
 from prup_pin.simulation import Simulator, effect_named, inputs_of

@@ -8,10 +8,10 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.calibrate import Toleranced, changes_per_tolerance
 from prup_pin.diagnosis.corrected import corrected_model
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.diagnosis.since import Earlier
+from prup_pin.diagnosis.toleranced import Toleranced, changes_per_tolerance
 from prup_pin.errors import InputError
 from prup_pin.laws.deviations import Calibration
 from prup_pin.recordings import read_recording

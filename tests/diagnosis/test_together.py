@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 import prup_pin
 from prup_pin.channels import Noise as Sensed
 from prup_pin.cli import app
-from prup_pin.diagnosis.calibrate import toleranced_of
 from prup_pin.diagnosis.calibration import calibrated
 from prup_pin.diagnosis.evidence import fold_labels
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.diagnosis.prepare import prepare
+from prup_pin.diagnosis.toleranced import toleranced_of
 from prup_pin.errors import InputError, RecordingFileError
 from prup_pin.laws import Effect
 from prup_pin.laws.in_recording import in_groups, lasting

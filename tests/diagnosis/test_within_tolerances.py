@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 import prup_pin
 from prup_pin.cli import app
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.calibrate import Toleranced
 from prup_pin.diagnosis.criteria import beyond_tolerance
 from prup_pin.diagnosis.prepare import prepare
 from prup_pin.diagnosis.problem import Problem
 from prup_pin.diagnosis.search import Search
+from prup_pin.diagnosis.toleranced import Toleranced
 from prup_pin.errors import InputError
 from prup_pin.laws.deviations import amounts_of, deviations_of
 from prup_pin.recordings import Noise, Tolerances, add_noise, read_recording, write_recording
