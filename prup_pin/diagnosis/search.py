@@ -30,6 +30,7 @@ from .criteria import (
     MOST_TERMS,
     MUCH,
     NOTHING,
+    TRIED,
     UNSEEN,
     beyond_tolerance,
 )
@@ -236,9 +237,7 @@ def _next_law(
         if fit.chi2 - rival.chi2 < gain:
             continue
         tell("the whole simulation", 0.6)
-        nuisance = problem.nuisance(fit, range(len(fit.terms)))
-        term = problem.first_order_fit(fit, fit.terms, rival.term.candidate, nuisance, thorough=True)[1]
-        trial = search.released(search.refine([*fit.terms, term], fit))
+        trial = search.released(search.refine([*fit.terms, rival.term], fit))
         helps = before - cross_validated(problem, trial, labels) > GAIN * before
         if rest.chi2 - trial.chi2 >= gain and (helps or _relieves_strain(rest, trial, gain)):
             # a second law would make up for what has not come to its end
@@ -282,7 +281,8 @@ def screen(
 ) -> list[Rival]:
     """Return all candidates fitted on top of a fit's terms and together with them, to first order, best first.
 
-    Those that cannot remove what the best one does are left out.
+    Those that cannot remove what the best one does are left out, and the first ones are fitted from each of their
+    starts: no step leads from a joint that only sticks to one that slides.
     """
     rivals = []
     kept = fit.terms
@@ -297,6 +297,11 @@ def screen(
         chi2, term, change = problem.first_order_fit(fit, kept, candidate, nuisance=nuisance)
         rivals.append(Rival(term, chi2, change))
         best = min(best, chi2)
+    rivals.sort(key=lambda rival: rival.score)
+    for place, candidate in enumerate([rival.term.candidate for rival in rivals[:TRIED]]):
+        if len(candidate.scan()) > 1:
+            chi2, term, change = problem.first_order_fit(fit, kept, candidate, nuisance=nuisance, thorough=True)
+            rivals[place] = Rival(term, chi2, change)
     return sorted(rivals, key=lambda rival: rival.score)
 
 
