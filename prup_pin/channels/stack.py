@@ -46,6 +46,15 @@ class Stack:
         """Which numbers were measured, (N, K)."""
         return np.concatenate([channel.exists for channel in self.channels], axis=1)
 
+    def of_those(self, exists: np.ndarray) -> Stack:
+        """Return the same where only some numbers were measured, exists (N, K)."""
+        parts = np.split(exists, np.cumsum([channel.size for channel in self.channels])[:-1], axis=1)
+        channels = tuple(
+            replace(channel, exists=own) if isinstance(channel, PoseChannel) else channel
+            for channel, own in zip(self.channels, parts, strict=True)
+        )
+        return replace(self, channels=channels)
+
     @property
     def poses(self) -> tuple[PoseChannel, ...]:
         """The tool's pose and those of markers."""

@@ -173,7 +173,7 @@ class Drawn:
         noise, stack, remarks = problem.noise, problem.stack, list(self.remarks)
         if spread is not None:
             remarks += spread.told(together, noise)
-            stack, noise = spread.stack(stack), spread.noise(noise)
+            stack, noise = stack.of_those(spread.exists), spread.noise(noise)
             stack = spread.placed(stack, noise, together.recording.run)
             if spread.stations is not None and not together.stations:
                 together = together.with_runs_of("pose_sensor")

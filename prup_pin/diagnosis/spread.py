@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..channels import Noise, PoseChannel, Stack, Stations
+from ..channels import Noise, Stack, Stations
 from ..laws import Effect
 from ..laws.yielding import ACROSS, OWN, UNEVEN, way_told
 from ..numbers import counted, number, quantity
@@ -95,16 +95,6 @@ class Spread:
     def all_over(self) -> Spread:
         """Return the same where laws at a few places were looked for and do not explain it."""
         return replace(self, kinds=self.of_few or self.kinds)
-
-    def stack(self, stack: Stack) -> Stack:
-        """Return what was measured without outliers."""
-        ends = np.cumsum([channel.size for channel in stack.channels])[:-1]
-        parts = np.split(self.exists, ends, axis=1)
-        channels = tuple(
-            replace(channel, exists=exists) if isinstance(channel, PoseChannel) else channel
-            for channel, exists in zip(stack.channels, parts, strict=True)
-        )
-        return replace(stack, channels=channels)
 
     def placed(self, stack: Stack, noise: Noise, runs: np.ndarray) -> Stack:
         """Return what was measured by a sensor of that noise from a station for each run (N,), where there were any."""
