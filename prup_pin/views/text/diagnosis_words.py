@@ -495,6 +495,11 @@ def channel_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
     return rows
 
 
+def only_after(rows: Sequence[tuple[str, str, str, str]]) -> list[tuple[str, str, str]]:
+    """Return rows of residuals with the last one alone, of a diagnosis that changes nothing."""
+    return [(what, after, unit) for what, _, after, unit in rows]
+
+
 def effort_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
     """Return a row for each joint: its name, noise, residual in multiples of it and in percent of its effort."""
     efforts = diagnosis.efforts
