@@ -668,7 +668,7 @@ def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
             "Nothing has changed since the earlier test beyond what that could know: what its model leaves is noise "
             f"({after} times it).{number_}"
         )
-    told = ", ".join(f"{_name(item)}{_from_to(item)}{_or_else(item)}" for item in named)
+    told = ", ".join(f"{finding_text(item)}{_from_to(item)}{_or_else(item)}" for item in named)
     takes = f"the residual falls from {before} to {after} times the noise" if before != after else f"{after} are left"
     if diagnosis.verdict == "explained":
         sensors = all(item.effect is not None and item.effect.law.sensor in SENSORS for item in named)
@@ -691,11 +691,6 @@ def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
     )
 
 
-def _name(finding: Finding) -> str:
-    words = finding.physics.replace("_", " ")
-    return words if finding.location == "robot" else f"{words} at {finding.location}"
-
-
 def _from_to(finding: Finding) -> str:
     """Return ' (half gap from 12 to 19 µm)' of what was there before."""
     for name, item in finding.parameters.items():
@@ -710,8 +705,8 @@ def _largest_unseen(since: Since) -> Iterator[str]:
     """Yield how large a change would have been seen: of what was found before, and of the first law of the library."""
     first = [item for item in since.values if item.seen is not None and item is _first_of(since, item)]
     for item in first[:_MOST_CHANGED]:
-        words = item.parameter.replace("_", " ")
-        yield f"a {words} at {item.location} larger or smaller by {_size(item.seen or 0.0, item.unit)} would have shown"
+        words, size = item.parameter.replace("_", " "), quantity(item.seen or 0.0, item.unit)
+        yield f"a {words} at {item.location} larger or smaller by {size} would have shown"
     for physics, ends in _ends(since.seen)[:1]:
         told = ", ".join(f"by {_off(item)} at {item.location}" for item in ends)
         yield f"so would {physics} {told}" if first else f"{physics} {told} would have shown"
@@ -794,8 +789,3 @@ def _off(item: Seen) -> str:
 def _is_endless(item: Seen) -> bool:
     """Return True for what does nothing where its value is without end, such as a reference load."""
     return abs(item.neutral) > _ENDLESS
-
-
-def _size(value: float, unit: str) -> str:
-    shown, factor = readable_unit(value, unit)
-    return f"{number(factor * value, 3)} {shown}".strip()
