@@ -8,11 +8,12 @@ from ...life.fleet import Fleet, Off
 from ...life.life import Life, Series
 from ...numbers import readable_unit, some
 from ...recordings.recording import moment
+from ..scene.colours import AFTER
 from ..text.life_words import what_is_followed
 from .plotting import Figure, MaxNLocator, page_figure, panels, plain_axes, plain_words
 
-#: Values; what changed, and who stands apart; moments that may be meant; what is like all others, and its band.
-_VALUE, _MOMENT, _SPAN, _LIKE, _PALE = "#0B6AA8", "#B4442C", "#F6DDD6", "#9AA5B1", "#EEF1F4"
+#: What changed, and who stands apart; moments that may be meant; what is like all others, and its band.
+_MOMENT, _SPAN, _LIKE, _BAND = "#B4442C", "#F6DDD6", "#9AA5B1", "#EEF1F4"
 #: Names of devices that stand below the picture; of more devices every so many.
 _MOST_NAMES = {False: 24, True: 12}
 
@@ -47,7 +48,7 @@ def _panel(axes, life: Life, series: Series, x) -> None:
         begun = x[change.begin] if not after else x[change.begin] + (x[change.begin + 1] - x[change.begin]) / 2
         axes.axvline(begun, color=_MOMENT, lw=1.5, ls="--" if after else "-", zorder=1)
     value, low, high = (factor * each for each in (series.value, series.low, series.high))
-    axes.errorbar(x, value, [value - low, high - value], fmt="o", ms=4, lw=1.2, capsize=2.5, color=_VALUE, zorder=3)
+    axes.errorbar(x, value, [value - low, high - value], fmt="o", ms=4, lw=1.2, capsize=2.5, color=AFTER, zorder=3)
     if not life.dates[0]:
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
 
@@ -79,7 +80,7 @@ def _spreads(axes, fleet: Fleet) -> None:
     for row, item in enumerate(told):
         value, low, high = (size / (item.declared or 1.0) for size in (item.value, *item.interval))
         reach = [[value - low], [high - value]]
-        axes.errorbar(value, row, xerr=reach, fmt="o", ms=5, lw=1.2, capsize=2.5, color=_VALUE, zorder=3)
+        axes.errorbar(value, row, xerr=reach, fmt="o", ms=5, lw=1.2, capsize=2.5, color=AFTER, zorder=3)
     axes.set_yticks(range(len(told)), [item.kind.replace("_", " ") for item in told])
     axes.set_ylim(len(told) - 0.5, -0.5)
     axes.set_xlim(left=0)
@@ -92,7 +93,7 @@ def _spreads(axes, fleet: Fleet) -> None:
 def _devices(axes, fleet: Fleet, narrow: bool) -> None:
     plain_axes(axes, 8, "y", labels=("", "beside what is common [spreads of its kind]"))
     axes.set_title("Each device among its like", fontsize=9, loc="left")
-    axes.axhspan(-2, 2, color=_PALE, lw=0, zorder=0)
+    axes.axhspan(-2, 2, color=_BAND, lw=0, zorder=0)
     n = len(fleet.devices)
     spread = {item.kind: item.value for item in fleet.scatter if item.told}
     kinds = list(fleet.kinds)

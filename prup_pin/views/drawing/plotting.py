@@ -21,7 +21,7 @@ from matplotlib.transforms import Bbox
 
 from ...spatial import Array
 from ..scene.camera import Camera
-from ..scene.colours import INK
+from ..scene.colours import INK, PALE
 
 __all__ = ["Bbox", "Figure", "FigureCanvasAgg", "Line2D", "ListedColormap", "MaxNLocator", "Patch", "Polygon"]
 
@@ -47,9 +47,9 @@ def page_figure(height: float, narrow: bool, title: str = "", width: float = 9.5
 
 def zero_lines(axes, x: Sequence[float] | Array = ()) -> None:
     """Draw a pale line where values are zero, and one where `x` is, if it has both signs."""
-    axes.axhline(0, color="#C3C9D0", lw=0.8, zorder=1)
+    axes.axhline(0, color=PALE, lw=0.8, zorder=1)
     if len(x) and min(x) < 0 < max(x):
-        axes.axvline(0, color="#C3C9D0", lw=0.8, zorder=1)
+        axes.axvline(0, color=PALE, lw=0.8, zorder=1)
 
 
 def plain_axes(

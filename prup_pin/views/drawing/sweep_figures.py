@@ -16,7 +16,7 @@ from ...errors import InputError
 from ...numbers import readable_unit
 from ...spatial import Array
 from ...sweep import QUANTITIES, SweepFile, SweepResult
-from ..scene.colours import FAINT, FOUND, INK, map_rgb
+from ..scene.colours import AFTER, FAINT, FOUND, INK, map_rgb
 from ..text.many_poses import entries_of, summary_of
 from ..text.values import coordinate_text
 from .plotting import Figure, ListedColormap, MaxNLocator, Patch, panels, plain_axes, plain_words, sheet
@@ -35,8 +35,6 @@ _MARKS = "os^Dv"
 _MARKED = 6
 _SIZE = 2.9  # of a map [in]
 _LEVELS = 12
-#: What a path misses after compensation.
-_AFTER = "#0B6AA8"
 #: Of more entries two stand side by side.
 _TALL = 4
 
@@ -276,7 +274,7 @@ def path_figure(found: Compensation) -> Figure:
     for row, (name, unit) in enumerate(zip(found.names, found.units, strict=True)):
         left, right = grid[row]
         before, after = found.before[:, row], found.after[:, row]
-        drawn = (("before", before, FOUND), ("after", after, _AFTER))
+        drawn = (("before", before, FOUND), ("after", after, AFTER))
         for axes, curves in ((left, drawn), (right, drawn[1:])):
             shown, factor = readable_unit(float(np.nanmax(np.abs(curves[0][1]), initial=0.0)), unit)
             axes.axhline(0, color=INK, lw=0.6)

@@ -640,10 +640,14 @@ def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
 
 def _at_each(ends: Sequence[tuple[float, str]], unit: str, digits: int = 3) -> str:
     """Return sizes with their places, of the most and the least sensitive one; one size where they are alike."""
-    shown = [quantity(size, unit, digits) for size, _ in ends]
+    return _from_to_at([quantity(size, unit, digits) for size, _ in ends], [place for _, place in ends])
+
+
+def _from_to_at(shown: Sequence[str], places: Sequence[str], alike: str = "") -> str:
+    """Return '3 µm at motor to 5 µm at nut'; one text, and `alike`, where both are the same."""
     if len(dict.fromkeys(shown)) == 1:
-        return shown[0]
-    return " to ".join(f"{text} at {place}" for text, (_, place) in zip(shown, ends, strict=True))
+        return f"{shown[0]}{alike}"
+    return " to ".join(f"{text} at {place}" for text, place in zip(shown, places, strict=True))
 
 
 # -- what has changed since an earlier test ----------------------------------------------------------------------------
@@ -739,11 +743,8 @@ def seen_rows(seen: Sequence[Seen]) -> list[tuple[str, str]]:
     """Return rows of what would have shown beside: physics, and the sizes at the most and the least sensitive place."""
     rows = []
     for physics, ends in _ends(seen):
-        shown = [_off(item) for item in ends]
-        if len(dict.fromkeys(shown)) == 1:
-            told = f"{shown[0]} at {ends[0].location}" if len(ends) == 1 else f"{shown[0]} at all places"
-        else:
-            told = " to ".join(f"{text} at {item.location}" for text, item in zip(shown, ends, strict=True))
+        places = [item.location for item in ends]
+        told = _from_to_at([*map(_off, ends)], places, f" at {places[0] if len(ends) == 1 else 'all places'}")
         rows.append((f"{physics}, {ends[0].parameter.replace('_', ' ')}", told))
     return rows
 
