@@ -19,9 +19,8 @@ from _project import ROOT
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.recordings import read_recording
-from prup_pin.views.drawing.diagnosis_figures import AFTER, BEFORE
 from prup_pin.views.drawing.plotting import Figure, FigureCanvasAgg
-from prup_pin.views.scene.colours import FAINT, INK
+from prup_pin.views.scene.colours import AFTER, BEFORE, FAINT, INK
 from tests.reference.concealed.draw import draw, write
 
 

@@ -365,8 +365,8 @@ def fleet(
     """Many devices of one drawing: what is common, by how much they scatter, who stands apart; docs/life.md."""
     from ..life.fleet import devices_of
     from ..life.fleet import fleet as together
-    from ..views.report.fleet_files import check_fleet, write_fleet
-    from ..views.text.fleet_words import print_fleet
+    from ..views.report.life_files import check_fleet, write_fleet
+    from ..views.text.life_words import print_fleet
 
     folder_for(out, "--out")
     check_fleet(out)

@@ -30,9 +30,9 @@ def titles(figure):
 def test_every_quantity_that_has_a_map_gets_one(swept):
     figures = figures_of(swept)
     assert list(figures) == ["extremes", "ksi", "shares"]
-    assert titles(figures["extremes"]) == ["extremes translation [mm]", "extremes rotation [deg]"]
+    assert titles(figures["extremes"]) == ["extremes translation [mm]", "extremes rotation [mrad]"]
     for axes in figures["extremes"].axes[:2]:
-        assert (axes.get_xlabel(), axes.get_ylabel()) == ("theta [deg]", "phi [deg]")
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("theta [°]", "phi [°]")
     assert figures["extremes"].get_suptitle().startswith("3prup: largest ")
     assert figures["extremes"].get_suptitle().endswith("at z 300 mm")
 
@@ -79,7 +79,7 @@ def test_two_models_share_a_scale(swept):
     left, right = (axes.collections[0].levels for axes in figure.axes[:2])
     np.testing.assert_array_equal(left, right)
     kept = beside_figure([("correct", swept)], ["extremes"], "", {"extremes": ("rotation",)})
-    assert titles(kept) == ["correct: extremes rotation [deg]"]
+    assert titles(kept) == ["correct: extremes rotation [mrad]"]
 
 
 def test_the_largest_share_has_a_legend(swept):
@@ -112,10 +112,10 @@ def test_curves_of_one_unit_share_a_drawing_whose_axis_names_it(five_bar):
     figures = figures_of(line)
     units = {name: [axes.get_ylabel() for axes in figure.axes] for name, figure in figures.items()}
     assert units == {
-        "extremes": ["extremes translation [mm]", "extremes rotation [deg]"],
+        "extremes": ["extremes translation [mm]", "extremes rotation [mrad]"],
         "shares": ["share of the work [%]"],
         "K_task": ["K_task [N/mm]", "K_task x y [N/m]"],
-        "actuators": ["actuators [deg]"],
+        "actuators": ["actuators [°]"],
     }
     assert all("x 0 mm" in figure.get_suptitle() for figure in figures.values())
     assert not figures["K_task"].axes[1].lines[0].get_ydata().any()  # of a symmetric pose; what is there is rounding
@@ -126,11 +126,32 @@ def test_curves_of_one_unit_share_a_drawing_whose_axis_names_it(five_bar):
     assert shares.get_legend().get_window_extent().x0 > shares.get_window_extent().x1 - 1
 
 
+def test_what_is_only_rounding_is_drawn_as_nothing(five_bar):
+    """A planar robot under a force in its plane leaves it nowhere; maps and curves have no pattern to tell."""
+    grid = {"x": np.linspace(-0.03, 0.03, 5), "y": np.linspace(0.35, 0.38, 4)}
+    found = five_bar.sweep(**grid, quantities=["deflection"], wrench={"fx": 10})
+    assert found["deflection"][..., 2:5].any()  # dz, rx, ry: what is there is rounding
+    figure = figures_of(found)["deflection"]
+    assert "`" not in figure.get_suptitle()
+    flat = [title for title, axes in zip(titles(figure), figure.axes, strict=False) if len(filled(axes)) == 1]
+    assert flat == ["deflection dz [mm]", "deflection rx [mrad]", "deflection ry [mrad]"]
+    line = ROBOT.sweep(z=np.linspace(0.2, 0.4, 5), theta=0, phi=0, quantities=["deflection"], wrench={"fx": 100})
+    curves = {drawn.get_label(): drawn for axes in figures_of(line)["deflection"].axes for drawn in axes.lines}
+    assert not any(curves[f"deflection {name}"].get_ydata().any() for name in ("dy", "dz", "rx", "ry", "rz"))
+    assert curves["deflection dx"].get_ydata().all()
+
+
+def filled(axes):
+    """The colours that a map shows."""
+    drawn = axes.collections[0]
+    return [path for path in drawn.get_paths() if len(path.vertices)]
+
+
 def test_maps_of_a_hinge_are_in_degrees_and_of_two_alike_the_first_is_named(five_bar):
     grid = {"x": np.linspace(-0.03, 0.03, 5), "y": np.linspace(0.35, 0.38, 4)}
     found = five_bar.sweep(**grid, quantities=["actuators", "K_task", "homogenised_ksi", "shares"], force=100)
     figures = figures_of(found)
-    assert titles(figures["actuators"]) == ["actuators left_motor [deg]", "actuators right_motor [deg]"]
+    assert titles(figures["actuators"]) == ["actuators left_motor [°]", "actuators right_motor [°]"]
     assert titles(figures["K_task"]) == ["K_task x x [N/mm]", "K_task x y [N/mm]", "K_task y y [N/mm]"]
     assert titles(figures["homogenised_ksi"]) == ["homogenised_ksi"]
     (drawn,) = figures["shares"].axes[0].collections

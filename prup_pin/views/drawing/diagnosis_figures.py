@@ -20,17 +20,16 @@ from ...numbers import number, readable_unit
 from ...robot import Robot
 from ...spatial import Array
 from ..scene.camera import camera_of
-from ..scene.colours import AXES, FOUND, INK
+from ..scene.colours import AFTER, AXES, BAND, BEFORE, FOUND, INK, PALE
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text
 from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool, write_head
 from .plotting import Drawing, Figure, Layout, Line2D, page_figure, panels, plain_axes, plain_words, sheet, zero_lines
 
-#: What is measured less simulated before a diagnosis, and after it; what was measured.
-BEFORE, AFTER, _MEASURED = "#9AA3AD", "#0B6AA8", "#23272E"
+#: What was measured.
+_MEASURED = "#23272E"
 #: Letters that stand beside a row.
 _LINE = 18
-_BAND = "#DCE3EA"
 #: Times its range that a law may go up and down along its load and still be drawn as a line.
 _ZIGZAG = 3
 #: Joints that a page shows, those whose effort the findings change most, and the time that it shows of them [s].
@@ -247,7 +246,7 @@ def _agreement_figure(finding: Finding, response: Agreement, narrow: bool) -> Fi
         reach = 1.08 * factor * largest
         noise = 2 * factor * response.noise.of_unit(si)
         line = np.array([-reach, reach])
-        axes.fill_between(line, line - noise, line + noise, color=_BAND, lw=0, zorder=1, label="noise, ± 2 σ")
+        axes.fill_between(line, line - noise, line + noise, color=BAND, lw=0, zorder=1, label="noise, ± 2 σ")
         axes.plot(line, line, color=FOUND, lw=1.6, zorder=2, label="the law")
         for column, (colour, name) in enumerate(zip(AXES, _AXIS_NAMES[si], strict=True)):
             style = {"color": colour, "ms": 4, "alpha": 0.6, "label": name}
@@ -285,12 +284,12 @@ def sample_figure(diagnosis: Diagnosis, *, narrow: bool = False) -> Figure:
             for part, ends in zip(parts, spans, strict=True):
                 own = 2 * factor * part.noise.of_unit(si)
                 told = "noise, ± 2 σ" if part is parts[0] else None
-                axes.fill_between(ends, -own, own, color=_BAND, lw=0, zorder=0, label=told)
+                axes.fill_between(ends, -own, own, color=BAND, lw=0, zorder=0, label=told)
         else:
             noise = 2 * factor * diagnosis.noise.of_unit(si)
-            axes.axhspan(-noise, noise, color=_BAND, zorder=0, label="noise, ± 2 σ")
+            axes.axhspan(-noise, noise, color=BAND, zorder=0, label="noise, ± 2 σ")
         for edge, _ in spans[1:]:
-            axes.axvline(edge, color="#C3C9D0", lw=0.8, zorder=1)
+            axes.axvline(edge, color=PALE, lw=0.8, zorder=1)
         axes.plot(samples, factor * before, ".", color=BEFORE, ms=3.2, zorder=2, label="before")
         axes.plot(samples, factor * after, ".", color=AFTER, ms=2.6, zorder=3, label="after")
         axis = _AXIS_NAMES[si][channel - block.start]

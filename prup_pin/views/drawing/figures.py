@@ -19,7 +19,21 @@ from ...robot import Robot
 from ...spatial import Array, as_wrench, wrench_text
 from ...statics import Compliance
 from ..scene.camera import FORCE_LENGTH, Camera, camera_of, hull
-from ..scene.colours import AXES, BEAM, ELLIPSOIDS, FAINT, GHOST, INK, LOAD, MAP, map_rgb, rgb_of, share_colours
+from ..scene.colours import (
+    AXES,
+    BEAM,
+    ELLIPSOIDS,
+    FAINT,
+    GHOST,
+    INK,
+    LOAD,
+    MAP,
+    PALE,
+    ROLES,
+    map_rgb,
+    rgb_of,
+    share_colours,
+)
 from ..scene.elastic import Deflections, fitting_scale, principal, tips_apart
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.answer import Answer, load_text, ranked
@@ -39,7 +53,7 @@ from .plotting import (
     sheet,
 )
 
-_PLATE, _PALE = "#aeb6bf", "#c3c9d0"
+_PLATE = "#aeb6bf"
 #: Beams under load, where a legend stands for all their colours; letters in an ellipsoid.
 _MIDDLE, _DARK = MAP[len(MAP) // 2], "#14352B"
 
@@ -123,7 +137,7 @@ def _of_joints(mechanism: Mechanism, shares: Mapping[str, float], colours: Mappi
 def draw_mechanism(drawing: Drawing, parts: Skeleton, pale: bool = False) -> None:
     """Draw bodies, joints and loop closures; pale, where the deflected ones are to be drawn over them."""
     axes, camera = drawing.axes, drawing.camera
-    beam, link = (_PALE, _PALE) if pale else (BEAM, INK)
+    beam, link = (PALE, PALE) if pale else (BEAM, INK)
     for plate in parts.plates:
         outline = hull(camera.flat(plate.corners))
         if len(outline) >= 3:
@@ -144,17 +158,16 @@ def draw_mechanism(drawing: Drawing, parts: Skeleton, pale: bool = False) -> Non
         else:
             drawing.line(line, link, 4.0)
     marks: dict[tuple, tuple] = {}
-    rank = {"passive": 0, "sprung": 1, "locked": 2, "actuated": 3}
+    rank = [*ROLES].index
     for joint in parts.joints:
-        style = max((word.strip() for word in joint.role.split(",")), key=lambda word: rank[word])
+        style = max((word.strip() for word in joint.role.split(",")), key=rank)
         shape = "s" if joint.type == "prismatic" else "o"
         key = tuple(np.round(joint.at, 6))
         present = marks.get(key)
-        if present is None or (rank[style], shape == "o") > (rank[present[1]], present[2] == "o"):
+        if present is None or (rank(style), shape == "o") > (rank(present[1]), present[2] == "o"):
             marks[key] = (joint.at, style, shape)
     for at, style, shape in marks.values():
-        face = {"actuated": "#F2B705", "locked": "black", "sprung": "#9BD1E5"}.get(style, "white")
-        drawing.mark(at, shape, 10.5 if style == "actuated" else 7.5, face, GHOST if pale else INK)
+        drawing.mark(at, shape, 10.5 if style == "actuated" else 7.5, ROLES[style], GHOST if pale else INK)
     for first, second, _, _ in parts.closures:
         if np.linalg.norm(first - second) > 1e-6:
             drawing.line(np.array([first, second]), INK, 1.2, linestyle=":")
@@ -279,15 +292,15 @@ def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, scale: float | No
         return {"marker": marker, "ls": "", "mfc": face, "mec": INK, "ms": size}
 
     signs = [
-        (beams, "elastic beam" if still else "elastic beam without load", line(BEAM if still else _PALE, 7)),
+        (beams, "elastic beam" if still else "elastic beam without load", line(BEAM if still else PALE, 7)),
         (not still, f"deflected, drawn × {number(scale or 0)}", line(*((_MIDDLE, 4.5) if beams else (INK, 2.2)))),
-        ("link" in kinds, "rigid link", line(INK if still else _PALE, 4)),
+        ("link" in kinds, "rigid link", line(INK if still else PALE, 4)),
         ("slide" in kinds, "slide", line(INK, 1.6, ls=(0, (4, 2)))),
         (bool(parts.plates), "", None),
-        ("actuated" in roles, "actuated joint", mark("s" if slides == {True} else "o", "#F2B705", 10)),
-        ("passive" in roles, "passive joint", mark("o", "white", 7.5)),
-        ("sprung" in roles and "actuated" not in roles, "sprung joint", mark("o", "#9BD1E5", 7.5)),
-        ("locked" in roles, "locked joint", mark("o", "black", 7.5)),
+        ("actuated" in roles, "actuated joint", mark("s" if slides == {True} else "o", ROLES["actuated"], 10)),
+        ("passive" in roles, "passive joint", mark("o", ROLES["passive"], 7.5)),
+        ("sprung" in roles and "actuated" not in roles, "sprung joint", mark("o", ROLES["sprung"], 7.5)),
+        ("locked" in roles, "locked joint", mark("o", ROLES["locked"], 7.5)),
         (bool(parts.closures), "loop closure", mark("D", "none", 8)),
         (loaded, "load on the tool", line(LOAD, 3)),
     ]
@@ -370,7 +383,7 @@ def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) 
     axes = figure.add_axes((left, 0.55 / height, 0.97 - left, 1 - (head + 0.55) / height))
     largest = max(share for _, share, _ in rows)
     amounts = fixed([factor * amount for _, _, amount in rows])
-    lengths, shades = [100 * share for _, share, _ in rows], [colours.get(name, _PALE) for name, _, _ in rows]
+    lengths, shades = [100 * share for _, share, _ in rows], [colours.get(name, PALE) for name, _, _ in rows]
     bars = axes.barh(range(len(rows)), lengths, 0.68, color=shades, zorder=2)
     labels = [
         f"{percent_text(share, coarse=True)} %   {amount} {unit}"

@@ -21,15 +21,12 @@ from matplotlib.transforms import Bbox
 
 from ...spatial import Array
 from ..scene.camera import Camera
-from ..scene.colours import INK
+from ..scene.colours import INK, PALE
 
 __all__ = ["Bbox", "Figure", "FigureCanvasAgg", "Line2D", "ListedColormap", "MaxNLocator", "Patch", "Polygon"]
 
 #: Decorates what makes a figure: dollar signs in names are signs, not mathematics.
 plain_words = rc_context({"text.parse_math": False})
-
-#: Dots per inch of pictures that are written as PNG.
-_DPI = 200
 
 
 def sheet(width: float, height: float, dpi: float | None = 130, layout: Literal["constrained"] | None = None) -> Figure:
@@ -50,9 +47,9 @@ def page_figure(height: float, narrow: bool, title: str = "", width: float = 9.5
 
 def zero_lines(axes, x: Sequence[float] | Array = ()) -> None:
     """Draw a pale line where values are zero, and one where `x` is, if it has both signs."""
-    axes.axhline(0, color="#C3C9D0", lw=0.8, zorder=1)
+    axes.axhline(0, color=PALE, lw=0.8, zorder=1)
     if len(x) and min(x) < 0 < max(x):
-        axes.axvline(0, color="#C3C9D0", lw=0.8, zorder=1)
+        axes.axvline(0, color=PALE, lw=0.8, zorder=1)
 
 
 def plain_axes(
@@ -85,11 +82,15 @@ def panels(figure: Figure, count: int, columns: int, **options) -> list[Any]:
     return list(grid[:count])
 
 
-def encoded(figure: Figure, kind: str) -> bytes:
-    """Return a figure as a file of a kind, "png" or "svg"; the same figure gives the same bytes."""
+def encoded(figure: Figure, kind: str, dpi: float | str = 200, letters: bool = False) -> bytes:
+    """Return a figure as a file of a kind, "png" or "svg"; the same figure gives the same bytes.
+
+    letters: whether an SVG holds its letters as shapes, for pages on which no font is known.
+    """
     content = BytesIO()
-    with rc_context({"svg.hashsalt": "prup_pin", "svg.fonttype": "none"}):
-        figure.savefig(content, format=kind, dpi=_DPI, metadata={"Date": None} if kind == "svg" else None)
+    metadata = {"Date": None, "Creator": None} if kind == "svg" else {"Software": None}
+    with rc_context({"svg.hashsalt": "prup_pin", "svg.fonttype": "path" if letters else "none"}):
+        figure.savefig(content, format=kind, dpi=dpi, metadata=metadata)
     return content.getvalue()
 
 

@@ -16,7 +16,8 @@ from ...errors import InputError
 from ...numbers import readable_unit
 from ...spatial import Array
 from ...sweep import QUANTITIES, SweepFile, SweepResult
-from ..scene.colours import FAINT, FOUND, INK, map_rgb
+from ..scene.colours import AFTER, FAINT, FOUND, INK, map_rgb
+from ..text.many_poses import entries_of, summary_of
 from ..text.values import coordinate_text
 from .plotting import Figure, ListedColormap, MaxNLocator, Patch, panels, plain_axes, plain_words, sheet
 
@@ -34,8 +35,6 @@ _MARKS = "os^Dv"
 _MARKED = 6
 _SIZE = 2.9  # of a map [in]
 _LEVELS = 12
-#: What a path misses after compensation.
-_AFTER = "#0B6AA8"
 #: Of more entries two stand side by side.
 _TALL = 4
 
@@ -76,9 +75,14 @@ def figures_of(found: Swept) -> dict[str, Figure]:
 def map_figure(found: Swept, name: str) -> Figure:
     """Return maps of one quantity, a panel for each of its entries; of one axis curves."""
     panels = _panels(found, name)
+    summary = summary_of(QUANTITIES[name])
     if len(found._places.axes) == 1:
-        return _curves(found, panels, QUANTITIES[name].summary, name)
-    return _maps(found, panels, QUANTITIES[name].summary)
+        return _curves(found, panels, summary, name)
+    figure, grid = _sheets(len(panels))
+    figure.suptitle(_heading(found, summary), fontsize=10, color=INK, wrap=True)
+    for axes, panel in zip(grid, panels, strict=True):
+        _draw(axes, found, panel, _levels(panel[2]))
+    return figure
 
 
 @plain_words
@@ -132,7 +136,7 @@ def share_figure(found: Swept) -> Figure:
     for place, index in enumerate(shown):
         codes[largest == index] = place
     codes[known & np.isnan(codes)] = len(_DOMINANT) - 1
-    _, (x, y) = _two(found)
+    (_, x), (_, y) = _axes(found)
     grid[0].pcolormesh(
         x, y, codes.T, cmap=ListedColormap(_DOMINANT), vmin=-0.5, vmax=len(_DOMINANT) - 0.5, rasterized=True
     )
@@ -153,16 +157,12 @@ def share_figure(found: Swept) -> Figure:
 
 def _panels(found: Swept, name: str, keep: Sequence[str] | None = None, beside: Sequence[Swept] = ()) -> list[Panel]:
     """Return the entries of a quantity with their titles, over the axes that are drawn; units fit `beside` too."""
-    quantity = QUANTITIES[name]
-    values = _plane(found, found[name])
+    several = [entries_of(each, name, _plane(each, each[name])) for each in (found, *beside)]
     panels = []
-    for labels, place in quantity.entries(found.mechanism):
-        if keep is not None and not set(labels) & set(keep):
-            continue
-        entry, *others = (quantity.entry(each, place) for each in (values, *(other[name] for other in beside)))
-        unit = quantity.unit_of(found.mechanism, place)
-        factor, shown = _readable(np.concatenate([np.ravel(each) for each in (entry, *others)]), unit)
-        panels.append((quantity.title(found.mechanism, place), shown, factor * entry))
+    for entry, *others in zip(*several, strict=True):
+        if keep is None or set(entry.labels) & set(keep):
+            unit, factor = entry.readable(np.concatenate([each.values.ravel() for each in (entry, *others)]))
+            panels.append((entry.title, unit, factor * entry.values))
     return panels
 
 
@@ -170,24 +170,12 @@ def _with_unit(words: str, unit: str) -> str:
     return f"{words} [{unit}]" if unit else words
 
 
-def _readable(values: Array, unit: str) -> tuple[float, str]:
-    """Return the factor and the unit in which people read values: lengths in mm at most, angles in degrees."""
-    if unit == "rad":
-        return float(np.degrees(1)), "deg"
-    shown, factor = readable_unit(float(np.nanmax(np.abs(values), initial=0.0)), unit)
-    return (1e3, "mm") if shown == "m" else (factor, shown)
-
-
-def _two(found: Swept) -> tuple[tuple[str, str], tuple[Array, Array]]:
-    """Return the names of the two axes that are drawn, the last ones, and their values in mm or degrees."""
-    names = list(found._places.axes)[-2:]
-    values = [_axis(found, name) for name in names]
-    return (names[0], names[1]), (values[0][0], values[1][0])
-
-
-def _axis(found: Swept, name: str) -> tuple[Array, str]:
-    unit = found.coordinate_units[name]
-    return (1e3 * found._places.axes[name], "mm") if unit == "m" else (np.degrees(found._places.axes[name]), "deg")
+def _axes(found: Swept) -> list[tuple[str, Array]]:
+    """Return the axes that are drawn, the last ones, by what they are called, in mm or degrees."""
+    shown = {"m": ("mm", 1e3), "rad": ("°", 180 / np.pi)}
+    units = {name: shown.get(unit, (unit, 1.0)) for name, unit in found.coordinate_units.items()}
+    axes = list(found._places.axes.items())[-2:]
+    return [(_with_unit(name, units[name][0]), units[name][1] * axis) for name, axis in axes]
 
 
 def _plane(found: Swept, values: Array) -> Array:
@@ -202,9 +190,8 @@ def _heading(found: Swept, summary: str) -> str:
     units = found.coordinate_units
     held = dict(found._places.fixed)
     held |= {name: axis[len(axis) // 2] for name, axis in list(found._places.axes.items())[:-2]}
-    others = ", ".join(f"{name} {coordinate_text(value, units[name], 4)}" for name, value in held.items())
-    others = f"\nat {others}" if others else ""
-    return f"{found.mechanism.name}: {summary}{others}"
+    others = ", ".join(f"{name} {coordinate_text(value, units[name], 4, '°')}" for name, value in held.items())
+    return f"{found.mechanism.name}: {summary}{others and f'{chr(10)}at {others}'}"
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
@@ -217,14 +204,6 @@ def _sheets(count: int) -> tuple[Figure, list[Any]]:
     return figure, panels(figure, count, columns)
 
 
-def _maps(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
-    figure, grid = _sheets(len(panels))
-    figure.suptitle(_heading(found, summary), fontsize=10, color=INK, wrap=True)
-    for axes, panel in zip(grid, panels, strict=True):
-        _draw(axes, found, panel, _levels(panel[2]))
-    return figure
-
-
 def _curves(found: Swept, panels: Sequence[Panel], summary: str, what: str) -> Figure:
     """Draw entries of `what` over one axis, those of one unit together; one that lies on another shows through it."""
     by_unit: dict[str, list[Panel]] = {}
@@ -232,8 +211,7 @@ def _curves(found: Swept, panels: Sequence[Panel], summary: str, what: str) -> F
         by_unit.setdefault(panel[1], []).append(panel)
     figure = sheet(_SIZE * 1.9 * len(by_unit) + 0.3, _SIZE + 0.7, None, "constrained")
     figure.suptitle(_heading(found, summary), fontsize=10, color=INK, wrap=True)
-    (only,) = found._places.axes
-    across, along = _axis(found, only)
+    ((along, across),) = _axes(found)
     for axes, (unit, group) in zip(figure.subplots(1, len(by_unit), squeeze=False)[0], by_unit.items(), strict=True):
         for place, (title, _, values) in enumerate(group):
             colour, style = _DOMINANT[place % len(_DOMINANT)], _STYLES[place % len(_STYLES)]
@@ -241,7 +219,7 @@ def _curves(found: Swept, panels: Sequence[Panel], summary: str, what: str) -> F
             first = place * every // len(group)
             marks = {"marker": _MARKS[place % len(_MARKS)], "markevery": (first, every), "ms": 4}
             axes.plot(across, values, lw=1.8, ls=style, color=colour, label=title, **marks)
-        axes.set_xlabel(f"{only} [{along}]", fontsize=8)
+        axes.set_xlabel(along, fontsize=8)
         axes.set_ylabel(_with_unit(group[0][0] if len(group) == 1 else what, unit), fontsize=8)
         if len(group) > 1:
             axes.legend(fontsize=7, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
@@ -260,7 +238,7 @@ def _levels(values: Array) -> Array:
 
 def _draw(axes, found: Swept, panel: Panel, levels: Array) -> None:
     """Draw one map with its title and scale; what has no answer stays white."""
-    _, (x, y) = _two(found)
+    (_, x), (_, y) = _axes(found)
     title, unit, values = panel
     colours = ListedColormap(map_rgb(np.linspace(0, 1, len(levels) - 1)))
     drawn = axes.contourf(x, y, values.T, levels=levels, cmap=colours)
@@ -271,9 +249,8 @@ def _draw(axes, found: Swept, panel: Panel, levels: Array) -> None:
 
 
 def _label(axes, found: Swept) -> None:
-    (first, second), _ = _two(found)
-    for name, say in ((first, axes.set_xlabel), (second, axes.set_ylabel)):
-        say(f"{name} [{_axis(found, name)[1]}]", fontsize=8)
+    for (along, _), say in zip(_axes(found), (axes.set_xlabel, axes.set_ylabel), strict=True):
+        say(along, fontsize=8)
     axes.tick_params(labelsize=7)
     axes.set_facecolor("#f3f4f6")
     axes.spines[:].set_color(FAINT)
@@ -297,7 +274,7 @@ def path_figure(found: Compensation) -> Figure:
     for row, (name, unit) in enumerate(zip(found.names, found.units, strict=True)):
         left, right = grid[row]
         before, after = found.before[:, row], found.after[:, row]
-        drawn = (("before", before, FOUND), ("after", after, _AFTER))
+        drawn = (("before", before, FOUND), ("after", after, AFTER))
         for axes, curves in ((left, drawn), (right, drawn[1:])):
             shown, factor = readable_unit(float(np.nanmax(np.abs(curves[0][1]), initial=0.0)), unit)
             axes.axhline(0, color=INK, lw=0.6)

@@ -1,17 +1,14 @@
-// A served page. What comes is a command of meshcat's, or a text of what the page shows beside it: words, and for the
-// explorer sliders (`controls`), whose values go to the server, and what follows from them. One question is on its way at
-// a time; when its answer is there, the values of that moment are asked next.
+// A served page. What comes goes to the page; the explorer has sliders besides (`controls`), whose values go to the
+// server, and what follows from them. One question is on its way at a time; when its answer is there, the values of that
+// moment are asked next.
 const panel = document.getElementById("panel"), inputs = {};
 let asked = 0, waiting = false, changed = false, drawn = null, sent = {}, shownScale = null;
 
 const socket = new WebSocket(`ws://${location.host}/socket`);
 socket.binaryType = "arraybuffer";
 socket.onmessage = (message) => {
-  if (typeof message.data !== "string") { viewer.handle_command_bytearray(new Uint8Array(message.data)); return; }
-  const told = JSON.parse(message.data);
-  if (told.controls) build(told.controls);
-  if (told.words) show(told.words);
-  tell(told);
+  const told = receive(message.data);
+  if (told) tell(told);
 };
 socket.onclose = () => trouble("The program that answers has ended; start it again.");
 

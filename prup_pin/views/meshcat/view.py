@@ -72,10 +72,11 @@ def _hull(points: Array) -> Array:
     return points[np.unique(np.argmax(points @ directions, axis=0))]
 
 
-def script_json(value: Any) -> str:
-    """Return JSON that cannot end the script it stands in."""
-    text = json.dumps(value, ensure_ascii=True, allow_nan=False)
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+def _script(message: Message) -> str:
+    """Return a message as a page's own script has it; a text in it cannot end the script."""
+    if isinstance(message, bytes):
+        return f'bytes("{base64.b64encode(message).decode("ascii")}")'
+    return json.dumps(message).replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 class View(Served):
@@ -94,15 +95,9 @@ class View(Served):
         """Return meshcat's commands."""
         return motion_commands(self.shown) if isinstance(self.shown, Motion) else scene_commands(self.shown)
 
-    def _words(self) -> dict[str, Any]:
-        shown = self.shown
-        return words(shown.frames, shown.rate) if isinstance(shown, Motion) else words([shown])
-
     def static_html(self) -> str:
         """Return a self-contained page: it needs no network."""
-        encoded = [base64.b64encode(packed(command)).decode("ascii") for command in self.commands()]
-        lines = [f'command("{text}");' for text in encoded]
-        return page_html(self.scene.name, "\n".join([*lines, f"show({script_json(self._words())});"]))
+        return page_html(self.scene.name, "\n".join(f"receive({_script(message)});" for message in self.greeting()))
 
     def save(self, path: str | Path) -> Path:
         """Write the self-contained page to a file and return its path. Raises InputError."""
@@ -120,7 +115,9 @@ class View(Served):
 
     def greeting(self) -> list[Message]:
         """Return the scene and its words."""
-        return [*map(packed, self.commands()), json.dumps({"words": self._words()}, allow_nan=False)]
+        shown = self.shown
+        told = words(shown.frames, shown.rate) if isinstance(shown, Motion) else words([shown])
+        return [*map(packed, self.commands()), json.dumps({"words": told}, allow_nan=False)]
 
     def reply(self, message: str | bytes) -> list[Message]:
         """Return nothing: these pages ask nothing."""

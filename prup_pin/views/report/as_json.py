@@ -142,7 +142,7 @@ def _sensitivity(found: Sensitivity) -> dict[str, Any]:
             for line in found.stiffen_first
         ],
         "parameters": {
-            name: _picked(parameter, "value unit") | {key: by_name[name] for key, by_name in slopes.items()}
+            name: picked(parameter, "value unit") | {key: by_name[name] for key, by_name in slopes.items()}
             for name, parameter in found.parameters.items()
         },
         "impossible": list(found.impossible),
@@ -191,22 +191,22 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
         "prup_pin": version,
         "robot": None if robot is None else robot.name,
         "verdict": diagnosis.verdict,
-        "noise": {**_picked(noise, _NOISE), "effort": noise.effort or None, **estimated},
+        "noise": {**picked(noise, _NOISE), "effort": noise.effort or None, **estimated},
         "residual": {
             "unit": UNIT,
-            **_picked(diagnosis, "before after"),
+            **picked(diagnosis, "before after"),
             **diagnosis.within,
             "by_channel": diagnosis.by_channel,
         },
         "findings": [_finding(finding, robot, efforts) for finding in diagnosis.findings],
         "calibration": [_calibrated(item) for item in diagnosis.calibration],
-        "not_detectable": [_picked(item, hidden) for item in diagnosis.not_detectable],
+        "not_detectable": [picked(item, hidden) for item in diagnosis.not_detectable],
         **({"seen": [each._asdict() for each in diagnosis.seen]} if diagnosis.seen else {}),
         "next_experiment": diagnosis.next_experiment,
         **({"proposals": proposed} if (proposed := [_proposal(item) for item in diagnosis.proposals]) else {}),
-        **({"judged": judged} if (judged := [_picked(item, "physics word why") for item in diagnosis.judged]) else {}),
+        **({"judged": judged} if (judged := [picked(item, "physics word why") for item in diagnosis.judged]) else {}),
         **({"recordings": several} if several else {}),
-        **_picked(diagnosis, "premises remarks unused_columns"),
+        **picked(diagnosis, "premises remarks unused_columns"),
     }
     if diagnosis.since is not None:
         document["since"] = _since(diagnosis.since)
@@ -215,7 +215,7 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
     return plain(document)
 
 
-def _picked(item: object, names: str) -> dict[str, Any]:
+def picked(item: object, names: str) -> dict[str, Any]:
     """Return some attributes by their names."""
     return {name: getattr(item, name) for name in names.split()}
 
@@ -227,13 +227,13 @@ def _fitted(fitted: FittedParameter) -> dict[str, Any]:
 def _since(since: Since) -> dict[str, Any]:
     """Return what has changed since an earlier test: values then and now, and what would have been seen."""
     values = [
-        _picked(item, "physics location aspect parameter unit")
+        picked(item, "physics location aspect parameter unit")
         | {name: _fitted(getattr(item, name)) for name in ("then", "now", "difference")}
         | {"changed": item.has_changed, "seen_from": item.seen}
         for item in since.values
     ]
     return {
-        **_picked(since, "notes explained set_up"),
+        **picked(since, "notes explained set_up"),
         "values": values,
         "seen": [each._asdict() for each in since.seen],
     }
@@ -242,13 +242,13 @@ def _since(since: Since) -> dict[str, Any]:
 def _proposal(item: Proposal) -> dict[str, Any]:
     """Return a formula for what is unknown at a joint, and what the data cannot tell from it."""
     return {
-        **_picked(item, "joint text share of_curve instead doubts apart"),
+        **picked(item, "joint text share of_curve instead doubts apart"),
         "equation": item.law.equation,
         "parameters": {name: {"unit": fitted.unit} | _fitted(fitted) for name, fitted in item.parameters.items()},
         "recorded": [
             {"variable": name, "joint": joint, "range": ends} for (name, joint), ends in item.law.recorded.items()
         ],
-        "equals": [_picked(other, "text size worse") for other in item.equals],
+        "equals": [picked(other, "text size worse") for other in item.equals],
     }
 
 
@@ -256,15 +256,15 @@ def _recording(part: ByRecording) -> dict[str, Any]:
     return {
         "recording": part.name,
         "own_sensors": part.own,
-        "noise": _picked(part.noise, _NOISE),
+        "noise": picked(part.noise, _NOISE),
         "samples": part.samples,
         "used": len(part.used),
-        "residual": _picked(part, "before after"),
+        "residual": picked(part, "before after"),
     }
 
 
 def _calibrated(item: CalibratedParameter) -> dict[str, Any]:
-    values = _picked(item, "nominal value sd tolerance")
+    values = picked(item, "nominal value sd tolerance")
     return {"parameter": item.name, **values, "unit": item.deviation.unit, "learned": item.learned}
 
 
@@ -272,7 +272,7 @@ def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | N
     from ...diagnosis.efforts import effort_curve_of
     from ...recordings.conventions import as_json
 
-    value = _picked(finding, "physics location") | {
+    value = picked(finding, "physics location") | {
         "aspect": "" if finding.effect is None else finding.effect.place.aspect,
         "candidates": finding.candidates,
         "parameters": {
@@ -281,17 +281,17 @@ def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | N
             | ({} if fitted.before is None else {"before": fitted.before})
             for name, fitted in finding.parameters.items()
         },
-        **_picked(finding, "heldout_gain statement remedy alternatives"),
+        **picked(finding, "heldout_gain statement remedy alternatives"),
         **({"conventions": as_json(finding.conventions)} if finding.conventions else {}),
         **({"evidence": finding.evidence} if finding.evidence else {}),
     }
     if finding.curve is not None and robot is not None:
         value["curve"] = _curve(finding.curve, robot)
     elif (drawn := effort_curve_of(finding, efforts)) is not None:
-        value["curve"] = _picked(drawn, "joint against") | {
+        value["curve"] = picked(drawn, "joint against") | {
             drawn.against: drawn.x,
             "effort": drawn.y,
-            **_picked(drawn, "deviation law"),
+            **picked(drawn, "deviation law"),
             "units": {drawn.against: drawn.x_unit, "effort": drawn.y_unit},
         }
     return value
@@ -305,6 +305,6 @@ def _curve(curve: LocalCurve, robot: Robot) -> dict[str, Any]:
     return {
         "module": curve.module,
         "component": module.kind.loads[curve.component],
-        **_picked(curve, "load deformation deviation"),
+        **picked(curve, "load deformation deviation"),
         "units": {"load": load, "deformation": deformation},
     }

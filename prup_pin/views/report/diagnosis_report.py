@@ -11,40 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from ... import __version__
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.efforts import effort_curve_of
-from ...diagnosis.proposal import Proposal
 from ...numbers import number
 from ...plugins import files
 from ...recordings import Recording, Together
 from ...robot import Robot
 from ...spatial import WRENCH_NAMES
 from ..drawing import diagnosis_figures as figures
-from ..text.diagnosis_words import (
-    MOST_PARAMETERS,
-    alternative_text,
-    by_place,
-    channel_rows,
-    cost_text,
-    effort_rows,
-    finding_groups,
-    finding_text,
-    hidden_rows,
-    length_of,
-    noise_text,
-    parameter_texts,
-    proposal_lines,
-    recording_rows,
-    seen_rows,
-    summary_text,
-    then_and_now_rows,
-    used_text,
-    verdict_text,
-    visible_rows,
-)
+from ..text import diagnosis_words as words
 from ..text.values import clean, dimension
-from .pages import Picture, as_sentence, page_template, picture
+from .pages import Picture, page, picture
 
 #: Beyond so many points a drawing is a picture of pixels, lest the page grow heavy.
 _MOST_DRAWN = 200
@@ -53,51 +30,27 @@ _MOST_DRAWN = 200
 def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Sequence[Recording]) -> str:
     """Return one self-contained HTML page on a diagnosis of `recording`, or of several."""
     recordings = [recording] if isinstance(recording, Recording) else list(recording)
-    white, efforts = diagnosis.residuals, diagnosis.efforts
     begun = "robot file" if diagnosis.since is None else "earlier model"
-    drawn = white is not None and bool(white.exists.any())
-    many = len(diagnosis.samples) > _MOST_DRAWN
+    white = diagnosis.residuals
     plan = diagnosis.next_experiment.get("plan") or {}
-    channels = channel_rows(diagnosis)
-    return page_template("diagnosis_page.html").render(
-        name=robot.name,
-        version=__version__,
-        brought=[path.name for path, _ in files()],
-        script_hashes=[],
-        path=robot.mechanism.description.path.name,
+    return page(
+        "diagnosis_page.html",
+        robot,
+        diagnosis=diagnosis,
+        words=words,
+        figures=figures,
+        response=_response,
         recording=", ".join(Path(item.path).name or "the recording" for item in recordings),
-        many=len(recordings) > 1,
-        verdict=diagnosis.verdict,
-        premises=diagnosis.premises,
-        sentence=verdict_text(diagnosis),
-        summary=summary_text(diagnosis),
+        several=len(recordings) > 1,
+        begun=begun,
         facts=_facts(diagnosis, begun),
         measured=_measured(diagnosis, robot, recordings),
-        place=picture(figures.place_figure, robot, diagnosis),
-        groups={
-            what: [_finding(diagnosis, finding, index) for index, finding in findings]
-            for what, findings in finding_groups(diagnosis).items()
-        },
-        proposals=[_proposal(item) for item in diagnosis.proposals],
-        judged=[as_sentence(str(item)) for item in diagnosis.judged],
-        channels=channels if diagnosis.told else [(what, after, unit) for what, _, after, unit in channels],
-        joints=effort_rows(diagnosis),
-        samples=picture(figures.sample_figure, diagnosis, pixels=many) if drawn else None,
-        histogram=picture(figures.histogram_figure, white, begun) if drawn else None,
-        begun=begun,
-        efforts=None if efforts is None else picture(figures.effort_figure, efforts, pixels=True),
-        visible=visible_rows(diagnosis.seen),
-        hidden=hidden_rows(diagnosis.not_detectable),
-        remarks=list(diagnosis.remarks),
-        why=as_sentence(str(diagnosis.next_experiment.get("why", ""))),
+        residuals=white if white is not None and white.exists.any() else None,
+        many=len(diagnosis.samples) > _MOST_DRAWN,
         plan=_plan(plan, robot),
         poses=[f">pose {count}" for count, _ in enumerate(plan.get("poses", ()), 1)],
-        effects=len(diagnosis.effects),
-        seen_poses=bool(diagnosis.columns),
-        since=diagnosis.since,
-        then_and_now=[] if diagnosis.since is None else then_and_now_rows(diagnosis.since),
-        seen=[] if diagnosis.since is None else seen_rows(diagnosis.since.seen),
-        most=MOST_PARAMETERS,
+        most=words.MOST_PARAMETERS,
+        brought=[path.name for path, _ in files()],
     )
 
 
@@ -127,10 +80,10 @@ def _fell(before: str, after: str) -> str:
 def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording]) -> list[tuple[str, list[str]]]:
     recording = Together.of(recordings, robot.mechanism.actuated, robot.mechanism.gravity).recording
     count = len(recording)
-    rows = [("Samples", [str(count), *[used_text(diagnosis, count)] * (len(diagnosis.samples) != count)])]
+    rows = [("Samples", [str(count), *[words.used_text(diagnosis, count)] * (len(diagnosis.samples) != count)])]
     if len(recordings) > 1:
-        rows += [(name, [*texts]) for name, *texts in recording_rows(diagnosis)]
-    rows.append(("Length", [length_of(diagnosis, recording)]))
+        rows += [(name, [*texts]) for name, *texts in words.recording_rows(diagnosis)]
+    rows.append(("Length", [words.length_of(diagnosis, recording)]))
     sizes = []
     for block, unit in ((slice(0, 3), "N"), (slice(3, 6), "N m")):
         size = np.linalg.norm(np.nan_to_num(recording.wrench[:, block]), axis=1).max(initial=0.0)
@@ -147,7 +100,7 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording
         rows.append(("Temperature", [f"{' to '.join(ends)} °C"]))
     if diagnosis.since is not None:
         rows.append(("Compared with", [diagnosis.since.notes or "an earlier model"]))
-    *sensors, source = noise_text(diagnosis)
+    *sensors, source = words.noise_text(diagnosis)
     rows.append(("Noise, 1 σ", [*sensors, f"({source})"]))
     for item in recordings:
         if item.notes:
@@ -165,30 +118,6 @@ def _efforts_measured(diagnosis: Diagnosis, recording: Recording) -> list[str]:
     if diagnosis.efforts is not None:
         return [f"efforts of {', '.join(diagnosis.efforts.joints)}"]
     return ["efforts, not used"] if recording.efforts else []
-
-
-def _finding(diagnosis: Diagnosis, finding: Finding, index: int) -> dict[str, Any]:
-    return {
-        "index": index,
-        "title": finding_text(finding),
-        "statement": as_sentence(finding.statement),
-        "cost": as_sentence(cost_text(finding)),
-        "remedy": as_sentence(finding.remedy),
-        "places": (places := by_place(finding)),
-        "parameters": [] if places else parameter_texts(finding.parameters),
-        "response": _response(diagnosis, finding),
-        "doubts": [as_sentence(text) for text in alternative_text(diagnosis, finding)],
-    }
-
-
-def _proposal(item: Proposal) -> dict[str, Any]:
-    formula, *lines = proposal_lines(item)
-    return {
-        "joint": item.joint,
-        "formula": formula,
-        "lines": [as_sentence(line) for line in lines],
-        "picture": None if item.curve is None else picture(figures.formula_figure, item, item.curve),
-    }
 
 
 def _response(diagnosis: Diagnosis, finding: Finding) -> Picture | None:

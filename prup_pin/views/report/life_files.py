@@ -1,8 +1,9 @@
-"""The files that a machine's life leaves in a folder: JSON, a page, a table."""
+"""The files that a machine's life and a fleet leave in a folder: JSON, a page, a table; tolerances of a fleet."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -10,39 +11,81 @@ import numpy as np
 
 from ... import __version__
 from ...errors import MissingExtraError
-from ...files import check_folder_for, text_of, write_whole
+from ...files import check_folder_for, json_lines, text_of, write_folder
+from ...life.fleet import Fleet
 from ...life.life import Life
 from ...robot import Robot
 from ...sweep.table import write_table
-from ..text.life_words import by_how_much, change_sentence, life_verdict, recording_rows_of, seen_texts
-from .as_json import dump, plain
-from .pages import as_sentence, page_template, picture
+from ..drawing.life_figures import fleet_figure, life_figure
+from ..text import life_words
+from .as_json import dump, picked, plain
+from .pages import page
 
-DOCUMENT, PAGE, TABLE = "life.json", "life.html", "life.parquet"
+TOLERANCES = "tolerances.json"
 
 
 def check_life(folder: Path) -> None:
     """Raise InputError, before anything is computed, where a file would replace what it must not."""
-    check_folder_for(folder, (DOCUMENT, PAGE, TABLE))
+    check_folder_for(folder, _names("life"))
+
+
+def check_fleet(folder: Path) -> None:
+    """Raise InputError, before anything is computed, where a file would replace what it must not."""
+    check_folder_for(folder, (*_names("fleet"), TOLERANCES))
 
 
 def write_life(life: Life, robot: Robot, folder: Path) -> tuple[list[Path], list[str]]:
     """Write the files of a life; return their paths, and what was left out for want of an extra, in words."""
-    files: dict[Path, Iterable[str]] = {folder / DOCUMENT: (dump(life_as_json(life, robot)) + "\n",)}
-    missing = []
+    count, series = len(life.names), life.series
+    columns = {
+        name: np.tile(np.array(of, str), len(series)) for name, of in (("recording", life.names), ("date", life.dates))
+    }
+    for name in ("physics", "location", "aspect", "parameter", "unit"):
+        columns[name] = np.repeat(np.array([getattr(item, name) for item in series], str), count)
+    for name in ("value", "low", "high"):
+        columns[name] = np.concatenate([np.zeros(0), *(getattr(item, name) for item in series)])
+    drawn = life_figure if series else None
+    text = page("life_page.html", robot, life=life, words=life_words, drawn=drawn)
+    return _written("life", life_as_json(life, robot), robot, folder, text, columns)
+
+
+def write_fleet(fleet: Fleet, robot: Robot, folder: Path) -> tuple[list[Path], list[str]]:
+    """Write the files of a fleet; return their paths, and what was left out for want of an extra, in words."""
+    count, many = fleet.own.shape
+    columns = {
+        "device": np.repeat(np.array(fleet.devices, str), many),
+        "parameter": np.tile(np.array(fleet.parameters, str), count),
+        "own": fleet.own.ravel(),
+    }
+    drawn = fleet_figure if fleet.parameters else None
+    scatter = [(kind.replace("_", " "), *cells) for kind, *cells in life_words.scatter_rows(fleet)]
+    text = page("fleet_page.html", robot, fleet=fleet, words=life_words, drawn=drawn, scatter=scatter)
+    beside = {TOLERANCES: json_lines(fleet.tolerances)} if fleet.tolerances else {}
+    return _written("fleet", fleet_as_json(fleet, robot), robot, folder, text, columns, beside)
+
+
+def _names(what: str) -> tuple[str, str, str]:
+    return f"{what}.json", f"{what}.html", f"{what}.parquet"
+
+
+def _written(
+    what: str,
+    document: dict[str, Any],
+    robot: Robot,
+    folder: Path,
+    text: str,
+    columns: Mapping[str, np.ndarray],
+    beside: Mapping[str, Iterable[str]] | None = None,
+) -> tuple[list[Path], list[str]]:
+    json_name, page_name, table = _names(what)
+    files = {json_name: (dump(document) + "\n",), **(beside or {}), page_name: (text_of(text),)}
+    write_folder(folder, files, (json_name, page_name, TOLERANCES))
+    written = [folder / name for name in files]
     try:
-        files[folder / PAGE] = (text_of(life_html(life, robot)),)
+        write_table(folder / table, columns, {"robot": robot.name, "prup_pin": __version__})
     except MissingExtraError as error:
-        missing.append(f"{PAGE}: {error}")
-    folder.mkdir(parents=True, exist_ok=True)
-    write_whole(files)
-    written = list(files)
-    try:
-        write_table(folder / TABLE, _columns(life), {"robot": robot.name, "prup_pin": __version__})
-        written.append(folder / TABLE)
-    except MissingExtraError as error:
-        missing.append(f"{TABLE}: {error}")
-    return written, missing
+        return written, [f"{table}: {error}"]
+    return [*written, folder / table], []
 
 
 def life_as_json(life: Life, robot: Robot) -> dict[str, Any]:
@@ -53,85 +96,50 @@ def life_as_json(life: Life, robot: Robot) -> dict[str, Any]:
             "date": day or None,
             "verdict": answer.verdict,
             "residual": answer.left,
-            "named": [
-                {"physics": x.physics, "location": x.location, "aspect": x.aspect, "parameters": x.values}
-                for x in answer.named
-            ],
+            "named": [picked(x, "physics location aspect") | {"parameters": x.values} for x in answer.named],
             "unknown": answer.unknown,
         }
         for name, day, answer in zip(life.names, life.dates, life.answers, strict=True)
     ]
     changes = [
         {
-            **_picked(item, "physics location aspect shape statement"),
+            **picked(item, "physics location aspect shape statement"),
             "begin": None if item.begin is None else item.begin + 1,
             "between": [place + 1 for place in item.between],
             "parameters": {
                 name: {"value": each.value, "unit": each.unit, "ci95": each.interval}
                 for name, each in item.parameters.items()
             },
-            **_picked(item, "before after unit gain others"),
-            "sentence": change_sentence(life, item),
+            **picked(item, "before after unit gain others"),
+            "sentence": life_words.change_sentence(life, item),
         }
         for item in life.changes
     ]
-    series = [_picked(item, "physics location aspect parameter unit value low high seen") for item in life.series]
     document = {
         "prup_pin": __version__,
         "robot": robot.name,
         "verdict": life.verdict,
-        "sentence": life_verdict(life),
+        "sentence": life_words.life_verdict(life),
         "ordered_by": life.ordered_by,
         "recordings": recordings,
         "changes": changes,
-        "series": series,
+        "series": [picked(item, "physics location aspect parameter unit value low high seen") for item in life.series],
         "remarks": life.remarks,
     }
     return plain(document)
 
 
-def _picked(item: object, names: str) -> dict[str, Any]:
-    return {name: getattr(item, name) for name in names.split()}
-
-
-def life_html(life: Life, robot: Robot) -> str:
-    """Return one self-contained HTML page. Raises MissingExtraError."""
-    from ..drawing.life_figures import life_figure
-
-    template = page_template("life_page.html")
-    return template.render(
-        name=robot.name,
-        version=__version__,
-        script_hashes=[],
-        path=robot.mechanism.description.path.name,
-        verdict=life.verdict,
-        sentence=as_sentence(life_verdict(life)),
-        picture=picture(life_figure, life) if life.series else None,
-        changes=[
-            {
-                "title": f"{item.physics.replace('_', ' ')} at {item.location}",
-                "sentence": as_sentence(change_sentence(life, item)),
-                "rows": by_how_much(item),
-                "others": ", ".join(item.others),
-            }
-            for item in life.changes
+def fleet_as_json(fleet: Fleet, robot: Robot) -> dict[str, Any]:
+    """Return the document of `prup-pin fleet`; docs/life.md explains its keys."""
+    document = {
+        "prup_pin": __version__,
+        "robot": robot.name,
+        "sentence": life_words.fleet_verdict(fleet),
+        "devices": [
+            {"device": name, "verdict": answer.verdict, "residual": answer.left, "unknown": answer.unknown}
+            for name, answer in zip(fleet.devices, fleet.answers, strict=True)
         ],
-        seen=seen_texts(life),
-        ordered_by=life.ordered_by,
-        recordings=recording_rows_of(life),
-        remarks=list(life.remarks),
-    )
-
-
-def _columns(life: Life) -> dict[str, np.ndarray]:
-    """Return the table of all values: a row for each parameter in each recording."""
-    n = len(life.names)
-    columns: dict[str, Any] = {
-        "recording": np.tile(np.array(life.names, dtype=str), len(life.series)),
-        "date": np.tile(np.array(life.dates, dtype=str), len(life.series)),
+        **{name: [asdict(item) for item in getattr(fleet, name)] for name in ("common", "outliers", "scatter")},
+        **picked(fleet, "laws remarks"),
     }
-    for name in ("physics", "location", "aspect", "parameter", "unit"):
-        columns[name] = np.repeat(np.array([getattr(item, name) for item in life.series], dtype=str), n)
-    for name in ("value", "low", "high"):
-        columns[name] = np.concatenate([np.zeros(0), *(getattr(item, name) for item in life.series)])
-    return columns
+    return plain(document)

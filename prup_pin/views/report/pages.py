@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import base64
-import io
 import re
 import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ... import __version__
 from ..text.terminal import with_units_held
 
 if TYPE_CHECKING:
+    from ...robot import Robot
     from ..drawing.plotting import Figure
+
+
+def page(template: str, robot: Robot, **parts: Any) -> str:
+    """Return a page about a robot of its template, which calls what makes the words of `parts`, and draws by itself."""
+    about = {"name": robot.name, "path": robot.mechanism.description.path.name, "version": __version__}
+    return page_template(template).render(robot=robot, **about, **{"script_hashes": [], **parts})
 
 
 def page_template(name: str):
@@ -28,12 +35,14 @@ def page_template(name: str):
         lstrip_blocks=True,
         finalize=lambda value: with_units_held(value) if type(value) is str else value,  # not what is markup already
     )
+    environment.filters["sentence"] = as_sentence
     # a name alone may break between its words, and not in the middle of one
     environment.filters["breakable"] = lambda text: (
         text
         if " " in text
         else markupsafe.Markup(re.sub(r"(?<=\w)[_/](?=\w)", r"\g<0><wbr>", str(markupsafe.escape(text))))
     )
+    environment.globals["picture"] = picture
     return environment.get_template(name)
 
 
@@ -49,16 +58,13 @@ def picture(draw: Callable[..., Figure], *about: Any, pixels: bool = False) -> P
 
     As an image a figure can neither run scripts nor fetch anything. With `pixels` it is a PNG, for very many points.
     """
-    kind, metadata = ("png", {"Software": None}) if pixels else ("svg", {"Date": None, "Creator": None})
-    address = f"data:image/{'png' if pixels else 'svg+xml'};base64,"
-    found = []
+    from ..drawing.plotting import encoded
+
+    kind, mime, dpi = ("png", "png", 160) if pixels else ("svg", "svg+xml", "figure")
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph")  # a name in a script that matplotlib's font lacks
-        for narrow in (False, True):
-            buffer = io.BytesIO()
-            draw(*about, narrow=narrow).savefig(buffer, format=kind, dpi=160 if pixels else "figure", metadata=metadata)
-            found.append(address + base64.b64encode(buffer.getvalue()).decode("ascii"))
-    return Picture(*found)
+        found = (encoded(draw(*about, narrow=narrow), kind, dpi, letters=True) for narrow in (False, True))
+        return Picture(*(f"data:image/{mime};base64,{base64.b64encode(each).decode('ascii')}" for each in found))
 
 
 def as_sentence(text: str) -> str:

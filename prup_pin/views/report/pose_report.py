@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from ... import __version__
 from ...errors import InputError
 from ...kinematics import ClosedPose
 from ...numbers import fixed, number, quantity, readable_unit, some
@@ -24,22 +23,8 @@ from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
 from ..scene.colours import share_colours
-from ..text.answer import (
-    ALONG,
-    Answer,
-    along_texts,
-    assumptions,
-    compliance_table,
-    displacement_cells,
-    displacements,
-    group_rows,
-    load_text,
-    ranked,
-    rigid_texts,
-    softest,
-    stiffness_tables,
-    why_rigid,
-)
+from ..text import answer as words
+from ..text.answer import Answer
 from ..text.values import (
     default_parameters,
     direction_text,
@@ -51,7 +36,7 @@ from ..text.values import (
     position_text,
     workshop_text,
 )
-from .pages import page_template, picture
+from .pages import page
 
 _MINUS = "\u2212"
 #: Modules and levers that are listed.
@@ -85,9 +70,8 @@ def report_html(
 
     Raises what `robot.pose` and `robot.compliance` raise.
     """
-    from ..drawing.figures import pose_figure, shares_figure
+    from ..drawing import figures
 
-    template = page_template("report_page.html")
     if pose is None:
         pose = robot.home
     elif not isinstance(pose, ClosedPose):
@@ -100,11 +84,14 @@ def report_html(
     scene, packed, scene_note = _scene(robot, answer, scale)
     load = answer.load.wrench if answer.load.wrench.any() else None
     levers = find_levers(robot, compliance, answer.load.wrench, _softest_names(answer))
-    return template.render(
-        name=robot.name,
-        version=__version__,
-        path=robot.mechanism.description.path.name,
-        load=load_text(answer),
+    columns, rows, down = _displacements(answer)
+    return page(
+        "report_page.html",
+        robot,
+        answer=answer,
+        words=words,
+        figures=figures,
+        load=words.load_text(answer),
         asked=_asked(robot, answer, changes or {}),
         facts=_facts(answer),
         scene=scene,
@@ -112,22 +99,16 @@ def report_html(
         scene_note=scene_note,
         script_hashes=_script_hashes(scene),
         script=_LOADER,
-        drawing=picture(pose_figure, robot, pose, compliance, load, scale),
-        stiffness=stiffness_tables(answer),
-        rigid=rigid_texts(answer) if answer.stiffness is None else [],
-        why_rigid=why_rigid(robot, answer) if answer.stiffness is None else "",
-        compliance=compliance_table(answer),
-        **_displacements(answer),
-        groups=group_rows(answer),
-        chart=None if answer.shares is None else picture(shares_figure, compliance, answer.load.wrench),
+        pictured=(robot, pose, compliance, load, scale),
+        displacement_columns=columns,
+        displacement_rows=rows,
+        down=down,
         softest=_softest(robot, answer),
         exact_without=_adds_up(answer),
-        motion=answer.motion[1],
         moved=_moved(answer, answer.deflection),
         levers=[_lever(answer, lever) for lever in levers[:LEVERS]],
         step=number(100 * STEP),
         mobility=mobility_rows(robot.mechanism, robot.mobility(pose)),
-        assumptions=assumptions(robot, answer),
         notes=list(notes),
     )
 
@@ -148,7 +129,7 @@ def _asked(robot: Robot, answer: Answer, changes: Mapping[str, Any]) -> list[tup
     """Return pose, load and what differs from the robot file, in words."""
     pose = answer.compliance.pose
     at = pose.base_from_tool[:3, 3]
-    load = load_text(answer).removeprefix("under ")
+    load = words.load_text(answer).removeprefix("under ")
     return [
         ("Task", pose_text(robot, pose.coordinates, degrees="°")),
         ("Actuators", pose_text(robot, pose.actuators, degrees="°")),
@@ -169,9 +150,9 @@ def _facts(answer: Answer) -> list[tuple[str, str, str]]:
     else:
         first = (f"The tool moves{per}", moved, f"and turns {turned}" if radians else "and does not turn")
     facts = [first]
-    facts += [(title, text, ALONG) for title, text in along_texts(answer).items()]
+    facts += [(title, text, words.ALONG) for title, text in words.along_texts(answer).items()]
     if answer.shares is not None:
-        names = softest(answer.shares)
+        names = words.softest(answer.shares)
         which = "the softest part" if len(names) == 1 else f"each of the {len(names)} softest parts"
         facts.append((f"Share of {which}", f"{percent_text(answer.shares[names[0]])} %", ", ".join(some(names, 6))))
     if answer.mechanism.gravity.any():
@@ -180,19 +161,15 @@ def _facts(answer: Answer) -> list[tuple[str, str, str]]:
     return facts
 
 
-def _displacements(answer: Answer) -> dict[str, Any]:
-    """Return the table of displacements in common units, the sag among them, and where down is."""
-    columns, found, units = displacements(answer)
+def _displacements(answer: Answer) -> tuple[tuple[str, ...], list[tuple[str, ...]], str]:
+    """Return the table of displacements in common units, the sag among them: columns, rows; and where down is."""
+    columns, found, units = words.displacements(answer)
     rows, down = [(name, *cells) for name, cells in found.items()], ""
     gravity = answer.mechanism.gravity
     if gravity.any():
-        rows.append(("sag by own weight", *displacement_cells(answer.sag, units)[:4], *("", "", "")))
+        rows.append(("sag by own weight", *words.displacement_cells(answer.sag, units)[:4], *("", "", "")))
         down = direction_text(gravity / np.linalg.norm(gravity))
-    return {
-        "displacement_columns": ("frame", *(f">{name}" for name in columns)),
-        "displacement_rows": rows,
-        "down": down,
-    }
+    return ("frame", *(f">{name}" for name in columns)), rows, down
 
 
 def _adds_up(answer: Answer) -> bool:
@@ -242,7 +219,7 @@ def _words(name: str) -> str:
 
 def _softest_names(answer: Answer) -> list[str]:
     shares = {name: share for name, share in (answer.shares or {}).items() if share > 1e-6}
-    return ranked(shares)[:SOFTEST]
+    return words.ranked(shares)[:SOFTEST]
 
 
 def _lever(answer: Answer, lever: Lever) -> dict[str, str]:

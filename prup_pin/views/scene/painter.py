@@ -19,7 +19,7 @@ from ...statics import Compliance
 from ..text.answer import first_shares
 from ..text.values import pose_words
 from .camera import camera_of
-from .colours import AXES, ELLIPSOIDS, GHOST, INK, LOAD, MOVED, SYMBOL, grey_of, map_colour, share_colours
+from .colours import AXES, ELLIPSOIDS, GHOST, INK, LOAD, METAL, MOVED, SYMBOL, grey_of, map_colour, share_colours
 from .elastic import SECTIONS, Deflections, beam_frame, fitting_scale, nice_below, principal, tips_apart
 from .scene import (
     ComplianceEllipsoid,
@@ -164,7 +164,7 @@ class Painter:
                     put(name, visual.shape, body(frame.joint, seat) @ visual.placement, colour, visual.opacity)
         for module in self.bare_beams:
             frame_, length = beam_frame(module, pose)
-            visual = Visual("", rod(self._beam_radius(module), length), np.eye(4), "#8a929b")
+            visual = Visual("", rod(self._beam_radius(module), length), np.eye(4), METAL)
             middle = frame_ @ placement(np.eye(3), np.array([0, 0, length / 2]))
             shape, where = self._bent(module, pose, moved, scale, visual, middle)
             put(f"beams/{module.name}", shape, where, visual.colour if colours is None else colours[module.name])
@@ -223,7 +223,7 @@ class Painter:
             if np.linalg.norm(ends[1] - ends[0]) > 1e-9:
                 thin = 0.6 if segment.kind == "slide" else 1.0
                 tube = Tube(np.array(ends), thin * radius)
-                put(f"skeleton/{segment.name}_{index + 1}", tube, np.eye(4), "#8a929b")
+                put(f"skeleton/{segment.name}_{index + 1}", tube, np.eye(4), METAL)
         for plate in bones.plates:
             if plate.body in self.drawn_bodies or (ghost and plate.body == 0):
                 continue

@@ -14,13 +14,13 @@ import numpy as np
 from ...kinematics import ClosedPose
 from ...mechanism import Module
 from ...spatial import Array, axis_as_z, placement
+from .colours import METAL
 from .scene import Shape, Solid, Tube, belt_mesh, ring, rod, thread_mesh
 
 _SCREW = "ball_screw"
 _NUTS = ("ball_nut", "preloaded_ball_nut")
 _DRIVES = (_SCREW, *_NUTS, "support_bearing", "timing_belt", "motor")
 _BEARINGS = ("bearing", "bearing_pair", "hertzian_bearing")
-_METAL = "#8a929b"
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Symbol:
     shape: Shape
     placement: Array
     body: int
-    colour: str = _METAL
+    colour: str = METAL
 
 
 def symbols(pose: ClosedPose, size: float, middle: Array, radii: Mapping[str, float]) -> list[Symbol]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -265,46 +265,35 @@ def stiffness_table(answer: Answer) -> MatrixTable | None:
     """Return K in N/mm and N m/mrad, or finer where it is very stiff; None where it does not exist."""
     if answer.stiffness is None:
         return None
-    return replace(_stiffness("Stiffness K", f"at '{answer.tool}', base axes", answer.stiffness), note=_DIAGONAL)
-
-
-def task_table(answer: Answer) -> MatrixTable | None:
-    """Return the stiffness in the task coordinates, likewise; None where there are none, six, or some are rigid."""
-    if answer.task_stiffness is None:
-        return None
-    tasks = [(task.name, task.name, task.component not in "xyz") for task in answer.mechanism.tasks]
-    where = f"at '{answer.tool}', in the task coordinates"
-    return replace(_stiffness("Stiffness K_task", where, answer.task_stiffness, tasks), note=_TASK)
-
-
-def translation_table(answer: Answer) -> MatrixTable | None:
-    """Return the stiffness against forces alone, likewise; None where no axis yields or they cannot be parted."""
-    if answer.translation_stiffness is None:
-        return None
-    axes, stiffness = answer.translation_stiffness
-    where = f"inv(C_tt), at '{answer.tool}', under forces alone, base axes"
-    table = _stiffness("Translational stiffness", where, stiffness, [_AXES[i] for i in axes])
-    return replace(table, note=_FORCES)
-
-
-def yielding_table(answer: Answer) -> MatrixTable | None:
-    """Return the stiffness in the directions that yield, likewise; None where none does."""
-    if len(answer.compliance.rigid_directions) == 6:
-        return None
-    where = f"at '{answer.tool}', K where it yields, base axes"
-    table = _stiffness("K_yielding", where, answer.compliance.K_yielding)
-    length = answer.yielding_length
-    return table if length is None else replace(table, note=_AS_ARCS.format(number(length * 1e3, 4)))
+    return _stiffness("Stiffness K", f"at '{answer.tool}', base axes", answer.stiffness, _DIAGONAL)
 
 
 def stiffness_tables(answer: Answer) -> tuple[MatrixTable, ...]:
     """Return all that is told of the stiffness: K, and K in the task coordinates; without either, what yields."""
-    found = [table for table in (stiffness_table(answer), task_table(answer)) if table is not None]
-    instead = [table for table in (translation_table(answer), yielding_table(answer)) if table is not None]
-    return tuple(found or instead)
+    at, k = f"at '{answer.tool}'", stiffness_table(answer)
+    found = [] if k is None else [k]
+    if answer.task_stiffness is not None:
+        tasks = [(task.name, task.name, task.component not in "xyz") for task in answer.mechanism.tasks]
+        found.append(
+            _stiffness("Stiffness K_task", f"{at}, in the task coordinates", answer.task_stiffness, _TASK, tasks)
+        )
+    if found:
+        return tuple(found)
+    if answer.translation_stiffness is not None:
+        directions, block = answer.translation_stiffness
+        forces, where = [_AXES[i] for i in directions], f"inv(C_tt), {at}, under forces alone, base axes"
+        found.append(_stiffness("Translational stiffness", where, block, _FORCES, forces))
+    if len(answer.compliance.rigid_directions) < 6:
+        length = answer.yielding_length
+        note = "" if length is None else _AS_ARCS.format(number(length * 1e3, 4))
+        where = f"{at}, K where it yields, base axes"
+        found.append(_stiffness("K_yielding", where, answer.compliance.K_yielding, note))
+    return tuple(found)
 
 
-def _stiffness(title: str, where: str, stiffness: Array, axes: Sequence[tuple[str, str, bool]] = _AXES) -> MatrixTable:
+def _stiffness(
+    title: str, where: str, stiffness: Array, note: str, axes: Sequence[tuple[str, str, bool]] = _AXES
+) -> MatrixTable:
     """Return a stiffness; of each of its axes the load's name, the motion's, and whether that is a turn."""
     turns = np.array([turn for *_, turn in axes])
     units = {turn: _per(stiffness[np.ix_(turns == turn, turns == turn)], "rad" if turn else "m") for turn in (0, 1)}
@@ -316,6 +305,7 @@ def _stiffness(title: str, where: str, stiffness: Array, axes: Sequence[tuple[st
         tuple(f"{load} {_LOADS[turn]}" for load, _, turn in axes),
         tuple(f"{motion}/{units[turn][0]}" for _, motion, turn in axes),
         _cells(stiffness / [units[turn][1] for turn in turns.tolist()], turns),
+        note,
     )
 
 

@@ -19,25 +19,7 @@ from ...recordings import Recording, suspicions
 from ...recordings.columns import AS_LOGGED, unit_of
 from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
-from .diagnosis_words import (
-    channel_rows,
-    curve_rows,
-    effort_rows,
-    finding_groups,
-    finding_lines,
-    finding_text,
-    hidden_rows,
-    length_of,
-    multiple_text,
-    noise_text,
-    proposal_lines,
-    recording_rows,
-    seen_rows,
-    then_and_now_rows,
-    used_text,
-    verdict_text,
-    visible_rows,
-)
+from . import diagnosis_words as words
 from .terminal import bullets, heading, lines_of, listed, paragraph, show_table
 
 if TYPE_CHECKING:  # the command line begins without them
@@ -223,46 +205,46 @@ def print_diagnosis(
     """Print the verdict, the findings with intervals, the residuals before and after, doubts and remarks."""
     for premise in diagnosis.premises:
         _verdict(out, premise)
-    _verdict(out, verdict_text(diagnosis))
+    _verdict(out, words.verdict_text(diagnosis))
     out.print()
     listed(out, "robot", [robot.name])
     recordings = [recording] if isinstance(recording, Recording) else list(recording)
     if len(recordings) > 1:
-        for name, *texts in recording_rows(diagnosis):
+        for name, *texts in words.recording_rows(diagnosis):
             listed(out, "recording", [name, *texts], ", ")
     else:
-        held, samples = length_of(diagnosis, recordings[0]), len(recordings[0])
-        listed(out, "recording", [held, counted(samples, "sample"), used_text(diagnosis, samples)], ", ")
-    listed(out, "noise", noise_text(diagnosis), ", ")
+        held, samples = words.length_of(diagnosis, recordings[0]), len(recordings[0])
+        listed(out, "recording", [held, counted(samples, "sample"), words.used_text(diagnosis, samples)], ", ")
+    listed(out, "noise", words.noise_text(diagnosis), ", ")
     since = diagnosis.since
     if since is not None:
         listed(out, "compared with", [since.notes or "an earlier model"])
-    for what, findings in finding_groups(diagnosis).items():
+    for what, findings in words.finding_groups(diagnosis).items():
         heading(out, what)
         for index, finding in findings:
-            paragraph(out, finding_text(finding), f"{index}  ")
-            for text in finding_lines(diagnosis, finding):
+            paragraph(out, words.finding_text(finding), f"{index}  ")
+            for text in words.finding_lines(diagnosis, finding):
                 paragraph(out, text, "   ")
             if finding.curve is not None:
                 load, deformation = load_units(robot.mechanism, finding.curve.module, finding.curve.component)
                 columns = (f">load [{load}]", f">deformation [µ{deformation}]")
-                show_table(out, columns, curve_rows(finding.curve), indent=5)
+                show_table(out, columns, words.curve_rows(finding.curve), indent=5)
     for proposal in diagnosis.proposals:
         heading(out, f"A formula for what is left at {proposal.joint}")
-        for text in proposal_lines(proposal):
+        for text in words.proposal_lines(proposal):
             paragraph(out, text)
     if diagnosis.judged:
         bullets(out, "Proposed formulas", [str(item) for item in diagnosis.judged])
     heading(out, "Measured less simulated", "(root mean square)")
-    show_table(out, ("", ">before", ">after", ""), channel_rows(diagnosis))
-    if rows := effort_rows(diagnosis):
+    show_table(out, ("", ">before", ">after", ""), words.channel_rows(diagnosis))
+    if rows := words.effort_rows(diagnosis):
         heading(out, "Efforts, joint by joint", "(held out)")
         show_table(out, ("joint", ">noise", ">× noise", ">% of the effort"), rows)
-        if note := multiple_text(diagnosis):
+        if note := words.multiple_text(diagnosis):
             paragraph(out, f"({note})")
     if since is not None:
         _print_since(out, since)
-    if shown := visible_rows(diagnosis.seen):
+    if shown := words.visible_rows(diagnosis.seen):
         heading(out, "What would have been seen", f"({_SIZES}; the hardest to see first)")
         for physics, sizes in shown[:_MOST_SEEN]:
             paragraph(out, f"{physics}: {sizes}", "- ")
@@ -282,8 +264,8 @@ def _print_since(out: Console, since: Since) -> None:
     if since.values:
         heading(out, "What was found before")
         columns = ("", ">then", ">now", ">changed by (95 %)", ">would show from")
-        show_table(out, columns, then_and_now_rows(since))
-    if rows := seen_rows(since.seen):
+        show_table(out, columns, words.then_and_now_rows(since))
+    if rows := words.seen_rows(since.seen):
         heading(out, "What else would have been seen", f"({_SIZES})")
         for physics, sizes in rows:
             paragraph(out, f"{physics}: {sizes}", "- ")
@@ -292,7 +274,7 @@ def _print_since(out: Console, since: Since) -> None:
 def print_hidden(out: Console, hidden: Sequence[Detectable]) -> None:
     """Print what data could not show, and the size from which they would."""
     heading(out, "What these data could not show", "(and from which size they would)")
-    for physics, where, needed in hidden_rows(hidden):
+    for physics, where, needed in words.hidden_rows(hidden):
         paragraph(out, f"{physics}: {needed}{f', at {where}' if where else ''}", "- ")
 
 

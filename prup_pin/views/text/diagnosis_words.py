@@ -495,6 +495,11 @@ def channel_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
     return rows
 
 
+def only_after(rows: Sequence[tuple[str, str, str, str]]) -> list[tuple[str, str, str]]:
+    """Return rows of residuals with the last one alone, of a diagnosis that changes nothing."""
+    return [(what, after, unit) for what, _, after, unit in rows]
+
+
 def effort_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
     """Return a row for each joint: its name, noise, residual in multiples of it and in percent of its effort."""
     efforts = diagnosis.efforts
@@ -635,10 +640,14 @@ def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
 
 def _at_each(ends: Sequence[tuple[float, str]], unit: str, digits: int = 3) -> str:
     """Return sizes with their places, of the most and the least sensitive one; one size where they are alike."""
-    shown = [quantity(size, unit, digits) for size, _ in ends]
+    return _from_to_at([quantity(size, unit, digits) for size, _ in ends], [place for _, place in ends])
+
+
+def _from_to_at(shown: Sequence[str], places: Sequence[str], alike: str = "") -> str:
+    """Return '3 µm at motor to 5 µm at nut'; one text, and `alike`, where both are the same."""
     if len(dict.fromkeys(shown)) == 1:
-        return shown[0]
-    return " to ".join(f"{text} at {place}" for text, (_, place) in zip(shown, ends, strict=True))
+        return f"{shown[0]}{alike}"
+    return " to ".join(f"{text} at {place}" for text, place in zip(shown, places, strict=True))
 
 
 # -- what has changed since an earlier test ----------------------------------------------------------------------------
@@ -663,7 +672,7 @@ def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
             "Nothing has changed since the earlier test beyond what that could know: what its model leaves is noise "
             f"({after} times it).{number_}"
         )
-    told = ", ".join(f"{_name(item)}{_from_to(item)}{_or_else(item)}" for item in named)
+    told = ", ".join(f"{finding_text(item)}{_from_to(item)}{_or_else(item)}" for item in named)
     takes = f"the residual falls from {before} to {after} times the noise" if before != after else f"{after} are left"
     if diagnosis.verdict == "explained":
         sensors = all(item.effect is not None and item.effect.law.sensor in SENSORS for item in named)
@@ -686,11 +695,6 @@ def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
     )
 
 
-def _name(finding: Finding) -> str:
-    words = finding.physics.replace("_", " ")
-    return words if finding.location == "robot" else f"{words} at {finding.location}"
-
-
 def _from_to(finding: Finding) -> str:
     """Return ' (half gap from 12 to 19 µm)' of what was there before."""
     for name, item in finding.parameters.items():
@@ -705,8 +709,8 @@ def _largest_unseen(since: Since) -> Iterator[str]:
     """Yield how large a change would have been seen: of what was found before, and of the first law of the library."""
     first = [item for item in since.values if item.seen is not None and item is _first_of(since, item)]
     for item in first[:_MOST_CHANGED]:
-        words = item.parameter.replace("_", " ")
-        yield f"a {words} at {item.location} larger or smaller by {_size(item.seen or 0.0, item.unit)} would have shown"
+        words, size = item.parameter.replace("_", " "), quantity(item.seen or 0.0, item.unit)
+        yield f"a {words} at {item.location} larger or smaller by {size} would have shown"
     for physics, ends in _ends(since.seen)[:1]:
         told = ", ".join(f"by {_off(item)} at {item.location}" for item in ends)
         yield f"so would {physics} {told}" if first else f"{physics} {told} would have shown"
@@ -739,11 +743,8 @@ def seen_rows(seen: Sequence[Seen]) -> list[tuple[str, str]]:
     """Return rows of what would have shown beside: physics, and the sizes at the most and the least sensitive place."""
     rows = []
     for physics, ends in _ends(seen):
-        shown = [_off(item) for item in ends]
-        if len(dict.fromkeys(shown)) == 1:
-            told = f"{shown[0]} at {ends[0].location}" if len(ends) == 1 else f"{shown[0]} at all places"
-        else:
-            told = " to ".join(f"{text} at {item.location}" for text, item in zip(shown, ends, strict=True))
+        places = [item.location for item in ends]
+        told = _from_to_at([*map(_off, ends)], places, f" at {places[0] if len(ends) == 1 else 'all places'}")
         rows.append((f"{physics}, {ends[0].parameter.replace('_', ' ')}", told))
     return rows
 
@@ -789,8 +790,3 @@ def _off(item: Seen) -> str:
 def _is_endless(item: Seen) -> bool:
     """Return True for what does nothing where its value is without end, such as a reference load."""
     return abs(item.neutral) > _ENDLESS
-
-
-def _size(value: float, unit: str) -> str:
-    shown, factor = readable_unit(value, unit)
-    return f"{number(factor * value, 3)} {shown}".strip()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -19,6 +20,8 @@ from .values import clean, coordinate_text
 
 #: Quantities with more entries are named, not listed.
 _ENTRIES = 8
+#: Of a value as a share of the largest of its unit, what is rounding; and of displacements what is nothing [m, rad].
+_ROUNDING, _NOTHING = 1e-10, {"m": 1e-15, "rad": 1e-15}
 
 
 def print_sweep(out: Console, found: SweepResult | SweepFile, about: Mapping[str, str]) -> None:
@@ -43,30 +46,26 @@ def _print_spread(out: Console, found: SweepResult | SweepFile, ok: np.ndarray) 
     rows, places, listed_here, large = [], [], [], []
     for name in found:
         quantity = QUANTITIES[name]
-        entries = quantity.entries(found.mechanism)
-        if len(entries) > _ENTRIES:
+        if len(quantity.entries(found.mechanism)) > _ENTRIES:
             large.append(name)
             continue
-        values = found[name][ok]
         listed_here.append(quantity)
-        for _, place in entries:
-            entry = quantity.entry(values, place)
-            known = np.flatnonzero(np.isfinite(entry))
+        for entry in entries_of(found, name, found[name][ok]):
+            known = np.flatnonzero(np.isfinite(entry.values))
             if not len(known):
                 continue
-            finite, title = entry[known], quantity.title(found.mechanism, place)
-            unit, factor = _readable(quantity, quantity.unit_of(found.mechanism, place), finite)
-            shown = (finite.min(), finite.mean(), np.percentile(finite, 95), finite.max())
-            texts = fixed(factor * value for value in shown)
-            rows.append((title, *texts, unit))
+            finite = entry.values[known]
+            unit, factor = entry.readable(finite)
+            texts = fixed(factor * np.array([finite.min(), finite.mean(), np.percentile(finite, 95), finite.max()]))
+            rows.append((entry.title, *texts, unit))
             if texts[0] != texts[-1]:
                 ends = (poses[known[at]] for at in (finite.argmin(), finite.argmax()))
-                places.append((title, *(_where(found, int(pose)) for pose in ends)))
+                places.append((entry.title, *(_where(found, int(pose)) for pose in ends)))
     if rows:
         heading(out, "Over the poses that answered")
         show_table(out, ("", ">least", ">mean", ">95 %", ">largest", "unit"), rows)
         for quantity in listed_here:
-            paragraph(out, f"{quantity.name}: {quantity.summary}", "  ")
+            paragraph(out, f"{quantity.name}: {summary_of(quantity)}", "  ")
     if places:
         heading(out, "Where")
         show_table(out, ("", "least at", "largest at"), places)
@@ -74,11 +73,43 @@ def _print_spread(out: Console, found: SweepResult | SweepFile, ok: np.ndarray) 
         listed(out, "in --out", [f"{', '.join(large)}: of each pose more than {_ENTRIES} numbers, not listed here"])
 
 
-def _readable(quantity: Quantity, unit: str, values: np.ndarray) -> tuple[str, float]:
-    """Return the unit in which people read values, and how many of it one SI unit is."""
-    if quantity.name == "shares":
-        return "%", 100.0
-    return ("°", 180 / np.pi) if unit == "rad" else readable_unit(float(np.abs(values).max()), unit)
+class Entry(NamedTuple):
+    """One number of a quantity at many poses [`unit`, SI]; `angle`: a pose's, told in degrees."""
+
+    title: str
+    labels: tuple[str, ...]
+    unit: str
+    values: np.ndarray
+    angle: bool
+
+    def readable(self, beside: np.ndarray) -> tuple[str, float]:
+        """Unit in which people read such values, and how many of it one SI unit is: mm at most, % of shares."""
+        if self.angle:
+            return "°", 180 / np.pi
+        unit, factor = readable_unit(float(np.nanmax(np.abs(beside), initial=0.0)), self.unit)
+        return ("mm", 1e3) if unit == "m" else (unit, factor)
+
+
+def entries_of(found: SweepResult | SweepFile, name: str, values: np.ndarray) -> list[Entry]:
+    """Return a quantity's values (..., *shape) entry by entry; what is rounding beside others of its unit is zero."""
+    quantity, mechanism = QUANTITIES[name], found.mechanism
+    made, largest = [], dict[str, float]()
+    for labels, place in quantity.entries(mechanism):
+        unit, entry = quantity.unit_of(mechanism, place), quantity.entry(values, place)
+        size = float(np.abs(entry).max(initial=0.0, where=np.isfinite(entry)))
+        largest[unit] = max(largest.get(unit, _NOTHING.get(unit, 0.0) / _ROUNDING), size)
+        angle = unit == "rad" and not quantity.elastic
+        made.append(Entry(quantity.title(mechanism, place), labels, unit, entry, angle))
+    rounded = [
+        each._replace(values=np.where(np.abs(each.values) < _ROUNDING * largest[each.unit], 0.0, each.values))
+        for each in made
+    ]
+    return [each._replace(unit="%", values=100 * each.values) for each in rounded] if name == "shares" else rounded
+
+
+def summary_of(quantity: Quantity) -> str:
+    """Return what a quantity is, without the marks of arguments in Python."""
+    return quantity.summary.replace("`", "")
 
 
 def _where(found: SweepResult | SweepFile, pose: int) -> str:
@@ -91,8 +122,8 @@ def _where(found: SweepResult | SweepFile, pose: int) -> str:
 # -- a compensation: what the path missed, what the commands leave -----------------------------------------------------
 
 
-#: What is smaller is rounding [um, urad].
-_ROUNDING = 1e-2
+#: What is smaller is not told apart from nothing [um, urad].
+_LEAST_ERROR = 1e-2
 
 
 def print_compensation(out: Console, robot: Robot, effects: Sequence[Effect], found: Compensation) -> None:
@@ -111,7 +142,7 @@ def print_compensation(out: Console, robot: Robot, effects: Sequence[Effect], fo
         for errors in (found.before, found.after):
             error = 1e6 * errors[both, column]
             sizes = (np.sqrt(np.mean(error**2)), np.abs(error).max()) if len(error) else (np.nan, np.nan)
-            cells += [f"< {_ROUNDING:g}" if size < _ROUNDING else number(float(size), 4) for size in sizes]
+            cells += [f"< {_LEAST_ERROR:g}" if size < _LEAST_ERROR else number(float(size), 4) for size in sizes]
         rows.append((name, *cells, "µm" if unit == "m" else "µrad"))
     show_table(out, ("", ">before", ">largest", ">after", ">largest", ""), rows)
     moved = [

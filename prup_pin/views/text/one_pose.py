@@ -12,22 +12,8 @@ from rich.text import Text
 from ...numbers import fixed, number, readable_unit, some
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, wrench_text
-from .answer import (
-    ALONG,
-    Answer,
-    MatrixTable,
-    along_texts,
-    assumptions,
-    compliance_table,
-    displacements,
-    group_rows,
-    load_text,
-    ranked,
-    rigid_texts,
-    sag_cells,
-    stiffness_tables,
-    why_rigid,
-)
+from . import answer as words
+from .answer import Answer, MatrixTable, ranked
 from .terminal import bullets, fits, heading, listed, make_table, paragraph, print_table, show_table
 from .values import percent_text, pose_text, position_text, value_text, workshop_text
 
@@ -58,13 +44,13 @@ def print_answer(
     _print_pose(out, robot, answer, pose_source, changes)
     if answer.stiffness is None:
         _print_rigid(out, robot, answer)
-    for table in (*stiffness_tables(answer), compliance_table(answer)):
+    for table in (*words.stiffness_tables(answer), words.compliance_table(answer)):
         _print_matrix(out, table)
     _print_deflection(out, answer)
     _print_along(out, answer)
     _print_shares(out, answer)
     _print_sag(out, answer)
-    bullets(out, "Assumed", assumptions(robot, answer))
+    bullets(out, "Assumed", words.assumptions(robot, answer))
     for note in notes:
         paragraph(out, note, "- ")
 
@@ -96,17 +82,17 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
 
 
 def _print_rigid(out: Console, robot: Robot, answer: Answer) -> None:
-    directions = rigid_texts(answer)
+    directions = words.rigid_texts(answer)
     some = "this load" if len(directions) == 1 else f"these {len(directions)} loads"
     heading(out, "K does not exist:", f"no module yields, the model is rigid, under {some}:")
     for direction in directions:
         listed(out, "", [direction])
-    paragraph(out, why_rigid(robot, answer))
+    paragraph(out, words.why_rigid(robot, answer))
 
 
 def _print_deflection(out: Console, answer: Answer) -> None:
-    heading(out, "Deflection", load_text(answer) + ("" if answer.load.given else "; another load with --wrench"))
-    columns, cells, _ = displacements(answer)
+    heading(out, "Deflection", words.load_text(answer) + ("" if answer.load.given else "; another load with --wrench"))
+    columns, cells, _ = words.displacements(answer)
     table = make_table(["frame", *(f">{name}" for name in columns)], [(name, *own) for name, own in cells.items()])
     if fits(out, table):
         print_table(out, table)
@@ -119,8 +105,8 @@ def _print_deflection(out: Console, answer: Answer) -> None:
 
 
 def _print_along(out: Console, answer: Answer) -> None:
-    for title, text in along_texts(answer).items():
-        heading(out, f"{title}:", f"{text}; {ALONG}")
+    for title, text in words.along_texts(answer).items():
+        heading(out, f"{title}:", f"{text}; {words.ALONG}")
 
 
 def _print_shares(out: Console, answer: Answer) -> None:
@@ -151,7 +137,7 @@ def _print_shares(out: Console, answer: Answer) -> None:
     print_table(out, table)
     if len(small) > _SMALL_ROWS and carried:
         listed(out, "below 0.01", some(carried, _SMALL_NAMES), ", ")
-    for label, texts in group_rows(answer):
+    for label, texts in words.group_rows(answer):
         listed(out, label.lower(), texts)
 
 
@@ -163,7 +149,7 @@ def _bar(fraction: float) -> Text:
 
 
 def _print_sag(out: Console, answer: Answer) -> None:
-    found = sag_cells(answer)
+    found = words.sag_cells(answer)
     if found is None:
         heading(out, "Sag by own weight:", "the robot file sets no gravity")
         return

@@ -25,7 +25,7 @@ from ...recordings import KINDS_OF_TOLERANCE, Recording, Tolerances
 from ...review import robot_remarks
 from ...robot import Robot
 from .bench_tests import print_hidden
-from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, print_table, show_table
+from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, show_table
 from .values import (
     clean,
     default_parameters,
@@ -224,11 +224,9 @@ def print_robots(out: Console) -> None:
     }
     if all(present):  # a column says which are here only where some are not
         del columns["here"]
-    table = make_table(list(columns), zip(*columns.values(), strict=True))
-    if not fits(out, table):  # files are named where there is room for them
-        del columns["file"]
-        table = make_table(list(columns), zip(*columns.values(), strict=True))
-    print_table(out, table)
+    if not fits(out, make_table(list(columns), zip(*columns.values(), strict=True))):
+        del columns["file"]  # files are named where there is room for them
+    show_table(out, list(columns), zip(*columns.values(), strict=True))
     out.print()
     paragraph(out, "For example: prup-pin stiffness ur5 --joint-stiffness 1e4. Where --tool stands, it names one: ")
     paragraph(out, "prup-pin stiffness solo12 --tool FL_FOOT --joint-stiffness 1e4", "  ")
