@@ -244,10 +244,19 @@ def shortened(value: object, limit: int = 80) -> str:
     return text if len(text) <= limit else f"{text[: limit - 1]}…"
 
 
+#: Letters of a word that is worth comparing by itself.
+_SHORTEST_WORD = 5
+
+
 def close_names(name: str, valid: Sequence[str], count: int = 4) -> list[str]:
     """Return the names that one may have been meant to be, the closest first."""
     lowered = {candidate.lower(): candidate for candidate in valid}
-    return [lowered[match] for match in difflib.get_close_matches(name.lower(), list(lowered), n=count, cutoff=0.6)]
+    if close := difflib.get_close_matches(name.lower(), list(lowered), n=count, cutoff=0.6):
+        return [lowered[match] for match in close]
+    # one word of several: 'frictoin' of 'coulomb_friction'
+    words = {word for candidate in lowered for word in candidate.split("_") if len(word) >= _SHORTEST_WORD}
+    near = difflib.get_close_matches(name.lower(), sorted(words), n=1, cutoff=0.8)
+    return [lowered[candidate] for candidate in lowered if {*near} & {*candidate.split("_")}][:count]
 
 
 def nearest_names(name: str, valid: Sequence[str], count: int = 4) -> str:

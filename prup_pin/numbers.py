@@ -8,7 +8,7 @@ from typing import SupportsFloat
 
 import numpy as np
 
-__all__ = ["counted", "finer_units", "fixed", "number", "quantity", "readable_unit", "some", "uncertain"]
+__all__ = ["counted", "finer_units", "fixed", "number", "percent", "quantity", "readable_unit", "some", "uncertain"]
 
 #: SI values below this are rounding, whatever their unit: a proton is as wide as 1e-15 m.
 _NOTHING = 1e-15
@@ -100,6 +100,15 @@ def quantity(value: float, unit: str, digits: int = 3, signed: bool = False) -> 
         value = 0.0
     text = number(value * factor, digits, signed)
     return text if math.isinf(value) or not name else f"{text} {name}"
+
+
+def percent(share: float, digits: int = 3) -> str:
+    """Return '62 %' of 0.618 and '99.7 %' of 0.9968: in whole percent from 10 on, but never '100 %' of what is less."""
+    if 10 <= round(100 * share) < 99:
+        return f"{round(100 * share)} %"
+    if 0.99 <= share < 1 - 1e-9:
+        return f"{number(100 - float(number(100 * (1 - share), 1)), 12)} %"
+    return f"{number(100 * share, digits)} %"
 
 
 def counted(count: int, noun: str) -> str:

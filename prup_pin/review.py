@@ -14,6 +14,7 @@ import pinocchio as pin
 from .errors import JointLimitWarning, MissingExtraError, NoStiffnessError, PrupPinError
 from .kinematics import Mobility
 from .mechanism.assumed import without_weight
+from .mechanism.beam_ends import at_other_ends
 from .mechanism.second_reader import second_opinion
 from .modules import WrenchModule
 from .modules.joint_spring import JointSpring
@@ -61,6 +62,7 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
         )
     yield from _fixed_coordinates(robot)
     yield from _odd_beams(robot)
+    yield from _beams_with_more(robot)
     yield from _odd_axles(robot)
     yield from _springs_of_no_drive(robot)
     if found.idle_joints:
@@ -125,6 +127,23 @@ def _odd_beams(robot: Robot) -> Iterator[str]:
         modulus = float(np.min(module.values.get("youngs_modulus", np.inf)))
         if modulus < _SOFT:
             yield f"beam '{module.name}': youngs_modulus {number(modulus)} Pa: is it in GPa? Steel has 2.1e11 Pa"
+
+
+def _beams_with_more(robot: Robot) -> Iterator[str]:
+    """Yield beams that carry what acts elsewhere on their links, as if it were fixed to their ends."""
+    for found in at_other_ends(robot.mechanism, robot.home.placements):
+        module, far = found.module, found.length * (1 - found.along)
+        joint = robot.mechanism.joint(module.joint).name
+        if found.instead:
+            links = f"with its root and its tip on '{found.link}'"
+            instead = f"where it bears only what lies beyond that end, load it through joint '{found.instead}', {links}"
+        else:
+            instead = "no joint carries what lies beyond that end alone: a driven one that stands still there would"
+        yield (
+            f"beam '{module.name}' is loaded with all that joint '{joint}' carries, also with what {found.what} brings "
+            f"to '{found.link}' {quantity(far, 'm')} before its end '{found.end.name}': as if that were fixed to this "
+            f"end. Right if it is; {instead}"
+        )
 
 
 def _odd_axles(robot: Robot) -> Iterator[str]:

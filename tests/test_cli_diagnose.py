@@ -362,7 +362,18 @@ def test_check_tells_how_a_log_is_written(clean_bench, run, tmp_path):
 @pytest.mark.parametrize("column", ["q.leg2_slide", "w.fx"])
 def test_a_column_without_any_number(bench, run, tmp_path, column):
     path = changed(bench, tmp_path, lambda columns: {**columns, column: [""] * len(columns[column])})
-    refused(run("diagnose", path, "--out", tmp_path / "out"), tmp_path / "out", "empty in every row", column[0])
+    told = f"other.csv': column {column} is empty in every row"
+    refused(run("diagnose", path, "--out", tmp_path / "out"), tmp_path / "out", told)
+
+
+def test_what_a_log_misspells_or_has_of_another_robot_is_said_first(clean_bench, run, tmp_path):
+    path = changed(clean_bench, tmp_path, lambda columns: {**columns, "tau.rail": ["1"] * len(columns["w.fx"])})
+    declare(path, postition_noise=1e-5)
+    done = run("check", path)
+    assert done.exit_code == 0, done.output
+    text = " ".join(done.stderr.split())
+    assert "the unknown key 'postition_noise' is ignored. Did you mean 'position_noise'?" in text
+    assert "has columns of rail, which '3prup' has no joint of: not used. Is it a log of another robot?" in text
 
 
 def declare(path, **noise):

@@ -354,6 +354,7 @@ def test_one_law(run):
     assert "backlash" not in text
     assert "columns qd.<joint>" in run("laws", "encoder_delay").stdout
     refused(run("laws", "stifness_changed"), "'stiffness_changed'")
+    refused(run("laws", "frictoin"), "Did you mean 'coulomb_friction' or 'stribeck_friction' or 'viscous_friction'?")
 
 
 def test_laws_of_another_robot(run):

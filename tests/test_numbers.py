@@ -2,7 +2,7 @@
 
 import pytest
 
-from prup_pin.numbers import fixed, number, quantity, readable_unit, uncertain
+from prup_pin.numbers import fixed, number, percent, quantity, readable_unit, uncertain
 
 
 @pytest.mark.parametrize(
@@ -70,3 +70,11 @@ def test_rounding_is_zero_beside_what_is_not_and_by_itself():
 )
 def test_a_value_has_the_digits_that_its_deviation_leaves(value, deviation, text):
     assert uncertain(value, deviation) == text
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(0.618, "62 %"), (0.9968, "99.7 %"), (0.99996, "99.996 %"), (1.0, "100 %"), (0.0345, "3.45 %"), (1.27, "127 %")],
+)
+def test_a_share_is_a_hundred_percent_only_where_it_is_whole(share, text):
+    assert percent(share) == text

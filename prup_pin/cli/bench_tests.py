@@ -40,7 +40,7 @@ from .options import (
     Workers,
 )
 from .processes import processes
-from .recorded import modelled, recorded, recording_typed, robot_beside, robot_of_model
+from .recorded import modelled, note_foreign_joints, recorded, recording_typed, robot_beside, robot_of_model
 
 
 def simulate(
@@ -83,6 +83,7 @@ def simulate(
     )
     typed = effects[len(effects) - len(effect or ()) :]
     if read is not None:
+        note_foreign_joints([read], loaded)
         _refuse_idle(loaded, read, typed, marker or ())
         _predict(loaded, read, effects, out, workers, stop, [], marker or ())
         return
@@ -125,7 +126,9 @@ def predict(
     if corrected.conventions and not read.conventions:
         read = replace(read, conventions=corrected.conventions)
         notes.append(f"It is read as the model's logs are written: {', '.join(map(str, corrected.conventions))}.")
-    loaded = as_recorded(corrected.load(), read).robot
+    loaded = corrected.load()
+    note_foreign_joints([read], loaded)
+    loaded = as_recorded(loaded, read).robot
     if read.robot is not None and Path(read.robot).name not in (Path(corrected.robot).name, loaded.name):
         notes.append(f"The recording is of '{read.robot}', the model of '{corrected.robot}'.")
     known = {
@@ -306,6 +309,7 @@ def diagnose(
         loaded, understood = robot_of_model(reading, earlier, set_parameters), earlier.read
     else:
         loaded, understood = reading.changed(name, set_parameters)
+    note_foreign_joints(read, loaded)
     with progress.stages() as tell:
         found = diagnosed(loaded, read, against=earlier, propose=propose is not None, tell=tell)
     written = write_diagnosis(found, loaded, read, out, robot_name=name, reading=understood, report=report)
@@ -399,6 +403,7 @@ def calibrate(
     check_folder(out, "--out", whole=True)
     read, name = recorded(recordings, tolerances, robot, convention)
     loaded, understood = reading.changed(name, set_parameters)
+    note_foreign_joints(read, loaded)
     adapted = as_recorded(loaded, read)
     with progress.stages() as tell:
         found = calibrated(loaded, read, tell=tell)

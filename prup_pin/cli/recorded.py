@@ -7,13 +7,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
+import typer
+
 from ..errors import InputError, RecordingFileError, nearest_names
 from ..laws import Effect
+from ..numbers import some
 from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
 from ..recordings.reader import ROBOT
 from ..robot import Robot
 from ..robots import as_path, is_file
-from ..simulation import CorrectedModel
+from ..simulation import CorrectedModel, foreign_joints
+from ..views.text import terminal
 from .options import Reading, changes_of
 from .typed_effect import parse_effect
 
@@ -63,7 +67,24 @@ def recording_typed(path: Path, robot: str | None, conventions: Sequence[str] | 
             raise
         advice = error.advice.replace(f"--robot {ROBOT}", f"--robot {shlex.quote(robot)}")
         raise RecordingFileError(path, error.problems, advice) from None
+    for text in read.misspelt:
+        _note(text)
     return with_conventions(read, conventions)
+
+
+def note_foreign_joints(recordings: Sequence[Recording], robot: Robot) -> None:
+    """Say, before anything else, which joints of recordings their robot does not have; of none at all others refuse."""
+    for recording in recordings:
+        foreign = foreign_joints(recording, robot.mechanism)
+        if foreign and len(foreign) < len({*recording.positions, *recording.efforts}):
+            _note(
+                f"'{recording.path}' has columns of {', '.join(some(foreign))}, which '{robot.name}' has no "
+                f"joint{'s' if len(foreign) > 1 else ''} of: not used. Is it a log of another robot?"
+            )
+
+
+def _note(text: str) -> None:
+    typer.echo(terminal.error_text(f"Note: {text}", terminal.console(stderr=True).width), err=True)
 
 
 def robot_of_all(recordings: Sequence[Recording]) -> str:

@@ -48,6 +48,10 @@ def _finding(
     more = f" and {len(places) - MOST_LISTED} more" if len(places) > MOST_LISTED else ""
     listed = ", ".join(places[:MOST_LISTED]) + more
     text = f"; sure of {listed}" if sure else "; these data tell them together, and none alone"
+    if len(sure) == 1:  # the mean over all says little of the one that is off
+        amount, unit = sure[0].deviation.amount(sure[0].value), _unit_of_amount(sure[0])
+        size = f"{number(100 * amount, 3, signed=True)} %" if unit == "1" else quantity(amount, unit, signed=True)
+        text += f", with {size}"
     return Finding(
         physics=told[0].deviation.physics,
         location=places[0] if len(places) == 1 else "robot",

@@ -11,7 +11,7 @@ from ..channels import Noise
 from ..laws import Effect
 from ..laws.deeds import Moved
 from ..laws.law import is_untold
-from ..numbers import counted, number, quantity
+from ..numbers import counted, number, percent, quantity
 from ..recordings import SENSORS
 from ..robot import Robot
 from ..spatial import Array, rotation_exp, rotation_log
@@ -165,7 +165,7 @@ def without_place(problem: Problem, fit: Fit, selection: Selection, count: int) 
     return unknown_at(
         "robot",
         f"the residual is {number(rms_of_sum(fit.chi2, count), 3)} times the noise, and nothing explains it: "
-        f"{tried}. It is largest in the {most} ({100 * share:.0f} % of its square)",
+        f"{tried}. It is largest in the {most} ({percent(share)} of its square)",
     )
 
 

@@ -19,7 +19,7 @@ from ..recordings import Recording, Together, Tolerances, suspicions
 from ..recordings.columns import AXES, MARKER_GROUPS
 from ..robot import Robot
 from ..simulation import Run, Simulator, as_recorded, inputs_of, trajectory_of
-from ..spatial import Array, turn_between
+from ..spatial import WRENCH_NAMES, Array, turn_between
 from .calibrate import within_tolerances
 from .candidates import Candidate, candidates, under_load
 from .criteria import (
@@ -285,6 +285,8 @@ def _check_each(seen: Seen) -> None:
     """Raise InputError where a recording and the robot are worlds apart."""
     for source, here in seen.together.each():
         try:
+            actuators, path = seen.simulator.robot.mechanism.actuated, source.recording.path
+            check_complete(seen.inputs, here, actuators, "" if seen.together.several else path)
             check_belongs(seen.placed.stack, seen.linear, seen.inputs, here, seen.together.rows, seen.allowed)
         except InputError as error:
             raise InputError(seen.together.told(source, str(error))) from error
@@ -473,6 +475,27 @@ def allowed_of_markers(declared: Tolerances, mechanism: Mechanism) -> tuple[floa
     return BEYOND * length, LITTLE + BEYOND * turn
 
 
+def check_complete(inputs: Inputs, here: np.ndarray, actuators: Sequence[str], path: str) -> None:
+    """Raise InputError where what nothing can be simulated without is in no row of a recording.
+
+    here (N,): its samples; actuators: the driven joints; path: the recording's, '' where it is told beside.
+    """
+    loads = [f"w.{name}" for name in WRENCH_NAMES]
+    for names, values in (
+        ([f"q.{name}" for name in actuators], inputs.actuators[here]),
+        (loads, inputs.wrench[here]),
+    ):
+        empty = [name for name, column in zip(names, values.T, strict=True) if len(column) and np.isnan(column).all()]
+        if empty:
+            whose = f"'{path}': " if path else ""
+            columns, are = ("column", "is") if len(empty) == 1 else ("columns", "are")
+            raise InputError(
+                f"{whose}{columns} {', '.join(empty)} {are} empty in every row: without all positions of the actuators "
+                "[m, rad] and all components of the load [N, N m] nothing can be simulated"
+                + (". Write 0 for a load that was not applied" if names is loads else "")
+            )
+
+
 def check_belongs(
     stack: Stack,
     linear: Linear,
@@ -486,12 +509,6 @@ def check_belongs(
     here (N,): the samples of the recording that is asked; rows (N,): where each stands in its table, from 0; `allowed`:
     what `allowed_of_markers` says.
     """
-    for name, values in (("q", inputs.actuators[here]), ("w", inputs.wrench[here])):
-        if len(values) and np.isnan(values).all(axis=0).any():
-            raise InputError(
-                f"a column {name}.… is empty in every row: without all positions of the actuators [m, rad] and all "
-                "components of the load [N, N m] nothing can be simulated. Write 0 for a load that was not applied"
-            )
     if not linear.samples[here].any():
         lost = next(((rows[row], text) for row, text in sorted(linear.geometry.reasons.items()) if here[row]), None)
         why = "" if lost is None else f": row {lost[0] + 2}: {lost[1]}"

@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from ..laws import Effect
-from ..numbers import counted
+from ..numbers import counted, percent
 from .candidates import Term
 from .criteria import GAIN, IMITATED, LITTLE, MOST, ROUGHLY, clean_bound
 from .diagnosis import Finding
@@ -26,6 +26,9 @@ from .problem import Fit, Problem
 from .search import Selection, select
 
 __all__ = ["Final", "final_state"]
+
+#: Where one curve takes less than this share of what a deformation of its own at each sample does, it is no curve.
+_FOLLOWED = 0.85
 
 
 @dataclass(frozen=True)
@@ -157,14 +160,21 @@ def _beside_unknown(
         (what, _, _, came), share = found.follows
     statement = (
         "part of the residual is systematic and explained by no law of the library. Of its square, a deformation of "
-        f"{found.module}, free at each sample, would take away {100 * found.share:.0f} %, and one that "
-        f"follows {what} {100 * share:.0f} %"
+        f"{found.module}, free at each sample, would take away {percent(found.share)}, and one that "
+        f"follows {what} {percent(share)}"
     )
     advice = ""
     if came:
         sides = "to each load from both sides" if came == LOAD else f"to each posture from both sides of {came}"
         statement += ": that is hysteresis, as friction or play leaves, and friction of a drive has no law at rest"
         advice = f"come {sides}: the mean of the two is free of the hysteresis, half of their difference is its size"
+    elif share < _FOLLOWED * found.share:
+        statement += ": at one and the same of it the deformation is another from sample to sample"
+        advice = (
+            "come to each posture and each load from both sides, twice: where the two differ, what was before decides, "
+            "as with dry friction and with play that stays where it was pushed; where they do not, vary what no column "
+            "tells"
+        )
     unknown = unknown_at(found.module, statement, float(share), advice)
     came = "" if came == LOAD else came
     return kept, replace(unknown, candidates=found.candidates, curve=found.curve, approached=came), fit

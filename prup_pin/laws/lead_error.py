@@ -23,7 +23,7 @@ class LeadError(Law):
     physics = "lead_error"
     summary = "a screw with another lead, an encoder with another scale"
     called = "pitch error, scale"
-    remedy = "set the scale of the encoder at {place} by this factor, or enter the lead or ratio that is really there"
+    remedy = "divide the scale of the encoder at {place} by 1 + its error, or enter the lead or ratio that is there"
     quantities = (Quantity("relative", "1", "error of the lead", 1e-4, lower=-0.5, upper=0.5),)
     neutral: ClassVar = {"relative": 0.0}
     variant = "proportional"

@@ -216,7 +216,14 @@ def check_references(
     unique("module", ((module.name, module.line) for module in robot.modules))
     for module in robot.modules:
         where = f"module '{module.name}'"
-        need("movable joint", module.joint, joints, module.line, where)
+        if module.joint in fixed_joints:
+            text = (
+                f"{where}: joint '{module.joint}' is fixed, and no load is taken there. Name the movable joint that "
+                "carries the module's load; where there is none, make this one movable and driven, without a spring"
+            )
+            problems.append(Problem(text, module.line))
+        else:
+            need("movable joint", module.joint, joints, module.line, where)
         for frame_name in (module.frame, module.root, module.tip):
             need("frame", frame_name, frames, module.line, where)
         need("link", module.body, bodies, module.line, where)

@@ -97,6 +97,28 @@ class LoadPaths:
         """Return True where a beam between two bodies carries the load of a joint, no more and no less."""
         return self.reached(joint, root) and self.reached(joint, tip)
 
+    def ends(self, joint: int, inner: int, outer: int) -> list[tuple[list[int], int]]:
+        """Return what acts before and beyond a beam that carries a joint's load, and what it passes first from there.
+
+        inner, outer: the bodies of its ends, on the base's side of the joint and on the other. What is met is a joint
+        by its id, a loop by -1 - its place, the load on the tool as 0; what is passed, too, and 0 where both ends are
+        on one body.
+        """
+        bodies, joints = self._way(joint)
+        at = [bodies.index(int(self._node[body])) for body in (inner, outer)]
+        met = [
+            [*(edge for _, edge in self._loaded.get(bodies[place], ())), *([0] if bodies[place] == self._tool else [])]
+            for place in at
+        ]
+        if at[0] < at[1]:
+            passed = [joints[at[0]], joints[at[1] - 1]]
+            return [([edge for edge in edges if edge != one], one) for edges, one in zip(met, passed, strict=True)]
+        # On one body: one of its ends faces the joint, the other all else.
+        outward = at[0] <= joints.index(joint)
+        faced = [joints[at[0]] if outward else joints[at[0] - 1]]
+        others = [edge for edge in met[0] if edge not in faced]
+        return [(others, 0), (faced, 0)] if outward else [(faced, 0), (others, 0)]
+
     def legs(self) -> list[list[int]]:
         """Return the ways side by side from the base to the tool, each its joints, and -1 - its place for a loop.
 

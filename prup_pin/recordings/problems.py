@@ -176,7 +176,10 @@ def read_json_object(path: Path, what: str, problems: Problems) -> dict[str, Any
         message = f"is not UTF-8 text (byte 0x{content[error.start]:02x}); save it as UTF-8"
         problems.add(KeyProblem(message, line, path.name))
     except json.JSONDecodeError as error:
-        message = f"is not valid JSON: {error.msg} (character {error.colno} of the line)"
+        found = f"{error.msg} (character {error.colno} of the line)"
+        if another := _other_format(content):
+            found = f"it looks like {another}; expected {what}"
+        message = f"is not valid JSON: {found}"
         problems.add(KeyProblem(message, error.lineno, path.name))
     except RecursionError:
         problems.add(KeyProblem("nests its values too deep", None, path.name))
@@ -191,6 +194,19 @@ def read_json_object(path: Path, what: str, problems: Problems) -> dict[str, Any
         else:
             problems.add(KeyProblem(f'holds {json_kind(value)}; expected an object {{"key": …}}', None, path.name))
     return {}
+
+
+def _other_format(content: bytes) -> str:
+    """Return in words what a file seems to be that is no JSON, '' where it begins as JSON does."""
+    start = content[:2000].decode("utf-8-sig", "replace").lstrip()
+    first = start.partition("\n")[0]
+    if start.startswith(("{", "[")) or not start:
+        return ""
+    if start.startswith("<"):
+        return "XML, a robot file perhaps"
+    if any(sign in first for sign in ",;\t"):
+        return "a table, a recording perhaps"
+    return ""
 
 
 class KeyReader:

@@ -691,9 +691,10 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> tuple
             elif value is not None:
                 keys.wrong(key, f"is {json_kind(value)}; expected a text")
         else:
-            remarks.append(
-                f"{beside.name}: the unknown key '{shown(key)}' is ignored. {nearest_names(shown(key), KEYS)}"
-            )
+            near = nearest_names(shown(key), KEYS, 1)
+            remarks.append(f"{beside.name}: the unknown key '{shown(key)}' is ignored. {near}")
+            if near.startswith("Did"):
+                found["misspelt"] = (*found.get("misspelt", ()), remarks[-1])
     return {**found, "noise": Noise(**noise)}, remarks
 
 
@@ -820,7 +821,8 @@ def _recording(
     told: Sequence[str],
 ) -> Recording:
     n, numbers = len(table.lines), table.numbers
-    remarks = [*thinned, *_remarks(header, numbers, table.blank, form)]
+    columns, misspelt = _remarks(header, numbers, table.blank, form)
+    remarks = [*thinned, *columns]
     if not form.is_path:  # which has nothing measured
         remarks += [*_unmeasured(numbers), *told, *_undeclared(numbers, beside.get("noise", Noise()))]
     return Recording(
@@ -831,13 +833,16 @@ def _recording(
         ignored=tuple(name for name in header if name != "run" and not form.knows(name)),
         remarks=tuple(remarks),
         **fields_of(numbers, n),
-        **beside,
+        **{**beside, "misspelt": (*beside.get("misspelt", ()), *misspelt)},
     )
 
 
-def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequence[int], form: _Form) -> list[str]:
-    """Return sentences on what the table ignores, and on what it does not say of loads."""
-    remarks = []
+def _remarks(
+    header: Sequence[str], numbers: Mapping[str, Array], blank: Sequence[int], form: _Form
+) -> tuple[list[str], list[str]]:
+    """Return sentences on what the table ignores and does not say of loads, and those of them on misspelt columns."""
+    remarks: list[str] = []
+    misspelt: list[str] = []
     # `status` is written beside predictions and commands
     unknown = [name for name in header if name not in ("run", "status") and not form.knows(name)]
     known = [*form.coordinates, *candidates(header)]
@@ -846,9 +851,10 @@ def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequenc
         other = in_other_words(name)
         near = f"Did you mean '{shown(other)}'?" if other in known else nearest_names(name, known)
         if near.startswith("Did"):
-            remarks.append(f"The unknown column '{shown(name)}' is ignored. {near}")
+            misspelt.append(f"The unknown column '{shown(name)}' is ignored. {near}")
         else:
             plain.append(f"'{shown(name)}'")
+    remarks += misspelt
     if plain:
         word, are = ("column", "is") if len(plain) == 1 else ("columns", "are")
         remarks.append(f"The unknown {word} {', '.join(plain)} {are} ignored.")
@@ -864,7 +870,7 @@ def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequenc
         )
     elif 0 < len(loads) < 6:
         remarks.append(f"There is no column {', '.join(loads)}: these components of the wrench are taken as zero.")
-    return remarks
+    return remarks, misspelt
 
 
 def _of_efforts_alone(numbers: Mapping[str, Array]) -> bool:

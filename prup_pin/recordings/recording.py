@@ -75,7 +75,8 @@ class Recording:
     conventions: how the table was written where it differs from this, one read after the other; `in_format` of the
     simulation reads a recording so.
     path: the file that was read, or ''. ignored: its columns that the format does not know.
-    remarks: sentences for a person, on what is absent or was ignored.
+    remarks: sentences for a person, on what is absent or was ignored; misspelt: those of them on names that are nearly
+    ones that the format knows.
     """
 
     time: Array
@@ -105,6 +106,7 @@ class Recording:
     path: str = ""
     ignored: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    misspelt: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n = np.shape(self.time)[0] if np.ndim(self.time) == 1 else -1

@@ -1,6 +1,6 @@
 """A robot under the inputs of a recording, with any laws switched on."""
 
-from .as_recorded import AsRecorded, as_recorded, drawn_for, in_format
+from .as_recorded import AsRecorded, as_recorded, drawn_for, foreign_joints, in_format
 from .model_file import CorrectedModel, Known, effect_named, read_model, write_model
 from .posterior import Posterior, PosteriorValue
 from .prediction import Agreement, Prediction, compare, idle_effects, inputs_of, simulate, trajectory_of
@@ -22,6 +22,7 @@ __all__ = [
     "compare",
     "drawn_for",
     "effect_named",
+    "foreign_joints",
     "idle_effects",
     "in_format",
     "inputs_of",

@@ -12,13 +12,13 @@ from ..errors import InputError, close_names
 from ..laws import Inputs
 from ..loading import Reading
 from ..mechanism import Joint, Mechanism
-from ..numbers import number
+from ..numbers import number, some
 from ..recordings import Drawn, Recording, read_as
 from ..robot import Robot
 from ..spatial import Array, rotation_exp, turn_between
 from .simulator import Simulator
 
-__all__ = ["AsRecorded", "as_recorded", "drawn_for", "in_format"]
+__all__ = ["AsRecorded", "as_recorded", "drawn_for", "foreign_joints", "in_format"]
 
 #: Joints that a sentence lists by name.
 _MOST_LISTED = 8
@@ -63,6 +63,7 @@ def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> As
     given = in_format(robot, recordings)
     for recording in given:
         _check_spelling(recording, robot.mechanism)
+        _check_robot(recording, robot.mechanism)
     remarks: list[str] = []
     markers = list(dict.fromkeys(name for recording in given for name in recording.marker_names))
     frames = [name for name in markers if name in robot.mechanism.frame_names]
@@ -164,6 +165,25 @@ def _check_spelling(recording: Recording, mechanism: Mechanism) -> None:
                 )
     if misspelt:
         raise InputError("\n".join(misspelt))
+
+
+def foreign_joints(recording: Recording, mechanism: Mechanism) -> list[str]:
+    """Return names of joints that a recording has positions or efforts of, and the robot has not."""
+    known = {*(joint.name for joint in mechanism.joints), *mechanism.description.held}
+    return [name for name in dict.fromkeys((*recording.positions, *recording.efforts)) if name not in known]
+
+
+def _check_robot(recording: Recording, mechanism: Mechanism) -> None:
+    """Raise InputError where a recording has joints, and none of them is the robot's."""
+    columns = [*(f"q.{name}" for name in recording.positions), *(f"tau.{name}" for name in recording.efforts)]
+    if columns and len(foreign_joints(recording, mechanism)) == len({*recording.positions, *recording.efforts}):
+        own = ", ".join(some([f"q.{name}" for name in mechanism.actuated], _MOST_LISTED))
+        there = ", ".join(some(columns, _MOST_LISTED))
+        raise InputError(
+            f"{recording.path or 'the recording'} is of another robot: it has {there}; "
+            f"expected joints of '{mechanism.name}', {own}. Name its robot (--robot), or its columns by this one's "
+            "joints; prup-pin import makes them of other names"
+        )
 
 
 def _misspelt(name: str, joint: str) -> bool:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from ..dynamics import InMotion, is_standing, motion_of
+from ..dynamics import InMotion, Motion, is_standing, motion_of
 from ..errors import InputError
 from ..laws import Effect
 from ..laws.efforts import EffortLaw
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..recordings import Recording
 from ..robot import Robot
 from ..spatial import Array
 
 __all__ = ["efforts_at_rest", "efforts_in_motion", "is_of_efforts", "share_left"]
+
+
+#: How many times as large as elsewhere a residual is where a joint turns round before that is told.
+_MUCH_MORE = 3.0
 
 
 def is_of_efforts(recording: Recording, robot: Robot, effects: Sequence[Effect] = ()) -> bool:
@@ -64,7 +69,48 @@ def efforts_in_motion(
             out[rows, column] = np.interp(recording.time[rows], motion.time[own], total[own, column])
     laws = (effect.law for effect in effects if isinstance(effect.law, EffortLaw))
     beyond = [text for law in laws for text in law.left_range(at)]
-    return dict(zip(driven, out.T, strict=True)), (*motion.remarks, *beyond)
+    found = dict(zip(driven, out.T, strict=True))
+    return found, (*motion.remarks, *beyond, *_missed_at_turns(recording, found, motion, mechanism, band or {}))
+
+
+def _missed_at_turns(
+    recording: Recording,
+    predicted: Mapping[str, Array],
+    motion: Motion,
+    mechanism: Mechanism,
+    band: Mapping[str, float],
+) -> Iterator[str]:
+    """Yield joints that miss most where they turn round: dry friction goes over there within less than the band.
+
+    That is none of a model's parameters; what is left of all other rows is to be beside the noise.
+    """
+    told = []
+    for name, values in predicted.items():
+        if name not in band or name not in motion.names:
+            continue
+        speed = motion.speed[:, motion.names.index(name)]
+        turned = motion.time[1:][(np.diff(np.sign(speed)) != 0) & (np.diff(motion.piece) == 0)]
+        if not len(turned):
+            continue
+        after = np.searchsorted(turned, recording.time)
+        beside = [turned[np.clip(at, 0, len(turned) - 1)] for at in (after - 1, after)]
+        nearest = np.min(np.abs(recording.time - np.array(beside)), axis=0)
+        left = recording.efforts[name] - values
+        known, turns = np.isfinite(left), nearest < 0.5 / band[name]
+        there, elsewhere = (left[known & rows] for rows in (turns, ~turns))
+        if not (len(there) and len(elsewhere)):
+            continue
+        sizes = [float(np.sqrt(np.mean(part**2))) for part in (there, elsewhere)]
+        if sizes[0] > _MUCH_MORE * sizes[1]:
+            unit = "N" if mechanism.joint(name).slides else "N m"
+            share = number(100 * turns.mean(), 2)
+            told.append(f"{name} {number(sizes[1], 3)} instead of {number(sizes[0], 3)} {unit} ({share} % of the rows)")
+    if told:
+        yield (
+            "most of what is left is where joints turn round, within half a period of the band: dry friction goes over "
+            "there faster than the band lets through, and before a first motion its side is not known. Root mean "
+            f"square elsewhere: {'; '.join(told)}"
+        )
 
 
 def share_left(

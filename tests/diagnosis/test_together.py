@@ -371,7 +371,7 @@ def test_an_error_names_the_recording(arm):
     there = second.position[::-1][int(where[1]) - 2] + 30.0
     assert np.allclose(np.array(where[2].split(), float), there, rtol=5e-3)
     lost = {**second.positions, "joint1": np.full(6, np.nan)}
-    with pytest.raises(InputError, match=r"^2.csv: a column q.… is empty in every row"):
+    with pytest.raises(InputError, match=r"^2.csv: column q.joint1 is empty in every row"):
         prup_pin.diagnose(arm, [first, replace(second, positions=lost)])
 
 

@@ -178,6 +178,16 @@ def test_unknown_columns_are_ignored_and_told(write):
     assert not recording.efforts
     assert "The unknown column 'motor current' is ignored." in recording.remarks
     assert "The unknown column 'w.mzz' is ignored. Did you mean 'w.mz'" in "\n".join(recording.remarks)
+    (misspelt,) = recording.misspelt
+    assert "'w.mzz'" in misspelt
+
+
+def test_a_misspelt_key_is_told_with_the_one_that_was_meant(write):
+    recording = read_recording(write(beside={"postition_noise": 1e-5, "weather": "fine"}))
+    (misspelt,) = recording.misspelt
+    assert misspelt.endswith("the unknown key 'postition_noise' is ignored. Did you mean 'position_noise'?")
+    assert misspelt in recording.remarks
+    assert any("the unknown key 'weather' is ignored" in text for text in recording.remarks)
 
 
 @pytest.mark.parametrize("name", ["torque.slide", "Effort.slide [N]"])
@@ -522,6 +532,8 @@ def test_of_more_rows_than_are_needed_pieces_are_kept_and_all_are_checked(write,
     ("beside", "line", "key", "message"),
     [
         ('{"robot": "3prup",\n "position_noise": }', 2, None, "is not valid JSON"),
+        ("time,q.a\n0,1\n", 1, None, "is not valid JSON: it looks like a table, a recording perhaps; expected a JSON"),
+        ('<robot name="a"/>', 1, None, "is not valid JSON: it looks like XML, a robot file perhaps; expected a JSON"),
         ("[1, 2]", None, None, "holds a list; expected an object"),
         ('{"notes": "a", "notes": "b"}', None, "notes", "stands 2 times"),
         ({"position_noise": 0}, None, "position_noise", "is the number 0; expected one standard deviation above 0 [m]"),

@@ -232,6 +232,19 @@ def test_a_foreign_joint_stays_so_beside_joints_without_a_column(foreign):
     as_recorded(prup_pin.load("ur5"), replace(log, efforts={foreign: np.ones(len(log))}))
 
 
+@pytest.mark.parametrize("ask", [diagnose, prospects])
+def test_a_log_without_any_joint_of_the_robot_is_of_another(ask):
+    log = ur5_log()
+    foreign = {name: f"panda_joint{k}" for k, name in enumerate(log.positions, start=1)}
+    log = replace(
+        log,
+        positions={foreign[name]: values for name, values in log.positions.items()},
+        efforts={foreign[name]: values for name, values in log.efforts.items()},
+    )
+    with pytest.raises(InputError, match=r"another robot: it has q\.panda_joint1, .*; expected joints of 'ur5', q\.sh"):
+        ask(prup_pin.load("ur5"), log)
+
+
 def test_a_column_beside_its_joint_s_own_is_no_misspelling():
     log = ur5_log()
     as_recorded(prup_pin.load("ur5"), replace(log, efforts={**log.efforts, "elbo_joint": np.ones(len(log))}))

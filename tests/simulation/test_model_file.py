@@ -200,6 +200,7 @@ def test_what_can_be_checked_without_the_robot_is(tmp_path):
     [
         ('{"format": ', "not valid JSON"),
         ("", "is empty"),
+        ("time,q.a\n0,1", "it looks like a table, a recording perhaps; expected a corrected model, a JSON object"),
         ("[]", "holds a list"),
         ('{"robot": "a", "robot": "b"}', "stands 2 times"),
         ('{"robot": "a", "verdict": "", "findings": []}', "1 problem(?s:.*)a diagnosis; expected the corrected_model"),
