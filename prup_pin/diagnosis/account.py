@@ -12,7 +12,8 @@ from ..numbers import number, quantity
 from ..simulation import Simulator
 from .calibrate import calibrated_from
 from .candidates import Term
-from .criteria import FEW_ROUNDS, LITTLE, MOST, MOST_FITS, OUTLIER, PARAMETER_COST, beyond_tolerance
+from .chances import chi2_isf
+from .criteria import FALSE_ALARM, FEW_ROUNDS, LITTLE, MOST, MOST_FITS, PARAMETER_COST, beyond_tolerance
 from .diagnosis import Finding
 from .evidence import (
     count_beyond_tolerance,
@@ -82,16 +83,14 @@ class Account:
         return replace(self, selection=selection)
 
     def explains(self, outliers: Sequence[Outlier], exists: np.ndarray, noise: Noise) -> bool:
-        """Return True where most of what lay too far off lies so no more, by a noise; exists (N, K): all measured."""
-        problem, last = (
-            replace(self.problem, noise=noise, stack=self.problem.stack.of_those(exists)),
-            self.selection.last,
-        )
+        """Return True where most of what lay too far off is now as noise is; exists (N, K): all that was measured."""
+        stack, last = self.problem.stack.of_those(exists), self.selection.last
+        problem = replace(self.problem, noise=noise, stack=stack)
         fit = problem.fit_at(last.terms, last.run, last)
         where = {group.name: group.where for group in problem.stack.groups()}
         rows = np.searchsorted(fit.samples, [item.sample for item in outliers])
         left = [fit.residual[row, where[item.channel]] for row, item in zip(rows, outliers, strict=True)]
-        return sum(float(part @ part) < OUTLIER**2 for part in left) > MOST * len(outliers)
+        return sum(float(part @ part) < chi2_isf(FALSE_ALARM, len(part)) for part in left) > MOST * len(outliers)
 
     def by_noise(self, noise: Noise) -> tuple[float, bool]:
         """Return what is left of blocks that are held out in turn, chi squared by a noise, and whether all may be that.
