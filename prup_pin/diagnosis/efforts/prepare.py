@@ -11,7 +11,7 @@ import numpy as np
 from ...dynamics import InMotion
 from ...dynamics.smoothing import Band
 from ...laws import Place
-from ...laws.efforts import CURVES, EFFORT_LAWS, ROUGH_CURVES, Body, EffortLaw
+from ...laws.efforts import CURVES, EFFORT_LAWS, ROUGH_CURVES, EffortLaw
 from ...laws.efforts.deviations import effort_deviations, name_of_body
 from ...laws.efforts.effort_law import usual_way
 from ...spatial import Array
@@ -278,6 +278,12 @@ class PreparedEfforts:
         values = np.linalg.eigvalsh(gram[np.ix_(there, there)] / np.outer(sizes[there], sizes[there]))
         return int((values > EFFORT_TOLD * values.max(initial=0.0)).sum()), count
 
+    def gains_among(self, model: EffortModel) -> tuple[list[int], list[int]]:
+        """Return the drives whose gains are free within a tolerance, and which coefficients of a model these are."""
+        own = [(self.deviations[index], place) for place, index in enumerate(model.toleranced)]
+        drives = [(self.at.driven.index(item.place), place) for item, place in own if item.law.of_gain]
+        return [drive for drive, _ in drives], [place for _, place in drives]
+
     @property
     def bodies_within_tolerance(self) -> list[tuple[int, Array] | None]:
         """The joint and the body's parameters (10,) per tolerance of each toleranced parameter; None if of no body."""
@@ -361,15 +367,14 @@ class PreparedEfforts:
         problem = self.with_candidates(columns, (*fixed, *kept, *new), np.concatenate((prior, more)))
         return model.in_problem(problem)
 
-    def start(self, all_links: bool = False) -> EffortModel:
-        """Return the model before any law: toleranced parameters, and masses of all links if asked for."""
+    def start(self) -> EffortModel:
+        """Return the model before any law: toleranced parameters."""
         problem = self.refreshed(EffortModel(self._whole_problem(self.whitening), ())).problem
-        every = tuple(c for c in problem.candidates if all_links and c.law.body is Body.ALL_LINKS)
-        return EffortModel(problem, tuple(range(len(self.deviations))), every)
+        return EffortModel(problem, tuple(range(len(self.deviations))))
 
-    def start_with_nuisances(self, all_links: bool = False) -> EffortModel:
+    def start_with_nuisances(self) -> EffortModel:
         """Return the same with what every drive has as nuisances, links' masses too where none is toleranced."""
-        start = self.start(all_links)
-        weighed = start.terms or any(item.inertial is not None for item in self.deviations)
+        start = self.start()
+        weighed = any(item.inertial is not None for item in self.deviations)
         common = [c for c in start.problem.candidates if c.law.everywhere and not (c.law.body and weighed)]
-        return replace(start, terms=(*start.terms, *common), keeps_nuisances=True)
+        return replace(start, terms=tuple(common), keeps_nuisances=True)
