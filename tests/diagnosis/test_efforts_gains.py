@@ -175,7 +175,8 @@ def test_masses_are_known_no_better_than_all_gains_together(logged):
 def as_drawn(moving, gains):
     """Return a log of the robot as it is drawn with a little friction, by drives that report in units of their own."""
     motion = moving.motion
-    efforts = moving.rigid + 0.8 * np.sign(motion.speed) + 0.1 * np.random.default_rng(5).normal(size=moving.rigid.shape)
+    noise = 0.1 * np.random.default_rng(5).normal(size=moving.rigid.shape)
+    efforts = moving.rigid + 0.8 * np.sign(motion.speed) + noise
     return Recording(
         time=motion.time,
         positions=dict(zip(motion.names, motion.position.T, strict=True)),

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from ...errors import InputError
+from ...laws.efforts import Body
 from ...numbers import number
 from ...recordings import Recording
 from ...robot import Robot
@@ -16,10 +17,10 @@ from ...spatial import Array
 from ..criteria import (
     EFFORT_GAINS,
     FAR_LESS,
-    FEW_ROUNDS,
     GAIN,
     NEARLY,
     NO_MATTER,
+    ROUNDS,
     SURE,
     UNSEEN,
 )
@@ -153,22 +154,29 @@ def _in_own_units(
     """Return the gains beside which laws leave least, the efforts divided by them, and the model that these ask for.
 
     Every drive's gain stays free beside laws and masses, which else would make up for what the gains are off by; where
-    it is another one then, efforts are divided by that and laws are searched again. None: most drives are in one unit.
+    it is another one then, efforts are divided by that, and laws are searched again beside the bodies that are known
+    now. All masses and all gains together are one unknown: the gains' part of it is free while most masses are as
+    drawn, and stays where it is once those of all links are free. None: most drives are in one unit.
     """
-    free, count = {**tolerances, law_of_gains().physics: EFFORT_GAINS}, len(prepared.at.driven)
-    for _ in range(FEW_ROUNDS):
-        efforts = PreparedEfforts(in_newtons(prepared.at, gains.gains), free, prepared.below)
+    free, at = {**tolerances, law_of_gains().physics: EFFORT_GAINS}, in_newtons(prepared.at, gains.gains)
+    of_all = EFFORT_GAINS
+    for left in range(ROUNDS - 1, -1, -1):
+        efforts = PreparedEfforts(at, free, prepared.below, of_all)
         efforts, model = _searched(efforts, tell)
         x, normal = fit(model)
         drives, own = efforts.gains_among(model)
-        if np.abs(x[own]).max(initial=0.0) < UNSEEN:
-            break
-        factors = np.ones(count)
+        factors = np.ones(len(at.driven))
         factors[drives] += x[own]
+        masses = any(term.law.body is Body.ALL_LINKS for term in model.terms)
+        if not left or (np.abs(factors - 1).max() < UNSEEN and not (masses and of_all > UNSEEN)):
+            break
+        of_all = UNSEEN if masses else of_all
         gains = replace(gains, gains=gains.gains * factors)
-    covariance = EFFORT_GAINS**2 * np.eye(count)
+        bodies = efforts.modelled(model, x)[1]
+        at = in_newtons(prepared.at, gains.gains).knowing(bodies, np.zeros_like(bodies), bodies)
+    covariance = EFFORT_GAINS**2 * np.eye(len(at.driven))
     covariance[np.ix_(drives, drives)] = NormalEquations.of(normal).solve(np.eye(len(normal)))[np.ix_(own, own)]
-    if not (gains.alike or in_any_unit(tolerances) or are_apart(np.log(gains.gains), covariance)):
+    if not (gains.alike or in_any_unit(tolerances) or are_apart(np.log(gains.gains * factors), covariance)):
         return None, efforts, model
     return gains, efforts, model
 

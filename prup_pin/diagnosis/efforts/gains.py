@@ -47,8 +47,9 @@ _SAMPLES = 6000
 class Gains:
     """Reported per true effort, of each driven joint (k,).
 
-    `common`: the standard deviation of the logarithm of all of them together, which the masses of the robot file decide; alike: whether
-    the whole robot would weigh next to nothing in newtons, so that drives may count alike in another unit.
+    `common`: the standard deviation of the logarithm of all of them together, which the masses of the robot file
+    decide; alike: whether the whole robot would weigh next to nothing in newtons, so that drives may count alike in
+    another unit.
     """
 
     gains: Array
