@@ -330,8 +330,8 @@ class PreparedEfforts:
         }
         count = sum(item.law.of_gain for item in self.deviations)
         if self.of_all_gains is not None and count:
-            apart = EFFORT_GAINS**2 * (np.eye(count) - 1 / count) + self.of_all_gains**2
-            blocks[len(self.deviations) - count] = np.linalg.inv(apart)
+            freed: Array = EFFORT_GAINS**2 * (np.eye(count) - 1 / count) + self.of_all_gains**2
+            blocks[len(self.deviations) - count] = np.asarray(np.linalg.inv(freed), float)
         return EffortProblem(self.at.mechanism, columns, tuple(candidates), prior, blocks, links)
 
     def with_learned_variances(self, model: EffortModel) -> tuple[PreparedEfforts, EffortModel]:
