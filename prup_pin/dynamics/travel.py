@@ -1,8 +1,8 @@
 """Which way dry friction acts along a travel: it turns round on some way, and a motion turns round between samples.
 
 A motor that trembles turns round many times where bodies move slowly. That is part of its friction, though the efforts
-are compared below the frequency of the tremor: friction follows the path as far as the sensors tell it, and its mean
-over a sample's step is what the sample is compared with.
+are compared below the frequency of the tremor: friction follows the path as far as the sensors tell it, and what a
+sample is compared with is the mean over the rows that it stands for.
 """
 
 from __future__ import annotations
@@ -21,8 +21,6 @@ __all__ = ["Path", "Travel"]
 _FINER, _RESTING = 16, 1e-3
 #: Share of its usual speed above which a piece begins in motion: else nobody knows what its friction was before.
 _MOVING = 0.1
-#: Share of a way below which a mean over it is that of a straight line.
-_SHORT = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,22 +62,30 @@ class Travel:
         return cls(position, piece, np.arange(len(position)))
 
     def direction(self, way: float) -> Array:
-        """Return the direction z of dry friction (N,): dz = (sign(dq) - z) |dq| / way.
+        """Return the direction z of dry friction (N,): dz = (sign(dq) - z) |dq| / way. A way of nothing is the sign.
 
-        Its mean over the step about each sample: a motion turns round between samples, and to count that from the next
-        one on would be to be late by half a step. A way of nothing is the sign itself.
+        An effort is logged as it is at that moment: a sample that stands for several rows is their mean, and one that
+        stands for itself is no mean of the time about it. It may turn round between two samples.
         """
         if len(self.position) < 2:
             return np.zeros(len(self.at))
-        passed = np.concatenate(([0.0], np.cumsum(self._dragged(way) * self._times)))
-        low, high = (passed[at] + share * (passed[at + 1] - passed[at]) for at, share in self._edges)
-        return np.divide(high - low, self._widths, out=np.zeros(len(low)), where=self._widths > 0)
+        state, half = self._at_rows(way), self.every // 2
+        low, high = np.maximum(self.at - half, self._first[self.at]), np.minimum(self.at + half, self._last[self.at])
+        passed = np.concatenate(([0.0], np.cumsum(state)))
+        total, count = passed[high + 1] - passed[low], high + 1 - low
+        if self.every % 2 == 0:  # half of the first and of the last row are the neighbours'
+            total, count = total - (state[low] + state[high]) / 2, count - 1
+        return np.where(count > 0, total / np.maximum(count, 1), state[self.at])
 
-    def _dragged(self, way: float) -> Array:
-        """Return the mean direction over each fine step (m,): stretches of one direction in turn."""
-        towards, length, along, starts, begun = self._stretches
+    def _at_rows(self, way: float) -> Array:
+        """Return z at each row (M,), where stretches of one direction meet between rows or in one."""
+        towards, along, starts, begun, steps = self._stretches
+        before, after = np.maximum(steps - 1, 0), np.minimum(steps, len(towards) - 1)
+        # the step before a row and the one after it, of its own piece
+        before = np.where(np.arange(len(steps)) > self._first, before, after)
+        after = np.where(np.arange(len(steps)) < self._last, after, before)
         if not way > 0:
-            return towards
+            return np.where(towards[before] == towards[after], towards[after], np.sign(self._slope))
         kept = np.exp(-along / way)
         ends = np.append(starts[1:], len(towards)) - 1
         state, entering = 0.0, np.empty(len(starts))
@@ -87,10 +93,9 @@ class Travel:
         for index, (sign, keep, first) in enumerate(table):
             state = entering[index] = state if np.isnan(first) else first
             state = sign + (state - sign) * keep
-        share = length / way
-        fell = np.exp(-np.maximum(along - length, 0.0) / way) - kept
-        mean = np.where(share > _SHORT, fell / np.maximum(share, _SHORT), kept)
-        return towards + (np.repeat(entering, ends + 1 - starts) - towards) * mean
+        entering = np.repeat(entering, ends + 1 - starts)
+        left = towards + (entering - towards) * kept
+        return np.where(np.arange(len(steps)) > self._first, left[before], entering[after])
 
     @cached_property
     def _first(self) -> np.ndarray:
@@ -148,18 +153,15 @@ class Travel:
         return np.diff(self._first[self._fine[0].astype(int)]) != 0
 
     @cached_property
-    def _times(self) -> Array:
-        """How long each fine step takes (m,) [samples]; nothing between pieces."""
-        return np.where(self._broken, 0.0, np.diff(self._fine[0]))
-
-    @cached_property
-    def _stretches(self) -> tuple[Array, Array, Array, np.ndarray, Array]:
-        """The direction and the length of each fine step (m,), and the way to its end in its stretch of one direction;
-        the first step of each stretch (s,), and the direction before it where a piece begins, elsewhere NaN.
+    def _stretches(self) -> tuple[Array, Array, np.ndarray, Array, np.ndarray]:
+        """The direction of each fine step (m,), and the way to its end in its stretch of one direction; the first step
+        of each stretch (s,), and the direction before it where a piece begins, elsewhere NaN; the fine step that each
+        row (M,) begins.
 
         Nobody knows what friction was before the recording: in the mean nothing, where the joint does not move yet.
         """
-        step = np.where(self._broken, 0.0, np.diff(self._fine[1]))
+        time, position = self._fine
+        step, lasting = (np.where(self._broken, 0.0, np.diff(values)) for values in (position, time))
         number, sign = np.arange(len(step)), np.sign(step)
         begins = np.append(True, self._broken[:-1]) | self._broken  # a step between pieces is a stretch of its own
         # at rest the direction is that of the step before
@@ -169,25 +171,7 @@ class Travel:
         starts, length = np.flatnonzero(turned), np.abs(step)
         gone = np.concatenate(([0.0], np.cumsum(length)))
         along = gone[1:] - np.repeat(gone[starts], np.diff(np.append(starts, len(step))))
-        speed = length[starts] / np.maximum(self._times[starts], np.finfo(float).tiny)
-        moving = speed > _MOVING * self._usual[self._fine[0][starts].astype(int)]
-        return towards, length, along, starts, np.where(begins[starts], towards[starts] * moving, np.nan)
-
-    @cached_property
-    def _bounds(self) -> tuple[Array, Array]:
-        half = 0.5 * self.every
-        return np.maximum(self.at - half, self._first[self.at]), np.minimum(self.at + half, self._last[self.at])
-
-    @cached_property
-    def _widths(self) -> Array:
-        """How long the step about each sample is (N,) [samples]."""
-        return self._bounds[1] - self._bounds[0]
-
-    @cached_property
-    def _edges(self) -> list[tuple[np.ndarray, Array]]:
-        """Where the step about each sample begins and ends: the fine step (N,) and the share (N,) of it."""
-        time, edges = self._fine[0], []
-        for bound in self._bounds:
-            at = np.clip(np.searchsorted(time, bound, side="right") - 1, 0, len(time) - 2)
-            edges.append((at, (bound - time[at]) / (time[at + 1] - time[at])))
-        return edges
+        speed = length[starts] / np.maximum(lasting[starts], np.finfo(float).tiny)
+        moving = speed > _MOVING * self._usual[time[starts].astype(int)]
+        begun = np.where(begins[starts], towards[starts] * moving, np.nan)
+        return towards, along, starts, begun, np.searchsorted(time, np.arange(len(self.position)))

@@ -50,7 +50,6 @@ def test_gains_of_drives_are_told_beside_each_other_and_with_the_masses_drawn(mo
     assert apart[:5] - apart[:5].mean() == pytest.approx(np.zeros(5), abs=0.05)
     assert abs(apart[:5].mean()) < 2 * found.common
     assert 0.02 < found.common < 0.3
-    assert found.deviation[:5] == pytest.approx(np.full(5, found.common), rel=0.05)
 
 
 def test_gains_a_little_off_at_every_joint_are_told_and_taken_out(moving):
@@ -156,7 +155,39 @@ def test_a_prediction_says_of_its_own_log_what_the_diagnosis_does(robot, logged)
 def test_what_is_fitted_stands_beside_what_the_robot_file_has(logged):
     _, found = logged
     (masses,) = (finding for finding in found.findings if finding.physics == "inertial_parameters")
-    apart = [abs(one.value - one.drawn) > abs(one.interval[1] - one.value) for one in masses.parameters.values()]
-    assert all(apart)  # they surely differ, be their intervals over zero
     assert all(" instead of " in value for _, value, _ in parameter_texts(masses.parameters))
     assert " instead of " not in parameter_texts({"x": FittedParameter(1.0, "m", (0.9, 1.1), 1.0)})[0][1]
+
+
+def test_masses_are_known_no_better_than_all_gains_together(logged):
+    """All masses twice as large and all gains half as large are the same efforts."""
+    _, found = logged
+    (masses,) = (finding for finding in found.findings if finding.physics == "inertial_parameters")
+    (told,) = (finding for finding in found.findings if finding.conventions)
+    reported = told.parameters["elbow_joint.reported"]
+    common = np.log(reported.interval[1] / reported.value)
+    assert common > 0.2
+    for one in masses.parameters.values():
+        assert one.interval[1] - one.value > 0.9 * common * abs(one.value)
+    assert "in proportion to all masses" in masses.statement
+
+
+def as_drawn(moving, gains):
+    """Return a log of the robot as it is drawn with a little friction, by drives that report in units of their own."""
+    motion = moving.motion
+    noise = 0.1 * np.random.default_rng(5).normal(size=moving.rigid.shape)
+    efforts = moving.rigid + 0.8 * np.sign(motion.speed) + noise
+    return Recording(
+        time=motion.time,
+        positions=dict(zip(motion.names, motion.position.T, strict=True)),
+        efforts=dict(zip(motion.driven, (efforts * gains).T, strict=True)),
+    )
+
+
+def test_no_mass_is_accused_of_what_a_gain_is_off_by(robot, moving):
+    """Efforts in amperes of a robot whose masses are as drawn: gains alone that were solved for are 1 % off."""
+    found = diagnose(robot, as_drawn(moving, GAINS))
+    assert {finding.physics for finding in found.findings} == {"log_convention", "coulomb_friction"}
+    (told,) = (finding for finding in found.findings if finding.conventions)
+    for name, gain in zip(moving.motion.driven[:5], GAINS, strict=False):
+        assert told.parameters[f"{name}.reported"].value == pytest.approx(gain, rel=5e-3)

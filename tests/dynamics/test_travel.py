@@ -45,18 +45,29 @@ def test_nobody_knows_what_friction_was_before_a_joint_moves():
 
 
 def test_friction_follows_dahls_equation_at_a_turn():
-    """Up by 1, then down by x: z = -1 + 2 exp(-x / way), the mean of it over each step."""
+    """Up by 1, then down by x: z = -1 + 2 exp(-x / way) at each sample, and the mean of these over several."""
     way, step = 0.05, 0.01
     position = np.concatenate((np.arange(0.0, 1.0, step), np.arange(1.0, 0.5, -step)))
-    top = int(np.argmax(position))
-    found = Travel.of(position, np.zeros(len(position), int)).direction(way)
+    piece, top = np.zeros(len(position), int), int(np.argmax(position))
     far = np.arange(top + 3, len(position) - 2)
-    edges = [position[top] - position[far] + sign * step / 2 for sign in (-1, 1)]
-    mean = -1 + 2 * way / step * (np.exp(-edges[0] / way) - np.exp(-edges[1] / way))
+    found = Travel.of(position, piece).direction(way)
     # the path between samples turns a little before or after the last one, by 0.03 of a step
-    assert found[far] + 1 == pytest.approx(mean + 1, rel=0.006)
+    assert found[far] + 1 == pytest.approx(2 * np.exp((position[far] - position[top]) / way), rel=0.006)
     assert np.diff(np.log(found[far] + 1)) == pytest.approx(-step / way, rel=1e-3)
     assert found[:top] == pytest.approx(1.0)
+    for every, weights in ((3, [1, 1, 1]), (4, [0.5, 1, 1, 1, 0.5])):
+        means = np.convolve(found, np.divide(weights, every), "same")
+        assert Travel(position, piece, far, every).direction(way) == pytest.approx(means[far], abs=1e-12)
+
+
+@pytest.mark.parametrize("way", [0.0, 1e-9])
+def test_an_effort_is_logged_as_it_is_and_is_no_mean_of_the_step_about_it(way):
+    """However near to a sample a joint turns round, dry friction of that sample is all of it."""
+    time = np.arange(60) * 0.01
+    for turn in 0.3 + 0.01 * np.array([0.05, 0.3, 0.45, -0.2, -0.48]):
+        position = -((time - turn) ** 2)
+        found = Travel.of(position, np.zeros(len(time), int)).direction(way)
+        assert found == pytest.approx(np.sign(turn - time), abs=1e-9)
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.3, -0.9, 1.5])
@@ -67,7 +78,8 @@ def test_friction_of_a_motor_that_trembles_is_its_mean(speed):
     position = np.column_stack((0 * time, speed * time + np.sin(rate * time + 0.3) / rate))
     path = Path(position, np.zeros(len(time), int), np.arange(100, 3900, 50), 50)  # of a period each
     found = path.travel([0.0, 1.0]).direction(0.0)
-    assert found == pytest.approx(2 / np.pi * np.arcsin(np.clip(speed, -1, 1)), abs=4e-3)
+    # 50 rows a period tell that as often as they fall on either side
+    assert found == pytest.approx(2 / np.pi * np.arcsin(np.clip(speed, -1, 1)), abs=1 / 50)
     one = path.select(np.array([3, 7])).travel([0.0, 1.0]).direction(0.0)
     assert np.array_equal(one, found[[3, 7]])
 

@@ -3,32 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from ...errors import InputError
+from ...laws.efforts import Body
 from ...numbers import number
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
 from ..criteria import (
+    EFFORT_GAINS,
     FAR_LESS,
     GAIN,
-    LITTLE,
     NEARLY,
     NO_MATTER,
+    ROUNDS,
     SURE,
+    UNSEEN,
 )
+from ..normal_equations import NormalEquations
 from .band import band_of, in_motion
 from .bayes_factors import with_likelier_bodies
 from .conventions import check_efforts
 from .diagnosis import EffortDiagnosis
 from .evidence import CrossValidation, held_out, relative_gain, scores
 from .final_state import FinalState, shows
-from .gains import Gains, gains_of, in_any_unit, in_newtons, law_of_gains, scale_of
+from .gains import Gains, are_apart, gains_of, in_any_unit, in_newtons, law_of_gains, scale_of
 from .noise import EffortNoise, noise_of, true_roundings, true_sizes
 from .nonlinear import refined, settled_together
 from .outliers import OutlierInterval, is_outlying
@@ -121,28 +124,14 @@ def _final_state(
     """Return the final state of the efforts of a recording without outlier intervals; noise: of each joint's effort."""
     at, tolerances = prepared.at, _tolerances(recording)
 
-    def searched_beside(
-        gains: Gains | None, first: float, last: float
-    ) -> tuple[list[str], PreparedEfforts, EffortModel]:
-        scale = scale_of(gains, len(at.driven))
-        doubts, efforts = check_efforts(at, scale), prepared
-        if gains is not None:
-            others = {kind: size for kind, size in tolerances.items() if kind != law_of_gains().physics}
-            efforts = PreparedEfforts(in_newtons(at, scale), others, prepared.below)
-        return doubts, *_searched(efforts, gains is not None, _part(partial(tell, _LAWS), first, last))
-
     tell(_LAWS, 0.1)
     gains = gains_of(at, tolerances)
-    doubts, efforts, model = searched_beside(gains, 0.1, 0.7)
-    if gains is not None and not in_any_unit(tolerances) and any(term.law.of_gain for term in model.terms):
-        # laws that take gains back: one gain and a delay look a little like many gains
-        with suppress(InputError):
-            plain = searched_beside(None, 0.7, 0.75)
-            squares = plain[1].held_out_unwhitened(plain[2])
-            share, sure = relative_gain(squares, efforts.held_out_unwhitened(model))
-            several = sum(term.law.of_gain for term in plain[2].terms) > 1
-            if not several and not (sure > SURE and share > LITTLE):
-                gains, (doubts, efforts, model) = None, plain
+    doubts = check_efforts(at, scale_of(gains, len(at.driven)))
+    if gains is not None:
+        gains, efforts, model = _in_own_units(prepared, tolerances, gains, _part(partial(tell, _LAWS), 0.1, 0.6))
+    if gains is None:
+        doubts = check_efforts(at)
+        efforts, model = _searched(prepared, _part(partial(tell, _LAWS), 0.1, 0.7))
     tell("what no law explains", 0.75)
     model = with_relieving_laws(efforts, model)
     problem = model.problem
@@ -159,10 +148,41 @@ def _final_state(
         model = model.without(needless)
 
 
-def _searched(
-    efforts: PreparedEfforts, freed: bool, tell: Callable[[float], None]
-) -> tuple[PreparedEfforts, EffortModel]:
-    """Return the efforts with learned priors, and the model that they ask for; freed: beside masses of all links.
+def _in_own_units(
+    prepared: PreparedEfforts, tolerances: Mapping[str, float], gains: Gains, tell: Callable[[float], None]
+) -> tuple[Gains | None, PreparedEfforts, EffortModel]:
+    """Return the gains beside which laws leave least, the efforts divided by them, and the model that these ask for.
+
+    Every drive's gain stays free beside laws and masses, which else would make up for what the gains are off by; where
+    it is another one then, efforts are divided by that, and laws are searched again beside the bodies that are known
+    now. All masses and all gains together are one unknown: the gains' part of it is free while most masses are as
+    drawn, and stays where it is once those of all links are free. None: most drives are in one unit.
+    """
+    free, at = {**tolerances, law_of_gains().physics: EFFORT_GAINS}, in_newtons(prepared.at, gains.gains)
+    of_all = EFFORT_GAINS
+    for left in range(ROUNDS - 1, -1, -1):
+        efforts = PreparedEfforts(at, free, prepared.below, of_all)
+        efforts, model = _searched(efforts, tell)
+        x, normal = fit(model)
+        drives, own = efforts.gains_among(model)
+        factors = np.ones(len(at.driven))
+        factors[drives] += x[own]
+        masses = any(term.law.body is Body.ALL_LINKS for term in model.terms)
+        if not left or (np.abs(factors - 1).max() < UNSEEN and not (masses and of_all > UNSEEN)):
+            break
+        of_all = UNSEEN if masses else of_all
+        gains = replace(gains, gains=gains.gains * factors)
+        bodies = efforts.modelled(model, x)[1]
+        at = in_newtons(prepared.at, gains.gains).knowing(bodies, np.zeros_like(bodies), bodies)
+    covariance = EFFORT_GAINS**2 * np.eye(len(at.driven))
+    covariance[np.ix_(drives, drives)] = NormalEquations.of(normal).solve(np.eye(len(normal)))[np.ix_(own, own)]
+    if not (gains.alike or in_any_unit(tolerances) or are_apart(np.log(gains.gains * factors), covariance)):
+        return None, efforts, model
+    return gains, efforts, model
+
+
+def _searched(efforts: PreparedEfforts, tell: Callable[[float], None]) -> tuple[PreparedEfforts, EffortModel]:
+    """Return the efforts with learned priors, and the model that they ask for.
 
     Laws are searched beside nuisances that every drive has: of a robot on which everything is a little off, the first
     single law would stand for much that it is not. Where most drives surely have nothing of the kind, the drawing is
@@ -172,16 +192,16 @@ def _searched(
     How a friction turns round and how late signals are look alike, and a search ends near where it began: the ways of
     friction are the usual ones to begin with, or those that suit best before any law is found.
     """
-    common, start = efforts.with_learned_variances(efforts.start_with_nuisances(freed))
+    common, start = efforts.with_learned_variances(efforts.start_with_nuisances())
     usual = searched(common, start, _part(tell, 0.0, 0.3))
     sure = sure_of_all(usual)
     if kinds_of_most_drives(sure):
-        start = common.start_with_nuisances(freed)
+        start = common.start_with_nuisances()
         start = refined(common, start, range(len(start.terms)), at_last=True)
         found = searched(common, start, _part(tell, 0.4, 0.7))
     else:
         found = searched(common, sure, _part(tell, 0.4, 0.7))
-        usual = searched(common, common.start(freed), _part(tell, 0.7, 1.0))
+        usual = searched(common, common.start(), _part(tell, 0.7, 1.0))
     return common, found if relative_gain(held_out(usual), held_out(found))[0] > GAIN else usual
 
 

@@ -15,7 +15,7 @@ from ...recordings.columns import AS_LOGGED
 from ...robot import Robot
 from ...spatial import Array
 from ..chances import hotelling_sf, student_95, student_sf
-from ..criteria import FALSE_ALARM, GAIN, LITTLE, MOST, NO_MATTER, SURE
+from ..criteria import EFFORT_GAINS, FALSE_ALARM, GAIN, LITTLE, MOST, NO_MATTER, SURE
 from ..normal_equations import NormalEquations
 from .conventions import gains_apart
 from .evidence import CrossValidation, held_out, relative_gain
@@ -167,14 +167,39 @@ class FinalState:
         weights beside that; and the degrees of freedom of the scatter.
 
         A fit follows each block that it is fitted to, and hides a part of how these scatter: they are taken where they
-        were not fitted (MacKinnon and White, J. Econometrics 29, 1985).
+        were not fitted (MacKinnon and White, J. Econometrics 29, 1985). Where every drive's gain is free, what all
+        gains and all masses are together is given: no data tell it, and it is told on its own.
         """
         gradients = self.problem.columns.gradients(self._validation.residual, self.model.where)
         middle = gradients.T @ gradients
         white = NormalEquations.of(self.normal, least=1e-12).solve(np.eye(len(self.normal)))
         count = self.problem.columns.count
         degrees = max(count - 1, 1)
-        return white, white @ middle @ white * count / degrees + white + np.outer(self._apart, self._apart), degrees
+        whole = white @ middle @ white * count / degrees + white + np.outer(self._apart, self._apart)
+        if self.gains is not None:
+            common = np.zeros(len(white))
+            common[self.efforts.gains_among(self.model)[1]] = 1.0
+            white, whole = (of - np.outer(of @ common, of @ common) / (common @ of @ common) for of in (white, whole))
+        return white, whole, degrees
+
+    @cached_property
+    def reported(self) -> Array:
+        """What is reported per true effort of each joint (k,)."""
+        out = self.scale.copy()
+        if self.gains is not None:
+            drives, own = self.efforts.gains_among(self.model)
+            out[drives] *= 1 + self.x[own]
+        return out
+
+    @cached_property
+    def gain_deviations(self) -> Array:
+        """The standard deviation of the logarithm of each drive's gain (k,), that of all gains together included."""
+        if self.gains is None:
+            return np.zeros(len(self.scale))
+        drives, own = self.efforts.gains_among(self.model)
+        out = np.full(len(self.scale), EFFORT_GAINS)
+        out[drives] = np.sqrt(np.maximum(np.diag(self.covariances[1])[own], 0.0))
+        return np.hypot(out, self.gains.common)
 
     def _material(self, laws: Sequence[EffortCandidate]) -> list[EffortCandidate]:
         """Return the laws that add to some joint's effort as much as one sample could show, where that is known.
@@ -251,16 +276,18 @@ class FinalState:
     def times_without(self, place: str, *terms: EffortCandidate) -> float:
         """Return how many times as large the held-out residual (RMS) would be without some terms, as tables tell it.
 
-        In the efforts' own unit, of the joint `place` or of all joints.
+        Of the joint `place`, or of all joints in which they act: each in multiples of what is left there, so that none
+        of N and none of large efforts hides another.
         """
         rest = self.model.without(*terms)
         kept = self._columns[:, :, np.isin(self.model.where, rest.where)]
-        joints = [self.at.driven.index(place)] if place in self.at.driven else range(len(self.at.driven))
-        sizes = [
-            float(np.sum(np.where(self.efforts.good, left * self.scale, 0.0)[:, joints] ** 2))
-            for left in (self.efforts.held_out_residual(rest, kept), self._left)
-        ]
-        return float(np.sqrt(sizes[0] / max(sizes[1], np.finfo(float).tiny)))
+        touched = [self.problem.columns.joints_of(term) for term in terms]
+        joints = [self.at.driven.index(place)] if place in self.at.driven else sorted(set().union(*touched))
+        without, left = (
+            np.sum(np.where(self.efforts.good, values, 0.0)[:, joints] ** 2, axis=0)
+            for values in (self.efforts.held_out_residual(rest, kept), self._left)
+        )
+        return float(np.sqrt(np.mean(without / np.maximum(left, np.finfo(float).tiny))))
 
     @cached_property
     def _validation(self) -> CrossValidation:

@@ -26,6 +26,8 @@ from .search import cost_of, kinds_of_most_drives, squared_strain
 
 __all__ = ["beyond_found", "gains_found", "laws_found", "parameters_of"]
 
+#: What is said of masses where every drive's gain is free.
+_IN_PROPORTION = "; that is so in proportion to all masses, which with all gains are one unknown"
 #: Units of a body's inertial parameters.
 _UNITS = dict(zip(INERTIAL, ("kg", *3 * ("kg m",), *6 * ("kg m^2",)), strict=True))
 
@@ -77,14 +79,16 @@ def _of_law(final: FinalState, term: EffortCandidate) -> Finding:
     before = float(without.sum()) + squared_strain(rest)
     places, laws = alternatives_to(final, term, without)
     parameters = parameters_of(final, term, values)
-    intervals = {name: item.interval for name, item in parameters.items()}
+    given = parameters if final.gains is None else parameters_of(final, term, values, beside=False)
+    intervals = {name: item.interval for name, item in given.items()}
     return Finding(
         physics=term.law.physics,
         location=term.place.name,
         candidates=tuple(dict.fromkeys((term.place.name, *places))),
         parameters=parameters,
         heldout_gain=heldout_gain(final.cost, before),
-        statement=term.law.told(term.place, effect.values, intervals, final.mechanism),
+        statement=term.law.told(term.place, effect.values, intervals, final.mechanism)
+        + _IN_PROPORTION * (term.law.body is not None and final.gains is not None),
         effect=effect,
         alternatives=tuple(dict.fromkeys(laws)),
         times=final.times_without(term.place.name, term),
@@ -96,8 +100,8 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
     """Yield that the drives report in units of their own."""
     if final.gains is None:
         return
-    factor = np.exp(WITHIN_95 * final.gains.deviation)
-    gains = dict(zip(final.at.driven, map(float, final.gains.gains), strict=True))
+    factor = np.exp(WITHIN_95 * final.gain_deviations)
+    gains = dict(zip(final.at.driven, map(float, final.reported), strict=True))
     parameters = {
         f"{name}.reported": FittedParameter(
             g, f"per {final.mechanism.joint(name).effort_unit}", (float(g / f), float(g * f))
@@ -136,6 +140,8 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
     bodies = [final.mechanism.frame(link).joint for link in links]
     drawn = base.matrix @ np.concatenate([inertias[body].toDynamicParameters() for body in bodies])
     differ = np.flatnonzero(chance < FALSE_ALARM)
+    if final.gains is not None:
+        reach = np.hypot(reach, WITHIN_95 * final.gains.common * np.abs(drawn + change))
     without = held_out(final.model.without(term))
     parameters = {
         base.names[i]: FittedParameter.about(
@@ -162,7 +168,8 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
         candidates=("robot", *links),
         parameters=parameters,
         heldout_gain=heldout_gain(final.held_out.sum(), without.sum()),
-        statement=first if nearly_all else f"{whole}; {first}" if first else whole,
+        statement=(first if nearly_all else f"{whole}; {first}" if first else whole)
+        + _IN_PROPORTION * (final.gains is not None),
         advice=advice if nearly_all else "",
         law=law,
         times=final.times_without("robot", term),
@@ -199,8 +206,21 @@ def _alone_of_all(final: FinalState, term: EffortCandidate, without: Array) -> t
     return share, told, best.law.advice(best.place, values)
 
 
-def parameters_of(final: FinalState, term: EffortCandidate, values: Mapping[str, float]) -> dict[str, FittedParameter]:
-    """Return the parameters of a term with their intervals, by name."""
+def _drawn(final: FinalState, term: EffortCandidate) -> Array:
+    """Return the coefficients (p,) by which a term would double what is drawn: nothing where that is no link."""
+    if term.law.body not in (Body.LINK, Body.SCALED_LINK):
+        return np.zeros(term.size)
+    ((joint, changes),) = term.law.of_body(term.place, final.mechanism).items()
+    return np.linalg.lstsq(changes, final.mechanism.model.inertias[joint].toDynamicParameters(), rcond=None)[0]
+
+
+def parameters_of(
+    final: FinalState, term: EffortCandidate, values: Mapping[str, float], beside: bool = True
+) -> dict[str, FittedParameter]:
+    """Return the parameters of a term with their intervals, by name.
+
+    beside: what is not known of the drives' gains, where those are free, is in these.
+    """
     white, covariance, degrees = final.covariances
     own = final.model.slice_of(term)
     x = final.x[own]
@@ -216,11 +236,12 @@ def parameters_of(final: FinalState, term: EffortCandidate, values: Mapping[str,
         other = term.law.fitted(term.place, moved, term.values)
         for name in quantities:
             spread[name] = float(np.hypot(spread[name], other[name] - values[name]))
-    if final.gains is not None:  # what is known of an effort is known as its drive's gain is
-        own_gain = dict(zip(final.at.driven, final.gains.deviation, strict=True))
+    if final.gains is not None and beside:  # what is known of an effort is known as its drive's gain is
+        own_gain = dict(zip(final.at.driven, final.gain_deviations, strict=True))
         gain = WITHIN_95 * own_gain.get(term.place.name, final.gains.common)
-        for name in set(term.law.linear) & set(quantities):
-            spread[name] = float(np.hypot(spread[name], gain * values[name]))
+        other = term.law.fitted(term.place, x + gain * (x + _drawn(final, term)), term.values)
+        for name in quantities:
+            spread[name] = float(np.hypot(spread[name], other[name] - values[name]))
     profiled: Mapping[str, tuple[float, float]] = {}
     if term.law.settled:
         # by as much more than white noise would scatter them

@@ -37,7 +37,7 @@ from ..criteria import (
 )
 from .problem import column_blocks, kept_samples
 
-__all__ = ["Gains", "gains_of", "in_any_unit", "in_newtons", "law_of_gains", "scale_of"]
+__all__ = ["Gains", "are_apart", "gains_of", "in_any_unit", "in_newtons", "law_of_gains", "scale_of"]
 
 #: Samples that are looked at.
 _SAMPLES = 6000
@@ -45,14 +45,16 @@ _SAMPLES = 6000
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """Reported per true effort, of each driven joint (k,), and the standard deviation of its logarithm (k,).
+    """Reported per true effort, of each driven joint (k,).
 
-    `common`: that of the logarithm of all of them together, which the masses of the robot file decide.
+    `common`: the standard deviation of the logarithm of all of them together, which the masses of the robot file
+    decide; alike: whether the whole robot would weigh next to nothing in newtons, so that drives may count alike in
+    another unit.
     """
 
     gains: Array
-    deviation: Array
     common: float
+    alike: bool = False
 
 
 def scale_of(gains: Gains | None, count: int) -> Array:
@@ -126,8 +128,6 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     whole = products.without(None)
     found = _solved(whole, drawn, 1.0, start)
     log, covariance = found.log, found.covariance
-    apart = covariance - covariance.mean(axis=0)
-    apart = apart - apart.mean(axis=1, keepdims=True)
     much = saving.sum() > FAR_LESS * np.sum(before) and sure > SURE
     # drives count otherwise, be it all alike, where only masses of the whole robot that no drawing is so far from
     # would do without; of two drives a load may be so much as well
@@ -136,9 +136,18 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     )
     unlikely = not 1 / AS_GOOD < light < AS_GOOD and 1 / AS_GOOD < right < AS_GOOD
     unit = len(log) >= FEWEST_OF_KIND and abs(np.median(log)) > np.log(AS_GOOD) and _several(log, covariance)
-    if not (much and _several(log - np.median(log), apart)) and not (unlikely and unit):
+    if not (much and are_apart(log, covariance)) and not (unlikely and unit):
         return None
-    return Gains(np.exp(log), np.sqrt(np.maximum(np.diag(covariance), 0.0)), float(np.sqrt(covariance.mean())))
+    return Gains(np.exp(log), float(np.sqrt(covariance.mean())), unlikely and unit)
+
+
+def are_apart(log: Array, covariance: Array) -> bool:
+    """Return whether two gains at least are surely and markedly others than most; log (k,): of each, covariance (k, k).
+
+    Whatever all of them are together.
+    """
+    apart = covariance - covariance.mean(axis=0)
+    return _several(log - np.median(log), apart - apart.mean(axis=1, keepdims=True))
 
 
 def _several(log: Array, covariance: Array) -> bool:

@@ -11,11 +11,11 @@ import numpy as np
 from ...dynamics import InMotion
 from ...dynamics.smoothing import Band
 from ...laws import Place
-from ...laws.efforts import CURVES, EFFORT_LAWS, ROUGH_CURVES, Body, EffortLaw
+from ...laws.efforts import CURVES, EFFORT_LAWS, ROUGH_CURVES, EffortLaw
 from ...laws.efforts.deviations import effort_deviations, name_of_body
 from ...laws.efforts.effort_law import usual_way
 from ...spatial import Array
-from ..criteria import AR_ORDER, EFFORT_TOLD, MOST_SAMPLES
+from ..criteria import AR_ORDER, EFFORT_GAINS, EFFORT_TOLD, MOST_SAMPLES, UNSEEN
 from .inertial import BaseParameters
 from .nuisance import learned_precisions, usual_precisions
 from .outliers import OutlierInterval, outlier_intervals
@@ -47,9 +47,17 @@ class PreparedEfforts:
     `outliers`: intervals of time that no law describes.
     """
 
-    def __init__(self, at: InMotion, tolerances: Mapping[str, float], below: float | None = None):
-        """below: frequency [Hz] below which the residual is judged; None: the whole band."""
-        self.at, self.below = at, below
+    def __init__(
+        self,
+        at: InMotion,
+        tolerances: Mapping[str, float],
+        below: float | None = None,
+        of_all_gains: float | None = None,
+    ):
+        """below: frequency [Hz] below which the residual is judged; None: the whole band. of_all_gains: the standard
+        deviation of what drives' gains have in common, where each may be anything; None: each is within its tolerance.
+        """
+        self.at, self.below, self.of_all_gains = at, below, of_all_gains
         motion = at.motion
         self.filter = lambda values: motion.band(values, motion.piece)
         most = np.inf if below is None else below
@@ -62,7 +70,7 @@ class PreparedEfforts:
         self.target = (self.measured - self.rigid)[self.kept]
         self.good = np.isfinite(self.measured[self.kept]) & motion.compared[self.kept]
         self.good = self.settled(motion.band)
-        self.deviations = effort_deviations(at, tolerances)
+        self.deviations = sorted(effort_deviations(at, tolerances), key=lambda item: item.law.of_gain)
         self._fixed: list[_LawColumns] = []
         self._moving: list[tuple[EffortLaw, Place]] = []
         for law in EFFORT_LAWS:
@@ -189,10 +197,10 @@ class PreparedEfforts:
         terms = tuple(
             replace(term, where=slice(new[term.where.start], new[term.where.start] + term.size)) for term in model.terms
         )
-        bodies = {new[first]: left * block for first, block in problem.bodies.items() if first in new}
+        blocks = {new[first]: left * block for first, block in problem.blocks.items() if first in new}
         links = {new[index]: link for index, link in problem.links.items() if index in new}
         prior = left * problem.prior[list(model.where)]
-        alone = EffortProblem(problem.mechanism, columns, terms, prior, bodies, links)
+        alone = EffortProblem(problem.mechanism, columns, terms, prior, blocks, links)
         return replace(model, problem=alone, toleranced=tuple(range(len(model.toleranced))), terms=terms)
 
     def held_out_unwhitened(self, model: EffortModel) -> Array:
@@ -278,6 +286,12 @@ class PreparedEfforts:
         values = np.linalg.eigvalsh(gram[np.ix_(there, there)] / np.outer(sizes[there], sizes[there]))
         return int((values > EFFORT_TOLD * values.max(initial=0.0)).sum()), count
 
+    def gains_among(self, model: EffortModel) -> tuple[list[int], list[int]]:
+        """Return the drives whose gains are free within a tolerance, and which coefficients of a model these are."""
+        own = [(self.deviations[index], place) for place, index in enumerate(model.toleranced)]
+        drives = [(self.at.driven.index(item.place), place) for item, place in own if item.law.of_gain]
+        return [drive for drive, _ in drives], [place for _, place in drives]
+
     @property
     def bodies_within_tolerance(self) -> list[tuple[int, Array] | None]:
         """The joint and the body's parameters (10,) per tolerance of each toleranced parameter; None if of no body."""
@@ -311,10 +325,14 @@ class PreparedEfforts:
         """Return the problem of these columns, candidates and inverse variances of the coefficients (P,)."""
         links = {index: item.place for index, item in enumerate(self.deviations) if item.inertial is not None}
         own = ((c, c.law.covariance_inverse(c.place, self.at.mechanism)) for c in candidates)
-        bodies = {
+        blocks = {
             c.where.start: block * (self._body_factor if c.law.body else 1.0) for c, block in own if block is not None
         }
-        return EffortProblem(self.at.mechanism, columns, tuple(candidates), prior, bodies, links)
+        count = sum(item.law.of_gain for item in self.deviations)
+        if self.of_all_gains is not None and count:
+            freed: Array = EFFORT_GAINS**2 * (np.eye(count) - 1 / count) + self.of_all_gains**2
+            blocks[len(self.deviations) - count] = np.asarray(np.linalg.inv(freed), float)
+        return EffortProblem(self.at.mechanism, columns, tuple(candidates), prior, blocks, links)
 
     def with_learned_variances(self, model: EffortModel) -> tuple[PreparedEfforts, EffortModel]:
         """Return efforts and model with priors of nuisances and bodies as wide as is likeliest of each kind."""
@@ -361,15 +379,18 @@ class PreparedEfforts:
         problem = self.with_candidates(columns, (*fixed, *kept, *new), np.concatenate((prior, more)))
         return model.in_problem(problem)
 
-    def start(self, all_links: bool = False) -> EffortModel:
-        """Return the model before any law: toleranced parameters, and masses of all links if asked for."""
+    def start(self) -> EffortModel:
+        """Return the model before any law: toleranced parameters."""
         problem = self.refreshed(EffortModel(self._whole_problem(self.whitening), ())).problem
-        every = tuple(c for c in problem.candidates if all_links and c.law.body is Body.ALL_LINKS)
-        return EffortModel(problem, tuple(range(len(self.deviations))), every)
+        return EffortModel(problem, tuple(range(len(self.deviations))))
 
-    def start_with_nuisances(self, all_links: bool = False) -> EffortModel:
-        """Return the same with what every drive has as nuisances, links' masses too where none is toleranced."""
-        start = self.start(all_links)
-        weighed = start.terms or any(item.inertial is not None for item in self.deviations)
+    def start_with_nuisances(self) -> EffortModel:
+        """Return the same with what every drive has as nuisances, links' masses too where none is toleranced.
+
+        All masses and all gains together are one unknown: where the gains' part of it is free, masses are as drawn.
+        """
+        start = self.start()
+        weighed = any(item.inertial is not None for item in self.deviations)
+        weighed = weighed or (self.of_all_gains or 0.0) > UNSEEN
         common = [c for c in start.problem.candidates if c.law.everywhere and not (c.law.body and weighed)]
-        return replace(start, terms=(*start.terms, *common), keeps_nuisances=True)
+        return replace(start, terms=tuple(common), keeps_nuisances=True)

@@ -346,23 +346,23 @@ def _roomy(table: Array, size: int, *axes: int) -> Array:
 class EffortProblem:
     """All candidates of the efforts, their columns and the prior of their coefficients.
 
-    `prior` (P,): inverse variances, in the unit of the whitened noise; `bodies`: the inverse covariance (10, 10) of a
-    body's parameters instead, by the first of its ten columns; `links`: the link of each column that is a toleranced
-    inertial parameter.
+    `prior` (P,): inverse variances, in the unit of the whitened noise; `blocks`: the inverse covariance (m, m) of a
+    body's parameters, or of drives' gains, instead, by the first of their columns; `links`: the link of each column
+    that is a toleranced inertial parameter.
     """
 
     mechanism: Mechanism
     columns: DesignMatrix
     candidates: tuple[EffortCandidate, ...]
     prior: Array
-    bodies: Mapping[int, Array] = field(default_factory=dict)
+    blocks: Mapping[int, Array] = field(default_factory=dict)
     links: Mapping[int, str] = field(default_factory=dict)
 
     def precision(self, where: Sequence[int] | np.ndarray | None = None) -> Array:
         """Return the prior's inverse covariance (p, p) of the coefficients of some columns; None: of all."""
         picked = np.arange(self.columns.size) if where is None else np.asarray(where, int)
         out = np.diag(self.prior[picked])
-        for first, block in self.bodies.items():
+        for first, block in self.blocks.items():
             here = np.flatnonzero((picked >= first) & (picked < first + len(block)))
             if len(here):
                 own = picked[here] - first

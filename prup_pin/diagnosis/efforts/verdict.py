@@ -169,7 +169,13 @@ def _by_link(names: Sequence[str]) -> str:
 
 def effects_of(final: FinalState, doubtful: Sequence[EffortCandidate]) -> Iterator[Effect]:
     """Yield all effects of the corrected model: laws, and toleranced parameters. doubtful: laws told as curves."""
-    yield from effects_of_deviations(final.efforts.deviations, final.x[: len(final.model.toleranced)])
+    gains = [] if final.gains is None else final.efforts.gains_among(final.model)[1]
+    within = [
+        (final.efforts.deviations[index], amount)
+        for place, (index, amount) in enumerate(zip(final.model.toleranced, final.x, strict=False))
+        if place not in gains
+    ]
+    yield from effects_of_deviations([item for item, _ in within], np.array([amount for _, amount in within]))
     for term in final.model.terms:
         own = final.x[final.model.slice_of(term)]
         if term in doubtful:
@@ -181,5 +187,5 @@ def effects_of(final: FinalState, doubtful: Sequence[EffortCandidate]) -> Iterat
             yield final.effect(law, place, values)
     if final.gains is not None:
         law = law_of_gains()
-        for name, gain in zip(final.at.driven, final.gains.gains, strict=True):
+        for name, gain in zip(final.at.driven, final.reported, strict=True):
             yield Effect(law, Place(name, law.variant), {law.linear[0]: float(gain - 1)})
