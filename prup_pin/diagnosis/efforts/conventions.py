@@ -261,8 +261,9 @@ class _Search:
             return (*reading, *driven)
 
         def cost(reading: Sequence[Convention]) -> float:
-            return self.left(read_as(self.written, with_efforts(reading), self.drawn))
+            return self.left(read_as(self.written, with_efforts(reading), self.drawn), few)
 
+        few = _rows(len(self.rows), _SCANNED)
         if not first > FAR_LESS:
             return None
         found = with_efforts(quarter_turns(self.mechanism, list(self.written.positions), cost))
@@ -308,13 +309,16 @@ class _Search:
         _, bodies, _ = self.read(read_as(replace(plain, efforts=own), axes, self.drawn))
         return _rms(shares_of_efforts(motion, efforts, bodies, noise))
 
-    def left(self, recording: Recording) -> float:
+    def left(self, recording: Recording, rows: np.ndarray | None = None) -> float:
         """Return what rigid efforts and friction leave of the efforts but noise: a share, RMS of the joints."""
-        return _rms(self.shares(recording))
+        return _rms(self.shares(recording, rows))
 
-    def shares(self, recording: Recording) -> Array:
-        """Return the same of the squares of each joint's effort (k,), beside a body that the tool may hold."""
-        motion, efforts, noise = self.read(recording)
+    def shares(self, recording: Recording, rows: np.ndarray | None = None) -> Array:
+        """Return the same of the squares of each joint's effort (k,), beside a body that the tool may hold.
+
+        rows: those samples alone.
+        """
+        motion, efforts, noise = self.read(recording, rows)
         try:
             rigid = self.at.rigid_of(motion)
         except InputError:  # loops that do not close
@@ -361,7 +365,7 @@ class _Search:
             for columns in (recording.positions, recording.velocities, recording.accelerations)
         ]
         efforts = np.column_stack([recording.efforts[name] for name in self.motion.driven])
-        noise = np.linalg.norm(efforts[len(self.motion) :], axis=0)
+        noise = np.linalg.norm(efforts[len(self.motion) :], axis=0) * np.sqrt(len(rows) / len(self.motion))
         return self.motion.select(rows).with_motion(*moved), efforts[rows], noise
 
     def _forward(
