@@ -25,6 +25,7 @@ from .criteria import (
     GAIN,
     INDISTINCT,
     LEAD,
+    MOST,
     MOST_FITS,
     MOST_SIMULATED,
     MOST_TERMS,
@@ -281,8 +282,8 @@ def screen(
 ) -> list[Rival]:
     """Return all candidates fitted on top of a fit's terms and together with them, to first order, best first.
 
-    Those that cannot remove what the best one does are left out, and the first ones are fitted from each of their
-    starts: no step leads from a joint that only sticks to one that slides.
+    Those that cannot remove what the best one does are left out, and those that remove half as much are fitted from
+    each of their starts: no step leads from a joint that only sticks to one that slides.
     """
     rivals = []
     kept = fit.terms
@@ -298,8 +299,10 @@ def screen(
         rivals.append(Rival(term, chi2, change))
         best = min(best, chi2)
     rivals.sort(key=lambda rival: rival.score)
-    for place, candidate in enumerate([rival.term.candidate for rival in rivals[:TRIED]]):
-        if len(candidate.scan()) > 1:
+    near = fit.chi2 - MOST * (fit.chi2 - best)
+    for place, rival in enumerate(rivals[:TRIED]):
+        candidate = rival.term.candidate
+        if rival.chi2 <= near and len(candidate.scan()) > 1:
             chi2, term, change = problem.first_order_fit(fit, kept, candidate, nuisance=nuisance, thorough=True)
             rivals[place] = Rival(term, chi2, change)
     return sorted(rivals, key=lambda rival: rival.score)
