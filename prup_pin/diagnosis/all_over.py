@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from ..numbers import number, quantity
 from ..recordings import KINDS_OF_TOLERANCE
 from .calibrate import CalibratedParameter
 from .chances import WITHIN_95, normal_isf
-from .criteria import FALSE_ALARM, MOST_LISTED
+from .criteria import FALSE_ALARM, GAIN, MOST_LISTED
 from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated
 from .problem import Fit, Problem
@@ -20,22 +20,27 @@ __all__ = ["all_over"]
 
 def all_over(
     problem: Problem, fit: Fit, calibrated: Sequence[CalibratedParameter], kinds: Sequence[str], labels: np.ndarray
-) -> Iterator[Finding]:
-    """Yield a finding for each kind of parameter that is off all over, its places with the surest first.
+) -> list[Finding]:
+    """Return a finding for each kind of parameter that is off all over, its places with the surest first.
 
+    One of which no place is sure, and without which blocks left out are foretold as well, is only the best of them.
     labels (N,): samples that are held out together.
     """
+    found = []
     held = cross_validated(problem, fit, labels[fit.samples], strained=True) if kinds else 0.0
     said = {kind.name: kind.all_over for kind in KINDS_OF_TOLERANCE if kind.all_over}
     for words in dict.fromkeys(said.values()):
         items = [item for item in calibrated if item.deviation.kind in kinds and said.get(item.deviation.kind) == words]
         if items:
-            yield _finding(problem, fit, items, words, labels[fit.samples], held)
+            found.append(_finding(problem, fit, items, words, labels[fit.samples], held))
+    told = [finding for finding, is_sure in found if is_sure or finding.heldout_gain > GAIN]
+    return told or [finding for finding, _ in sorted(found, key=lambda each: -each[0].heldout_gain)[:1]]
 
 
 def _finding(
     problem: Problem, fit: Fit, items: Sequence[CalibratedParameter], words: str, labels: np.ndarray, held: float
-) -> Finding:
+) -> tuple[Finding, bool]:
+    """Return a finding, and whether any of its places is sure."""
     assert problem.tolerances is not None
     own = {item.name for item in items}
     mask = np.array([item.name in own for item in problem.tolerances.toleranced.law.deviations])
@@ -52,7 +57,7 @@ def _finding(
         amount, unit = sure[0].deviation.amount(sure[0].value), _unit_of_amount(sure[0])
         size = f"{number(100 * amount, 3, signed=True)} %" if unit == "1" else quantity(amount, unit, signed=True)
         text += f", with {size}"
-    return Finding(
+    finding = Finding(
         physics=told[0].deviation.physics,
         location=places[0] if len(places) == 1 else "robot",
         candidates=tuple(places if len(places) == 1 else ("robot", *places)),
@@ -63,6 +68,7 @@ def _finding(
         heldout_gain=heldout_gain(held, without),
         statement=f"{words}: {_sizes(items)}{text}",
     )
+    return finding, bool(sure)
 
 
 def _surety(item: CalibratedParameter) -> float:

@@ -1,9 +1,12 @@
 """What is off all over is told in its own unit; of what is known as a share of its value, as a share."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from prup_pin import load
+from prup_pin.diagnosis import all_over as everywhere
 from prup_pin.diagnosis.all_over import _sizes
 from prup_pin.diagnosis.calibrate import CalibratedParameter
 from prup_pin.laws.deviations import deviations_of
@@ -21,3 +24,27 @@ def test_sizes_of_a_kind(kind, told):
     amount = 0.5 if kind == "stiffness" else 2e-3
     items = [off(item, sign * amount) for item, sign in zip(every, signs, strict=True)]
     assert _sizes(items) == f"{told} in the root mean square of {len(items)}"
+
+
+@pytest.mark.parametrize(
+    ("found", "told"),
+    [
+        ({"lead_error": (0.4, True), "geometric_offset": (0.0, False)}, ["lead_error"]),  # the second foretells nothing
+        ({"lead_error": (0.4, True), "geometric_offset": (0.1, False)}, ["lead_error", "geometric_offset"]),
+        ({"lead_error": (0.0, True), "geometric_offset": (0.01, False)}, ["lead_error"]),  # a place of it is sure
+        ({"lead_error": (0.0, False), "geometric_offset": (0.01, False)}, ["geometric_offset"]),
+    ],
+)
+def test_a_kind_that_foretells_nothing_and_has_no_sure_place_is_no_finding(found, told, monkeypatch):
+    def finding(problem, fit, items, words, labels, held):
+        physics = items[0].deviation.physics
+        gain, is_sure = found[physics]
+        return SimpleNamespace(physics=physics, heldout_gain=gain), is_sure
+
+    monkeypatch.setattr(everywhere, "_finding", finding)
+    monkeypatch.setattr(everywhere, "cross_validated", lambda *_, **__: 1.0)
+    kinds = {"encoder_slope": 1e-3, "position": 1e-3}
+    items = [off(item, 1e-3) for item in deviations_of(load("3prup").mechanism) if item.kind in kinds]
+    fit = SimpleNamespace(samples=np.arange(4))
+    answered = everywhere.all_over(None, fit, items, list(kinds), np.arange(4))
+    assert {each.physics for each in answered} == set(told)
