@@ -9,6 +9,8 @@ import _scattered
 import numpy as np
 from _scattered import LARGE, OURS, told
 
+from prup_pin.numbers import counted
+
 #: Robots whose simulator knows dry friction; what is drawn, seed by seed in turn; the sensors' noise as there.
 ROBOTS = ("3prup",)
 EFFECTS = (("coulomb_friction",), ("coulomb_friction", "backlash"))
@@ -81,7 +83,7 @@ def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str
     wrong = [t for t in trials if not all(e["right"] for e in t["tools"][OURS]["effects"] if e["size"] >= LARGE)]
     wrong += [t for t in trials if t not in wrong and t["tools"][OURS]["after"] > ALLOWED]
     if wrong:
-        lines += ["", f"All {len(wrong)} devices that were missed or predicted worse:", ""]
+        lines += ["", f"{counted(len(wrong), 'device')} missed or predicted worse:", ""]
         lines += ["| device | truth (size) | verdict | held out |", "|---|---|---|---|"]
     for t in wrong:
         ours = t["tools"][OURS]
