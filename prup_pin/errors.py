@@ -259,12 +259,22 @@ def close_names(name: str, valid: Sequence[str], count: int = 4) -> list[str]:
     return [lowered[candidate] for candidate in lowered if {*near} & {*candidate.split("_")}][:count]
 
 
+#: Comparing more names would take longer than reading.
+_MOST_COMPARED = 2000
+
+
+def did_you_mean(name: str, valid: Sequence[str], count: int = 4) -> str:
+    """Return 'Did you mean …' where something is close, else ''."""
+    close = close_names(name, valid, count) if len(valid) <= _MOST_COMPARED else []
+    return "Did you mean " + " or ".join(f"'{match}'" for match in close) + "?" if close else ""
+
+
 def nearest_names(name: str, valid: Sequence[str], count: int = 4) -> str:
     """Return 'Did you mean …' where something is close, else the valid names."""
-    if len(valid) > 2000:  # comparing would take longer than reading
+    if meant := did_you_mean(name, valid, count):
+        return meant
+    if len(valid) > _MOST_COMPARED:
         return f"There are {len(valid)} names, for example {', '.join(list(valid)[:4])}."
-    if close := close_names(name, valid, count):
-        return "Did you mean " + " or ".join(f"'{match}'" for match in close) + "?"
     if not valid:
         return "There are none."
     shown = ", ".join(valid[:30])

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 
-from ..errors import InputError, nearest_names
+from ..errors import InputError, did_you_mean, nearest_names
 from ..parameters import plain_unit
 from ..spatial import WRENCH_NAMES
 
@@ -108,8 +108,8 @@ def parse_quantity(
             raise _refuse(
                 option, whole, at, f"'{unit}' is a unit of {_article(other)}; expected {_units_in_words(dimension, si)}"
             )
-        near = nearest_names(unit, list(units)) if units else ""
-        hint = f" ({near.rstrip('.')})" if near.startswith("Did") else ""
+        near = did_you_mean(unit, list(units))
+        hint = f" ({near})" if near else ""
         raise _refuse(option, whole, at, f"unknown unit '{unit}'; expected {_units_in_words(dimension, si)}{hint}")
     if not math.isfinite(value):
         raise _refuse(option, whole, offset, f"'{stripped}' is too large; expected a finite number")

@@ -26,7 +26,7 @@ from .evidence import (
     with_rescaled,
 )
 from .findings import no_noise, too_few, unrecorded_load
-from .gross_errors import Outlier
+from .gross_errors import Outlier, left_of_each
 from .noise import noise_of_the_rest
 from .prepare import Prepared, Tell
 from .problem import Fit, Problem
@@ -78,28 +78,27 @@ class Account:
         left = float(np.sqrt(self.selection.last.chi2 / max(self.size, 1)))
         return replace(noise, position=left * noise.position, rotation=left * noise.rotation)
 
-    def selecting(self, selection: Selection) -> Account:
-        """Return the same account with other laws."""
-        return replace(self, selection=selection)
-
     def explains(self, outliers: Sequence[Outlier], exists: np.ndarray, noise: Noise) -> bool:
         """Return True where most of what lay too far off is now as noise is; exists (N, K): all that was measured."""
-        stack, last = self.problem.stack.of_those(exists), self.selection.last
-        problem = replace(self.problem, noise=noise, stack=stack)
-        fit = problem.fit_at(last.terms, last.run, last)
-        where = {group.name: group.where for group in problem.stack.groups()}
-        rows = np.searchsorted(fit.samples, [item.sample for item in outliers])
-        left = [fit.residual[row, where[item.channel]] for row, item in zip(rows, outliers, strict=True)]
-        return sum(float(part @ part) < chi2_isf(FALSE_ALARM, len(part)) for part in left) > MOST * len(outliers)
+        problem = replace(self.problem, noise=noise, stack=self.problem.stack.of_those(exists))
+        fit, rest = self._found_in(problem), np.full(exists.shape, np.nan)
+        rest[fit.samples] = fit.residual
+        parts = left_of_each(outliers, rest, problem.stack)
+        return sum(float(part @ part) < chi2_isf(FALSE_ALARM, len(part)) for part in parts) > MOST * len(outliers)
 
     def by_noise(self, noise: Noise) -> tuple[float, bool]:
         """Return what is left of blocks that are held out in turn, chi squared by a noise, and whether all may be that.
 
         What two accounts leave is not compared by two noises, nor metres by one and radians by another.
         """
-        problem, last = replace(self.problem, noise=noise), self.selection.last
-        fit = problem.relinearised(problem.fit_at(last.terms, last.run, last))
+        problem = replace(self.problem, noise=noise)
+        fit = problem.relinearised(self._found_in(problem))
         return cross_validated(problem, fit, self.labels[fit.samples]), is_clean(problem, fit)
+
+    def _found_in(self, problem: Problem) -> Fit:
+        """Return the simulation with what was found, beside what another problem measured or by its noise."""
+        last = self.selection.last
+        return problem.fit_at(last.terms, last.run, last)
 
 
 def without_laws(prepared: Prepared, tell: Tell) -> Account:
@@ -123,7 +122,7 @@ def with_first_law(prepared: Prepared, tell: Tell) -> Account:
         return begun
     tell("laws, round 1", 0.05)
     last = with_one_law(begun.problem, prepared.library, begun.labels, begun.problem.first)
-    return begun.selecting(replace(begun.selection, last=last))
+    return replace(begun, selection=replace(begun.selection, last=last))
 
 
 def beside_laws(prepared: Prepared, terms: Sequence[Term], tell: Tell) -> Account:
@@ -133,9 +132,7 @@ def beside_laws(prepared: Prepared, terms: Sequence[Term], tell: Tell) -> Accoun
     calibrated = _within_tolerances(prepared, Problem.of(acting, problem.stack, problem.noise))
     if calibrated.tolerances is None:
         return with_first_law(prepared, tell)
-    problem = calibrated_from(
-        replace(problem, tolerances=replace(calibrated.tolerances, start=None)), calibrated.first.x
-    )
+    problem = calibrated_from(problem.as_open_as(calibrated), calibrated.first.x)
     first = problem.first
     beside = problem.fit_at(terms, first.run, first, calibrated.first.x)
     last = min((problem.refine(terms, begin) for begin in (first, beside)), key=lambda fit: fit.chi2)
@@ -154,7 +151,7 @@ def searched(begun: Account, tell: Tell, most: int = MOST_FITS) -> Account:
     now = _by_noise_of_the_rest(_by_noise_of_the_wrench(now, tell, most), tell, most)
     now = _with_weight_or_without(now, tell, most)
     if begun.prepared.kinds:
-        now = now.selecting(dropped_by_folds(now.problem, now.selection, now.labels))
+        now = replace(now, selection=dropped_by_folds(now.problem, now.selection, now.labels))
     elif now.doubt is None and now.is_clean:
         now = _within_rescaled(now, tell)
     if begun.prepared.noise_unknown and now.doubt is None and now.is_clean:

@@ -69,6 +69,8 @@ MOST: Final = 0.5
 #: Places, laws, parameters, and variables that a deformation may follow, that take away at least this share of the
 #: squares that the best one does, or of each other's, cannot be told from it.
 ALIKE: Final = 0.95
+#: Where one curve takes less than this share of what a deformation of its own at each sample does, it is no curve.
+FOLLOWED: Final = 0.85
 #: Share that is left where something leaves far less: of a log, as read otherwise, since faults of any size change
 #: single parts and rarely bring a drastic change so near to the drawing; of efforts at rest without the robot's weight,
 #: which are tared; and units of single drives save as much, or else a gain or two are laws of their joints.

@@ -20,7 +20,7 @@ from .criteria import APART, FAR_LESS, LITTLE, OUTLIER
 from .problem import Problem
 from .variance_components import VarianceEstimate, of_groups
 
-__all__ = ["Outlier", "far_off", "gross_errors", "without_outliers"]
+__all__ = ["Outlier", "far_off", "gross_errors", "left_of_each", "without_outliers"]
 
 #: Neighbours in posture that share what is a machine's own.
 _NEIGHBOURS = 2
@@ -113,8 +113,7 @@ def _shared(far: np.ndarray, off: Array, actuators: Array, blocks: np.ndarray) -
 
 def _exchanged(found: Sequence[Outlier], rest: Array, stack: Stack) -> list[Outlier]:
     """Return outliers, those told of another channel that have its place: what is left of both cancels, (N, K)."""
-    where = {group.name: group.where for group in stack.groups()}
-    out = list(found)
+    where, out = _columns(stack), list(found)
     for index, item in enumerate(found):
         for other in found:
             if other.sample == item.sample and other.unit == item.unit and other.channel != item.channel:
@@ -126,8 +125,18 @@ def _exchanged(found: Sequence[Outlier], rest: Array, stack: Stack) -> list[Outl
 
 def without_outliers(exists: np.ndarray, outliers: Sequence[Outlier], stack: Stack) -> np.ndarray:
     """Return what was measured (N, K) without outliers."""
-    out = exists.copy()
-    where = {group.name: group.where for group in stack.groups()}
+    out, where = exists.copy(), _columns(stack)
     for item in outliers:
         out[item.sample, where[item.channel]] = False
     return out
+
+
+def left_of_each(outliers: Sequence[Outlier], rest: Array, stack: Stack) -> list[Array]:
+    """Return what is left of each outlier, (3,) of rest (N, K)."""
+    where = _columns(stack)
+    return [rest[item.sample, where[item.channel]] for item in outliers]
+
+
+def _columns(stack: Stack) -> dict[str, slice]:
+    """Return the columns of each channel by its name."""
+    return {group.name: group.where for group in stack.groups()}

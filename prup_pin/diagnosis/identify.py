@@ -351,7 +351,7 @@ class SimulatedTest:
         ]
         noise = replace(problem.noise, each=(), which=None)
         own = Problem.of(problem.simulator.under(inputs), Stack(tuple(channels)), noise)
-        self.problem = replace(own, tolerances=replace(problem.prior, start=None))
+        self.problem = own.as_open_as(problem)
 
     @cached_property
     def fit(self) -> Fit:

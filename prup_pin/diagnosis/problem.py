@@ -168,6 +168,10 @@ class Problem:
         """
         return replace(self, tolerances=TolerancePrior(toleranced.possible(self.nominal), tuple(effects), reach))
 
+    def as_open_as(self, other: Problem) -> Problem:
+        """Return the same problem with what may be off in another one, and acts there; nothing is calibrated yet."""
+        return replace(self, tolerances=replace(other.prior, start=None))
+
     def beside(self, effects: Sequence[Effect]) -> Problem:
         """Return the same problem with other effects that act whatever else does."""
         return replace(self, tolerances=replace(self.prior, effects=tuple(effects)))

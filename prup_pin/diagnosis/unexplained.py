@@ -16,7 +16,7 @@ import numpy as np
 from ..laws import Effect
 from ..numbers import counted, percent
 from .candidates import Term
-from .criteria import GAIN, IMITATED, LITTLE, MOST, ROUGHLY, clean_bound
+from .criteria import FOLLOWED, GAIN, IMITATED, LITTLE, MOST, ROUGHLY, clean_bound
 from .diagnosis import Finding
 from .evidence import cross_validated
 from .findings import chi2_without, finding_of, nothing_compared, parameters_of, rms_of_sum, unknown_at, without_place
@@ -26,9 +26,6 @@ from .problem import Fit, Problem
 from .search import Selection, select
 
 __all__ = ["Final", "final_state"]
-
-#: Where one curve takes less than this share of what a deformation of its own at each sample does, it is no curve.
-_FOLLOWED = 0.85
 
 
 @dataclass(frozen=True)
@@ -168,7 +165,7 @@ def _beside_unknown(
         sides = "to each load from both sides" if came == LOAD else f"to each posture from both sides of {came}"
         statement += ": that is hysteresis, as friction or play leaves, and friction of a drive has no law at rest"
         advice = f"come {sides}: the mean of the two is free of the hysteresis, half of their difference is its size"
-    elif share < _FOLLOWED * found.share:
+    elif share < FOLLOWED * found.share:
         statement += ": at one and the same of it the deformation is another from sample to sample"
         advice = (
             "come to each posture and each load from both sides, twice: where the two differ, what was before decides, "

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, Problem, nearest_names
+from ..errors import InputError, Problem, did_you_mean, nearest_names
 from ..parameters import meant_otherwise
 from ..spatial import WRENCH_NAMES, Array
 from .columns import (
@@ -691,9 +691,10 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> tuple
             elif value is not None:
                 keys.wrong(key, f"is {json_kind(value)}; expected a text")
         else:
-            near = nearest_names(shown(key), KEYS, 1)
-            remarks.append(f"{beside.name}: the unknown key '{shown(key)}' is ignored. {near}")
-            if near.startswith("Did"):
+            near = did_you_mean(shown(key), KEYS, 1)
+            told = near or nearest_names(shown(key), KEYS)
+            remarks.append(f"{beside.name}: the unknown key '{shown(key)}' is ignored. {told}")
+            if near:
                 found["misspelt"] = (*found.get("misspelt", ()), remarks[-1])
     return {**found, "noise": Noise(**noise)}, remarks
 
@@ -849,8 +850,8 @@ def _remarks(
     plain = []
     for name in unknown[:_REMARKED]:
         other = in_other_words(name)
-        near = f"Did you mean '{shown(other)}'?" if other in known else nearest_names(name, known)
-        if near.startswith("Did"):
+        near = f"Did you mean '{shown(other)}'?" if other in known else did_you_mean(name, known)
+        if near:
             misspelt.append(f"The unknown column '{shown(name)}' is ignored. {near}")
         else:
             plain.append(f"'{shown(name)}'")

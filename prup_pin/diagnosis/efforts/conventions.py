@@ -263,9 +263,9 @@ class _Search:
         def cost(reading: Sequence[Convention]) -> float:
             return self.left(read_as(self.written, with_efforts(reading), self.drawn), few)
 
-        few = _rows(len(self.rows), _SCANNED)
         if not first > FAR_LESS:
             return None
+        few = _rows(len(self.rows), _SCANNED)
         found = with_efforts(quarter_turns(self.mechanism, list(self.written.positions), cost))
         if not found or not self._makes_sense(self.written, found):
             return None
