@@ -12,8 +12,7 @@ from ..numbers import number, quantity
 from ..simulation import Simulator
 from .calibrate import calibrated_from
 from .candidates import Term
-from .chances import chi2_isf
-from .criteria import FALSE_ALARM, FEW_ROUNDS, LITTLE, MOST, MOST_FITS, PARAMETER_COST, beyond_tolerance
+from .criteria import FEW_ROUNDS, LITTLE, MOST_FITS, PARAMETER_COST, beyond_tolerance
 from .diagnosis import Finding
 from .evidence import (
     count_beyond_tolerance,
@@ -26,7 +25,6 @@ from .evidence import (
     with_rescaled,
 )
 from .findings import no_noise, too_few, unrecorded_load
-from .gross_errors import Outlier, left_of_each
 from .noise import noise_of_the_rest
 from .prepare import Prepared, Tell
 from .problem import Fit, Problem
@@ -78,27 +76,14 @@ class Account:
         left = float(np.sqrt(self.selection.last.chi2 / max(self.size, 1)))
         return replace(noise, position=left * noise.position, rotation=left * noise.rotation)
 
-    def explains(self, outliers: Sequence[Outlier], exists: np.ndarray, noise: Noise) -> bool:
-        """Return True where most of what lay too far off is now as noise is; exists (N, K): all that was measured."""
-        problem = replace(self.problem, noise=noise, stack=self.problem.stack.of_those(exists))
-        fit, rest = self._found_in(problem), np.full(exists.shape, np.nan)
-        rest[fit.samples] = fit.residual
-        parts = left_of_each(outliers, rest, problem.stack)
-        return sum(float(part @ part) < chi2_isf(FALSE_ALARM, len(part)) for part in parts) > MOST * len(outliers)
-
     def by_noise(self, noise: Noise) -> tuple[float, bool]:
         """Return what is left of blocks that are held out in turn, chi squared by a noise, and whether all may be that.
 
         What two accounts leave is not compared by two noises, nor metres by one and radians by another.
         """
-        problem = replace(self.problem, noise=noise)
-        fit = problem.relinearised(self._found_in(problem))
+        problem, last = replace(self.problem, noise=noise), self.selection.last
+        fit = problem.relinearised(problem.fit_at(last.terms, last.run, last))
         return cross_validated(problem, fit, self.labels[fit.samples]), is_clean(problem, fit)
-
-    def _found_in(self, problem: Problem) -> Fit:
-        """Return the simulation with what was found, beside what another problem measured or by its noise."""
-        last = self.selection.last
-        return problem.fit_at(last.terms, last.run, last)
 
 
 def without_laws(prepared: Prepared, tell: Tell) -> Account:

@@ -234,9 +234,6 @@ def _with_outliers(drawn: Drawn, found: Account, spread: Spread, tell: Tell) -> 
     begun = _all_over(drawn, tell, every)
     if begun is None or not begun.selection.last.terms:
         return found
-    measured, noise = drawn.problem.stack.exists, found.noise
-    if not any(account.explains(spread.outliers, measured, noise) for account in (begun, found)):
-        return found
     return _cleaner(found, searched(begun, tell))
 
 

@@ -20,7 +20,7 @@ from .criteria import APART, FAR_LESS, LITTLE, OUTLIER
 from .problem import Problem
 from .variance_components import VarianceEstimate, of_groups
 
-__all__ = ["Outlier", "far_off", "gross_errors", "left_of_each", "without_outliers"]
+__all__ = ["Outlier", "far_off", "gross_errors", "without_outliers"]
 
 #: Neighbours in posture that share what is a machine's own.
 _NEIGHBOURS = 2
@@ -129,12 +129,6 @@ def without_outliers(exists: np.ndarray, outliers: Sequence[Outlier], stack: Sta
     for item in outliers:
         out[item.sample, where[item.channel]] = False
     return out
-
-
-def left_of_each(outliers: Sequence[Outlier], rest: Array, stack: Stack) -> list[Array]:
-    """Return what is left of each outlier, (3,) of rest (N, K)."""
-    where = _columns(stack)
-    return [rest[item.sample, where[item.channel]] for item in outliers]
 
 
 def _columns(stack: Stack) -> dict[str, slice]:
