@@ -199,7 +199,9 @@ def test_noise_is_estimated_from_markers_where_they_repeat(arm):
 def test_a_marker_in_millimetres_or_degrees_is_named(arm):
     recording = measured(arm, standing(arm, 5), [weight(arm)])
     wide = {**recording.markers, "link5": 1e3 * recording.markers["link5"]}
-    with pytest.raises(InputError, match=r"marker link5 are .* apart, in the median: .* or other units. Check --robot, p.link5.x"):
+    with pytest.raises(
+        InputError, match=r"marker link5 are .* apart, in the median: .* or other units. Check --robot, p.link5.x"
+    ):
         diagnose(arm, recording.with_measurements(markers=wide))
     turned = {**recording.marker_rotations, "link3": recording.marker_rotations["link3"] + [1.5, 0, 0]}
     with pytest.raises(InputError, match=r"orientations of marker link3 .* expected r.link3.x r.link3.y r.link3.z"):
