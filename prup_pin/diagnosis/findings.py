@@ -10,7 +10,6 @@ import numpy as np
 from ..channels import Noise
 from ..laws import Effect
 from ..laws.deeds import Moved
-from ..laws.law import is_untold
 from ..numbers import counted, number, percent, quantity
 from ..recordings import SENSORS
 from ..robot import Robot
@@ -18,11 +17,11 @@ from ..spatial import Array, rotation_exp, rotation_log
 from .calibrate import (
     CalibratedParameter,
 )
-from .candidates import Candidate
 from .chances import WITHIN_95
-from .criteria import GAIN, INDISTINCT, MUCH, WEIGHT_SHOWS, WIDEST_LOGARITHM
+from .criteria import GAIN, INDISTINCT, MUCH, WEIGHT_SHOWS
 from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated, implausible, scale_of
+from .intervals import parameters_of
 from .noise import could_show_structure, is_white
 from .problem import Fit, Problem
 from .search import Selection
@@ -36,7 +35,6 @@ __all__ = [
     "finite_deflection",
     "no_noise",
     "nothing_compared",
-    "parameters_of",
     "rms_of_sum",
     "sensor_displaced",
     "too_few",
@@ -331,26 +329,6 @@ def _statement(effect: Effect, parameters: Mapping[str, FittedParameter], robot:
     """Return what an effect says of itself."""
     intervals = {name: item.interval for name, item in parameters.items()}
     return effect.law.told(effect.place, effect.values, intervals, robot.mechanism)
-
-
-def parameters_of(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParameter]:
-    """Return values with 95 % intervals from the whole fit's covariance, widened where more than noise is left."""
-    term = fit.terms[index]
-    candidate: Candidate = term.candidate
-    reach = WITHIN_95 * problem.deviations(fit)[fit.coordinates_of(index)]
-    out = {}
-    for place, each in enumerate(candidate.quantities):
-        deviation = float(reach[place])
-        ends = []
-        for sign in (-1.0, 1.0):
-            moved = term.coordinates.copy()
-            moved[place] += sign * min(deviation, WIDEST_LOGARITHM if candidate.logarithmic[place] else np.inf)
-            end = float(candidate.values_of(moved)[place])
-            ends.append(float(np.clip(end, each.lower, each.upper)))
-        value = float(candidate.values_of(term.coordinates)[place])
-        untold = is_untold(each, (ends[0], ends[1]))
-        out[each.name] = FittedParameter(value, each.unit, (ends[0], ends[1]), untold=untold)
-    return out
 
 
 def finite_deflection(first: Fit, last: Fit, before: Array, silent: bool = False) -> Finding | None:

@@ -17,7 +17,7 @@ from ..numbers import number
 from .candidates import Candidate
 from .criteria import INDISTINCT, LITTLE, MOST_LISTED
 from .evidence import cross_validated
-from .findings import parameters_of
+from .intervals import parameters_of
 from .problem import Fit, Problem
 from .proposal import EqualFormula, Judged, Proposal
 from .search import alternatives_to, with_one_law

@@ -19,7 +19,8 @@ from .candidates import Term
 from .criteria import FOLLOWED, GAIN, IMITATED, LITTLE, MOST, ROUGHLY, clean_bound
 from .diagnosis import Finding
 from .evidence import cross_validated
-from .findings import chi2_without, finding_of, nothing_compared, parameters_of, rms_of_sum, unknown_at, without_place
+from .findings import chi2_without, finding_of, nothing_compared, rms_of_sum, unknown_at, without_place
+from .intervals import parameters_of
 from .locate import LOAD, Located, locate
 from .prepare import Prepared, Tell
 from .problem import Fit, Problem

@@ -64,3 +64,16 @@ class CoulombFriction(FreeJointLaw):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = joint_at(place.name, mechanism).effort_unit
         return f"the joint at {place.name} sticks and slips: it slides at {number(values['limit'], 3)} {unit}"
+
+    def told(
+        self,
+        place: Place,
+        values: Mapping[str, float],
+        intervals: Mapping[str, tuple[float, float]],
+        mechanism: Mechanism,
+    ) -> str:
+        low, high = sorted(intervals["limit"])
+        if high < self.quantities_at(place, mechanism)[0].upper:
+            return self.statement(place, values, mechanism)
+        unit = joint_at(place.name, mechanism).effort_unit
+        return f"the joint at {place.name} sticks, and did not slide below {number(low, 3)} {unit}"

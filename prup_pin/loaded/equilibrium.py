@@ -63,9 +63,12 @@ class Equilibria:
         rows = np.arange(len(samples))
         return _newton(self.chain, self.rigid.take(samples), self.state.take(samples), bare, rows, None)[0]
 
-    def own_inverses(self) -> Array:
-        """Return the inverse of every sample's own derivative, (N, m, m)."""
-        return inverted(self.matrix(), self.rigid.border)
+    def own_inverses(self, samples: np.ndarray | None = None) -> Array:
+        """Return the inverse of every sample's own derivative, (N, m, m); or of some samples' (n, m, m)."""
+        if samples is None:
+            return inverted(self.matrix(), self.rigid.border)
+        rigid, state, some = self.rigid.take(samples), self.state.take(samples), self.conditions.take(samples)
+        return inverted(self.chain.matrix(state, self.chain.evaluate(rigid, state, some), some), rigid.border)
 
     def matrix(self) -> Array:
         """Return d(residual)/d(unknowns) of every sample, (N, m, m)."""

@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import PrupPinError
 from ..kinematics import ClosedPose
 from ..laws import Effect, Inputs, Setup
-from ..laws.deeds import DEEDS, Deed, History, base_motion, carried_along, yielding_values
+from ..laws.deeds import AGREED, DEEDS, Deed, History, base_motion, carried_along, yielding_values
 from ..loaded import Chain, Conditions, Equilibria, chain_of, find_equilibria, with_values
 from ..mechanism import Frame
 from ..robot import Robot
@@ -22,8 +22,6 @@ from .overdriven import Overdriven
 __all__ = ["Memory", "Run", "Simulator"]
 
 _MEMORY_ROUNDS = 25
-#: Histories agree with the equilibria where they move by less than this, in their own units.
-_AGREED = 1e-7
 
 #: What deeds that remember hold after a sample, by kind.
 Memory = Mapping[type[Deed], Any]
@@ -289,7 +287,7 @@ class Simulator:
             for history in histories:
                 now = history.act(now)
             found = find_equilibria(chain, geometry.poses, rows, now, found, near=near)
-            if max((history.follow(found) for history in histories), default=0.0) < _AGREED:
+            if max((history.follow(found) for history in histories), default=0.0) < AGREED:
                 return found
         assert found is not None
         return replace(found, converged=np.zeros_like(found.converged))

@@ -3,7 +3,7 @@
 A deed of a new kind: a final class in a file of its own, and one line in `DEEDS`. The contract is in `deed.py`.
 """
 
-from .deed import BLOCK, RUN, Deed, History, Moment, Solved
+from .deed import AGREED, BLOCK, RUN, Deed, History, Moment, Solved
 from .extra_tilt import ExtraTilt
 from .load import ScaledMass, ToolLoad, ToolSpring, Weight, WrenchReading
 from .remembered import RememberedStrain
@@ -37,6 +37,7 @@ DEEDS: tuple[type[Deed], ...] = (
 )
 
 __all__ = [
+    "AGREED",
     "BLOCK",
     "DEEDS",
     "RUN",

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 #: How long a deed remembers: while the actuators stand still, or for a whole run.
 BLOCK, RUN = "block", "run"
+#: Histories agree with the equilibria where they move by less than this, in their own units.
+AGREED = 1e-7
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class History(ABC):
 
     @abstractmethod
     def follow(self, found: Equilibria) -> float:
-        """Follow the history with new equilibria; return by how much it moved, in units that 1e-7 of is nothing."""
+        """Follow the history with new equilibria; return by how much it moved; less than `AGREED` is nothing."""
 
     @property
     @abstractmethod

@@ -16,12 +16,14 @@ from ...loaded import Chain, Conditions, Equilibria
 from ...mechanism import Changes, JointDynamics
 from ...numbers import number
 from ...spatial import Array
-from .deed import BLOCK, Deed, History, Solved
+from .deed import AGREED, BLOCK, Deed, History, Solved
 
 if TYPE_CHECKING:
     from ..setup import Setup
 
 _SWEEPS = 60
+#: A round shrinks the change of a torque by this factor; where it does not, its derivative is not that of its pose.
+_SHRINKS = 0.5
 #: Rounds in which joints that slide are guessed before sweeps look for them, and those in which all may change.
 _GUESSES, _TOGETHER = 30, 6
 
@@ -108,6 +110,8 @@ class _Resisting(History):
         self.free_count = len(chain.free)
         self.moment = setup.moment(samples)
         self.torques = np.zeros((len(samples), len(self.places)))
+        self._change = np.full(self.torques.shape, np.inf)  # of the torques, in the last round
+        self._misled = np.zeros(len(samples), bool)  # for which the derivative of their pose is none
         self._before = before
         self._after = before
         self._relaxed: Array | None = None
@@ -125,22 +129,35 @@ class _Resisting(History):
     def follow(self, found: Equilibria) -> float:
         if self._relaxed is None:
             self._relaxed = _relaxed(found, self.moment.blocks)[:, self.dofs]
-        inverses, which = found.inverses  # type: ignore[misc]
-        influence = inverses[:, self.places][:, :, self.places][which]
         new, self._after = resisted(
             self.resistances,
             found.state.travel[:, self.dofs],
             self.torques,
-            influence,
+            self._influence(found),
             self.moment.blocks,
             self.moment.time,
             self._relaxed,
             self._before,
         )
         scale = max(np.abs(new).max(initial=0.0), 1e-3)  # N m; smaller torques move nothing
-        moved = float(np.abs(new - self.torques).max(initial=0.0)) / scale
-        self.torques = new
-        return moved
+        change = new - self.torques
+        slow = (np.abs(change) > _SHRINKS * np.abs(self._change)) & (np.abs(change) > AGREED * scale)
+        self._misled |= slow.any(axis=1)
+        # a step back that is nearly as long comes from beyond a kink, where a gap closes
+        step = np.where(slow & (change * self._change < 0), change / 2, change)
+        self.torques, self._change = self.torques + step, step
+        return float(np.abs(change).max(initial=0.0)) / scale
+
+    def _influence(self, found: Equilibria) -> Array:
+        """Return d(displacement)/d(torque) of the joints, (n, r, r): those of its pose, or a sample's own.
+
+        Where a gap is open a joint moves otherwise than in the other samples of its pose.
+        """
+        inverses, which = found.inverses  # type: ignore[misc]
+        influence = np.asarray(inverses[:, self.places][:, :, self.places][which])
+        if self._misled.any():
+            influence[self._misled] = found.own_inverses(self._misled)[:, self.places][:, :, self.places]
+        return influence
 
     @property
     def after(self) -> Slid | None:

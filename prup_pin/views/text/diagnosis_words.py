@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 _ABSURD = 1e9
 #: A parameter that is zero and may be as large as this, in any SI unit, may be anything.
 _ANY_SIZE = 100.0
+#: So many times as large is no bound any more.
+_MUCH_MORE = 100
 #: Findings that a sentence lists one by one.
 _IN_A_SENTENCE = 6
 #: ... and whose statements a paragraph holds.
@@ -399,6 +401,8 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
             bound, seen = (quantity(size, fitted.unit) for size in (max(high, fitted.seen), fitted.seen))
             rows.append((words, f"below {bound}", f"0 to {bound}; the encoder shows no less than {seen}"))
             continue
+        elif high > _MUCH_MORE * abs(fitted.value) and low > 0:
+            value = f"above {number(factor * low, 3)} {unit}"
         elif low == 0 < high:  # it may be nothing, and is no more than that
             unit, factor = readable_unit(high, fitted.unit)
             value = f"below {number(factor * high, 3)} {unit}".strip()
@@ -412,11 +416,11 @@ def _vector(name: str, fitted: FittedParameter) -> tuple[str, str]:
 
 
 def _is_open(fitted: FittedParameter) -> bool:
-    """Return whether an interval holds values a thousand times as large and a hundredth as large, or any size."""
+    """Return whether an interval holds values a hundred times as large and a hundredth as large, or any size."""
     low, high = sorted(abs(end) for end in fitted.interval)
     if fitted.value == 0:
         return high >= _ANY_SIZE
-    return high > 1000 * abs(fitted.value) and low < abs(fitted.value) / 100
+    return high > _MUCH_MORE * abs(fitted.value) and low < abs(fitted.value) / _MUCH_MORE
 
 
 def by_place(finding: Finding) -> dict[str, list[tuple[str, str, str]]]:
