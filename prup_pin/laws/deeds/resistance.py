@@ -110,7 +110,7 @@ class _Resisting(History):
         self.free_count = len(chain.free)
         self.moment = setup.moment(samples)
         self.torques = np.zeros((len(samples), len(self.places)))
-        self._change = np.full(self.torques.shape, np.inf)  # of the torques, in the last round
+        self._change = np.zeros(self.torques.shape)  # in the last round
         self._misled = np.zeros(len(samples), bool)  # for which the derivative of their pose is none
         self._before = before
         self._after = before
@@ -141,7 +141,7 @@ class _Resisting(History):
         )
         scale = max(np.abs(new).max(initial=0.0), 1e-3)  # N m; smaller torques move nothing
         change = new - self.torques
-        slow = (np.abs(change) > _SHRINKS * np.abs(self._change)) & (np.abs(change) > AGREED * scale)
+        slow = (np.abs(change) > np.maximum(_SHRINKS * np.abs(self._change), AGREED * scale)) & (self._change != 0)
         self._misled |= slow.any(axis=1)
         # a step back that is nearly as long comes from beyond a kink, where a gap closes
         step = np.where(slow & (change * self._change < 0), change / 2, change)
