@@ -21,7 +21,7 @@ from .overdriven import Overdriven
 
 __all__ = ["Memory", "Run", "Simulator"]
 
-_MEMORY_ROUNDS = 25
+_MEMORY_ROUNDS = 60
 
 #: What deeds that remember hold after a sample, by kind.
 Memory = Mapping[type[Deed], Any]

@@ -8,6 +8,7 @@ from math import pi
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from prup_pin import laws
 from prup_pin.laws import LAWS, Effect, Inputs, Place, Setup
@@ -96,6 +97,32 @@ def test_a_joint_sticks_until_it_slides(sliding_block):
     expected.append(expected[-1] - 3 / (K + STICK))
     expected.append((0 + LIMIT) / K)  # from 30 N to 0 more than two limits: slides back, and stays off by T/k
     np.testing.assert_allclose(x, expected, rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("closing_load", [1.0, 0.1, 0.03])
+def test_friction_beside_a_gap_that_opens_and_closes(sliding_block, closing_load):
+    """The ram's spring has a gap: where that is open the block moves otherwise than in all other samples of its pose.
+
+    One equation a sample, e(F - T) = x with T of Prandtl's element, by bisection.
+    """
+    gap = 4e-4
+    forces = np.concatenate((np.linspace(0, 12, 13), np.linspace(11, -12, 24), np.linspace(-11, 3, 15)))
+    play = of(laws.Backlash, "spring", half_gap=gap, closing_load=closing_load)
+    x = pulled(sliding_block, forces, [friction(), play])[:, 0]
+    slid, expected = 0.0, []
+    for force in forces:
+
+        def torque(at, slid=slid):
+            return np.clip(STICK * (at - slid), -LIMIT, LIMIT)
+
+        def open_(at, force=force, torque=torque):
+            left = force - torque(at)
+            return left / K + gap * np.tanh(left / closing_load) - at
+
+        expected.append(brentq(open_, -1.0, 1.0, xtol=1e-15, rtol=1e-14))
+        slid = float(np.clip(slid, expected[-1] - LIMIT / STICK, expected[-1] + LIMIT / STICK))
+    np.testing.assert_allclose(x, expected, rtol=1e-6, atol=1e-8)
+    assert np.abs(expected).max() > gap  # it was closed, and opened again
 
 
 def test_an_actuator_that_moves_relaxes_the_joint(sliding_block):

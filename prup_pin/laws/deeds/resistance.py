@@ -75,7 +75,7 @@ class JointResistance(Deed):
         if setup.resistances:
             new = _Resisting(setup, at.samples, chain, None)
             places = tuple(new.places)
-            torques, _ = resisted(
+            torques, *_ = resisted(
                 setup.resistances,
                 first.found.state.travel[:, new.dofs],
                 before[:, new.places],
@@ -111,6 +111,8 @@ class _Resisting(History):
         self.moment = setup.moment(samples)
         self.torques = np.zeros((len(samples), len(self.places)))
         self._change = np.zeros(self.torques.shape)  # in the last round
+        self._begin = np.zeros(self.torques.shape)
+        self._between = np.full_like(self.torques, -np.inf), np.full_like(self.torques, np.inf)
         self._misled = np.zeros(len(samples), bool)  # for which the derivative of their pose is none
         self._before = before
         self._after = before
@@ -129,7 +131,7 @@ class _Resisting(History):
     def follow(self, found: Equilibria) -> float:
         if self._relaxed is None:
             self._relaxed = _relaxed(found, self.moment.blocks)[:, self.dofs]
-        new, self._after = resisted(
+        new, begin, self._after = resisted(
             self.resistances,
             found.state.travel[:, self.dofs],
             self.torques,
@@ -143,10 +145,26 @@ class _Resisting(History):
         change = new - self.torques
         slow = (np.abs(change) > np.maximum(_SHRINKS * np.abs(self._change), AGREED * scale)) & (self._change != 0)
         self._misled |= slow.any(axis=1)
-        # a step back that is nearly as long comes from beyond a kink, where a gap closes
-        step = np.where(slow & (change * self._change < 0), change / 2, change)
-        self.torques, self._change = self.torques + step, step
+        self._step_to(new, change, begin, scale)
         return float(np.abs(change).max(initial=0.0)) / scale
+
+    def _step_to(self, new: Array, change: Array, begin: Array, scale: float) -> None:
+        """Move the torques towards new ones, and not beyond where a sample has been seen to lie.
+
+        A joint gives way the more, the more it is pulled: of one with the same history the torque lies beyond where it
+        was to grow, and before where it was to fall. Newton's steps alone leap over a gap for ever.
+        """
+        others = np.abs(change).max(axis=1, keepdims=True) > AGREED * scale if change.shape[1] > 1 else False
+        lost = (np.abs(begin - self._begin) > AGREED * scale) | others
+        low, high = np.where(lost, -np.inf, self._between[0]), np.where(lost, np.inf, self._between[1])
+        low = np.where(change > 0, np.maximum(low, self.torques), low)
+        high = np.where(change < 0, np.minimum(high, self.torques), high)
+        beyond = ((new <= low) | (new >= high)) & np.isfinite(high - low)
+        back = ~beyond & (change * self._change < 0) & (np.abs(change) > _SHRINKS * np.abs(self._change))
+        step = np.where(back, change / 2, change)
+        step[beyond] = (low[beyond] + high[beyond]) / 2 - self.torques[beyond]
+        self.torques, self._change = self.torques + step, step
+        self._begin, self._between = begin, (low, high)
 
     def _influence(self, found: Equilibria) -> Array:
         """Return d(displacement)/d(torque) of the joints, (n, r, r): those of its pose, or a sample's own.
@@ -183,16 +201,17 @@ def resisted(
     time: Array,
     relaxed: Array,
     memory: Slid | None = None,
-) -> tuple[Array, Slid | None]:
-    """Return the resisting torques (N, r) that agree with the joints' history, and what is remembered after it.
+) -> tuple[Array, Array, Slid | None]:
+    """Return the resisting torques (N, r) that agree with the joints' history, what of the history each sample feels
+    (N, r), as the torque to which it adds nothing, and what is remembered after all.
 
     displacement (N, r) of the joints at the present `torque` (N, r); influence (N, r, r) is d(displacement)/d(torque);
     `memory`: what is remembered before the first sample. A joint starts each block relaxed, at `relaxed` (blocks, r).
     Blocks know nothing of each other: they are followed side by side.
     """
-    out = np.zeros(torque.shape)
+    out, begin = np.zeros(torque.shape), np.zeros(torque.shape)
     if not len(time):
-        return out, memory
+        return out, begin, memory
     limit = np.array([item.limit for item in resistances])
     stiffness = np.array([item.stiffness for item in resistances])
     damping = np.array([item.damping for item in resistances])
@@ -214,7 +233,7 @@ def resisted(
         given += [1 - given[1] * (given[2] + stiffness), 1 - given[1] * given[2]]
     alike = bool((lengths == lengths[0]).all())
     if alike:  # views by step, one row a block
-        *given, found = (v.reshape(len(starts), -1, *v.shape[1:]).swapaxes(0, 1) for v in (*given, out))
+        *given, found, slack = (v.reshape(len(starts), -1, *v.shape[1:]).swapaxes(0, 1) for v in (*given, out, begin))
     springs = stiffness > 0
     here: slice | np.ndarray = slice(None)
     for step in range(int(lengths.max())):
@@ -224,6 +243,7 @@ def resisted(
             here = np.flatnonzero(lengths > step)
             rows = starts[here] + step
             at = [values[rows] for values in given]
+        standing = stiffness * slid[here] + at[2] * last[here]
         if alone:
             value, x = _balanced_alone(slid[here], last[here], stiffness[0], limit[0], *at)
         else:
@@ -232,10 +252,10 @@ def resisted(
         slid[here] = held if springs.all() else np.where(springs, held, slid[here])
         last[here], now[here] = x, value
         if alike:
-            found[step] = value
+            found[step], slack[step] = value, standing
         else:
-            out[rows] = value
-    return out, Slid(int(blocks[-1]), slid[-1], last[-1], float(time[-1]), now[-1])
+            out[rows], begin[rows] = value, standing
+    return out, begin, Slid(int(blocks[-1]), slid[-1], last[-1], float(time[-1]), now[-1])
 
 
 def _balanced(torque, slid, last, stiffness, limit, free, influence, viscous) -> tuple[Array, Array]:
