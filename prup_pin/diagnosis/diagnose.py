@@ -170,7 +170,8 @@ def _under_weight(drawn: Drawn, tell: Tell) -> Account:
 def _under_loads(drawn: Drawn, tell: Tell) -> Account:
     """Return the account of a loaded robot: whatever is off all over, where few laws do not do.
 
-    One law is looked for, and more where what is off all over does not explain more than that one by far.
+    One law is looked for, and more where what is off all over does not explain more than that one by far, or where
+    one more may be all that is missing.
     """
     few = with_first_law(drawn.prepared(), tell)
     begun = whole = None
@@ -179,7 +180,8 @@ def _under_loads(drawn: Drawn, tell: Tell) -> Account:
         begun = _all_over(drawn, tell)
         if begun is None:
             return searched(few, tell)
-        if begun.prepared.spread is not None and not begun.prepared.spread.of_few and _explains_more(begun, few):
+        many = begun.prepared.spread is not None and not begun.prepared.spread.of_few
+        if many and _explains_more(begun, few) and not few.lacks_one_law:
             whole = searched(begun, tell)
             if whole.is_clean:
                 return whole

@@ -492,12 +492,17 @@ def _parallel(one: Rival, other: Rival) -> bool:
 
 
 def dropped(search: Search, fit: Fit, chance: Chance) -> Fit:
-    """Return the fit without terms that the others have made needless: that gain no more than chance does."""
+    """Return the fit without terms that the others have made needless: that gain no more than chance does.
+
+    What acts on every robot has nothing to prove.
+    """
     problem = search.problem
     while len(fit.terms) > 1:
         least = chance(fit)
         for index, term in enumerate(fit.terms):
             others, kept = fit.others(index)
+            if term.is_expected:
+                continue
             changed = problem.change(fit, [other.effect for other in kept]).ravel()
             if float((without(changed, problem.nuisance(fit, others)) ** 2).sum()) > least(term.candidate.size):
                 continue
