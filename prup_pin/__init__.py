@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # completion and type checkers see it
     from ._public import *
     from .diagnosis import diagnose
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 
 class _Moved:

@@ -183,15 +183,19 @@ def _outweighing(
 ) -> tuple[list[Finding], Located | None, Fit]:
     """Return the findings that each take `IMITATED` times what is left, where that sits, and their fit.
 
-    What acts on every robot, as weight does, imitates nothing.
+    Those that make up for each other are pieces of what is left. What acts on every robot, as weight does, imitates
+    nothing.
     """
     count, mechanism = problem.count(fit), problem.simulator.robot.mechanism
     while True:
         least = IMITATED * max(fit.chi2 - count, 0.0)
         gains = [np.inf if term.is_expected else chi2_without(problem, fit, at) for at, term in enumerate(fit.terms)]
-        if min(gains, default=np.inf) >= least:
+        imitating = _cancelling(problem, fit)
+        if not imitating and min(gains, default=np.inf) < least:
+            imitating = (int(np.argmin(gains)),)
+        if not imitating:
             return kept, locate(problem, fit), fit
-        kept.pop(int(np.argmin(gains)))
+        kept = [finding for index, finding in enumerate(kept) if index not in imitating]
         terms = [term for term in fit.terms if any(term.effect == finding.effect for finding in kept)]
         fit = problem.refine(terms, first) if terms else first
         kept = [
