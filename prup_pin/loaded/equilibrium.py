@@ -30,6 +30,8 @@ _LONGEST = 0.2
 #: A sample whose steps have doubled so often is given up, as is one that still wanders after so many iterations.
 _DIVERGING = 4
 _WANDERING, _FAR = 15, 1e-3
+#: One that begins near an equilibrium is within half of the longest step of it by then.
+_SOON = 4
 _LOAD_STEPS = (2, 8, 32)
 #: Smaller steps are tried where coarser ones reached this share of the load.
 _WORTHWHILE = 0.3
@@ -105,7 +107,7 @@ def find_equilibria(
 
     `start`: equilibria of the same samples under other conditions, from which the search starts. `by_steps`: what is
     not found so is searched again from the rigid pose, with a load that grows; else it is soon given up. `near`: an
-    equilibrium that does not lie near `start` is none, and no load grows.
+    equilibrium that does not lie near `start`, which a few steps find, is none, and no load grows.
     """
     rows = np.asarray(rows, int)
     if start is None:
@@ -121,7 +123,7 @@ def find_equilibria(
             state = replace(state, strain=old.strain, closure=old.closure)
     shared = start.inverses if start is not None else None
     state, evaluation, converged, steps, shared = _newton(
-        chain, rigid, state, conditions, rows, shared, _ITERATIONS if by_steps else _FEW
+        chain, rigid, state, conditions, rows, shared, _ITERATIONS if by_steps and not near else _FEW, near
     )
     free = rigid.border.holds & ~converged & (steps < TOLERANCE)
     if by_steps and free.any():
@@ -151,8 +153,12 @@ def _newton(
     rows: np.ndarray,
     shared: Any,
     most: int = _ITERATIONS,
+    near: bool = False,
 ):
-    """Return state, evaluation, which samples converged, their last steps and the shared inverses."""
+    """Return state, evaluation, which samples converged, their last steps and the shared inverses.
+
+    near: all are given up where one is not about to converge, for that is all that is asked.
+    """
     n = len(rows)
     size = np.full(n, np.inf)
     if not n:
@@ -197,6 +203,8 @@ def _newton(
         grown[active] += moved > 2 * size[active]
         grown[active[np.isnan(moved)]] = _DIVERGING
         size[active] = moved
+        if near and iteration >= _SOON and moved.max() > _LONGEST / 2:
+            break
         if iteration >= _WANDERING:
             grown[active[np.minimum(best[active], moved) > _FAR]] = _DIVERGING
         too_long = moved > _LONGEST

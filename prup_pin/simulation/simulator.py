@@ -287,6 +287,8 @@ class Simulator:
             for history in histories:
                 now = history.act(now)
             found = find_equilibria(chain, geometry.poses, rows, now, found, near=near)
+            if near and not found.converged.all():
+                return found
             if max((history.follow(found) for history in histories), default=0.0) < AGREED:
                 return found
         assert found is not None
