@@ -141,16 +141,17 @@ def test_what_is_off_all_over_takes_the_place_of_few_laws(again, few, more):
 
 
 @pytest.mark.parametrize(
-    ("one_law", "far", "of_few", "searches"),
+    ("one_law", "far", "one_more", "of_few", "searches"),
     [
-        (900.0, True, {}, ["all over"]),  # no law comes near what is off all over
-        (900.0, True, {"position": 1e-3}, ["few laws", "all over"]),  # nor one alone, but several may
-        (40.0, True, {}, ["few laws", "all over"]),
-        (900.0, False, {}, ["few laws", "all over"]),  # noise is much of what is left
+        (900.0, True, False, {}, ["all over"]),  # no law comes near what is off all over
+        (900.0, True, False, {"position": 1e-3}, ["few laws", "all over"]),  # nor one alone, but several may
+        (900.0, True, True, {}, ["few laws", "all over"]),  # one more may be all that is missing
+        (40.0, True, False, {}, ["few laws", "all over"]),
+        (900.0, False, False, {}, ["few laws", "all over"]),  # noise is much of what is left
     ],
 )
 def test_laws_are_not_looked_for_long_where_none_comes_near_what_is_off_all_over(
-    one_law, far, of_few, searches, monkeypatch
+    one_law, far, one_more, of_few, searches, monkeypatch
 ):
     def account(called, told, **more):
         return SimpleNamespace(called=called, noise=None, size=30, is_clean=told[1], by_noise=lambda _: told, **more)
@@ -164,9 +165,8 @@ def test_laws_are_not_looked_for_long_where_none_comes_near_what_is_off_all_over
 
     other = SimpleNamespace(spread=SimpleNamespace(of_few=of_few))
     monkeypatch.setattr(whole, "_all_over", lambda *_: account("all over", (30.0, False), prepared=other))
-    monkeypatch.setattr(
-        whole, "with_first_law", lambda *_: account("few laws", (one_law, False), is_far_from_clean=far)
-    )
+    first = account("few laws", (one_law, False), is_far_from_clean=far, lacks_one_law=one_more)
+    monkeypatch.setattr(whole, "with_first_law", lambda *_: first)
     monkeypatch.setattr(whole, "searched", search)
     chosen = whole._under_loads(SimpleNamespace(prepared=lambda: None), lambda *_: None)
     assert asked_for == searches
