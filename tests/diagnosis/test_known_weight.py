@@ -102,3 +102,12 @@ def test_weight_that_acts_already_is_not_added_once_more(bench):
     assert [effect.law.physics for effect in problem.acting] == ["self_weight"]
     found = select(problem, list(library.values()), simulator.inputs.blocks, problem.first)
     assert WEIGHT not in values(found.last)
+
+
+def test_the_weight_that_acts_has_nothing_to_prove(bench):
+    simulator, library = bench
+    problem = measured(simulator, mass=4.0)
+    terms = [library[name].term(library[name].starts()[0]) for name in (PAYLOAD, WEIGHT)]
+    fit = problem.refine(terms, problem.first)
+    kept = searching.dropped(searching.Search(problem), fit, lambda fit: lambda size: np.inf)
+    assert values(kept).keys() == {WEIGHT}
