@@ -17,6 +17,7 @@ from scipy.signal import butter, sosfiltfilt
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.proposal import Proposal, proposed_files
+from prup_pin.dynamics import LowPass
 from prup_pin.errors import InputError
 from prup_pin.laws.formulas import KNOWN
 from prup_pin.plugins import along
@@ -50,7 +51,8 @@ joint where they show most. The library of terms was written down before the dev
 - *True terms*: the formula, or one that the verdict lists as equal, has a term of the true shape, and nothing but the
   true variables. Where the laws of the library explain a device down to the noise no formula is asked for: that counts
   as not found.
-- *Held out*: another motion of the device; what the formula's model leaves below 8 Hz at the joint, over the noise.
+- *Held out*: another motion of the device; what the formula's model leaves below 8 Hz at the joint, over the noise,
+  but for 0.2 s at either end of the log, where accelerations have no other side.
 - *Beyond*: the same motion, 20 % wider and faster; the error where a variable is outside its recorded range, over that
   of the curve of no law, which ends there.
 - *Confirmed*: the other motion of the same device, diagnosed with the proposed file. *Refuted*: a motion of another
@@ -166,9 +168,13 @@ def _low(drawn: Mapping[str, Any], k: int, values: np.ndarray) -> np.ndarray:
 
 
 def _left(drawn: Mapping[str, Any], k: int, joint: str, predicted: np.ndarray) -> float:
-    """Return what a prediction (N,) leaves of a joint's effort below 8 Hz over the noise there, where it moves."""
+    """Return what a prediction (N,) leaves of a joint's effort below 8 Hz over the noise there, where it moves.
+
+    At both ends of a log an acceleration has no other side: without speeds in the log it is nothing there.
+    """
     column, log = drawn["joints"].index(joint), drawn["logs"][k]
     moves = np.abs(np.gradient(log["q"][:, column], log["time"])) > STANDING
+    moves &= LowPass(CUT, 1 / np.median(np.diff(log["time"]))).settled(np.zeros(len(moves), int))
     left = _low(drawn, k, log["tau"][:, column] - predicted)[moves]
     noise = _low(drawn, k, log["tau"][:, column] - drawn["clean"][k][:, column])[moves]
     return float(np.sqrt(np.mean(left**2) / np.mean(noise**2)))
