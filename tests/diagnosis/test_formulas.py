@@ -41,6 +41,15 @@ def bumped(q, v, time):
     return 30.0 * np.exp(-(((q - 0.03) / 0.02) ** 2))
 
 
+def turning(q, way):
+    """Return the direction of a friction that turns round on a way (Dahl 1968), step by step."""
+    out, z = [], 0.0
+    for step in np.diff(q, prepend=q[0]).tolist():
+        z = np.sign(step) + (z - np.sign(step)) * np.exp(-abs(step) / way)
+        out.append(z)
+    return np.array(out)
+
+
 @pytest.fixture(scope="module")
 def carriage():
     return load(AXIS)
@@ -103,6 +112,17 @@ def test_a_second_recording_confirms_or_refutes_it(found, carriage, tmp_path, ef
         (told,) = diagnose(carriage, recorded(effort, seed=2)).judged
     assert told.word == word
     assert str(told).startswith(f"{name} is {word}: ")
+
+
+def test_friction_along_a_rail_turns_round_on_the_way_that_it_does(carriage):
+    waved = recorded(lambda q, v, time: 15.0 * (1 + 0.9 * np.sin(40.0 * q)) * turning(q, 3e-4))
+    (proposal,) = diagnose(carriage, waved, propose=True).proposals
+    assert [(term.times.name, term.shape) for term in proposal.law.terms] == [("direction", "wave")]
+    way = proposal.parameters["presliding"]
+    assert way.unit == "m"
+    assert way.interval[0] < 3e-4 < way.interval[1]
+    assert np.ptp(way.interval) < 0.2 * 3e-4
+    assert way.value == pytest.approx(3e-4, rel=0.05)
 
 
 def test_a_formula_has_the_place_of_a_law_that_imitates_it_and_brings_its_own_offset(carriage):

@@ -23,10 +23,11 @@ JOINT = "joint3"
 
 
 def fitted(term, at, values=None):
-    """Return a formula of one term, with values among those that are tried."""
+    """Return a formula of one term, with values among those that are tried; wide ones, so that its turning shows."""
     every = list(tried(term, at, JOINT))
     law = Formula.of(JOINT, (term,), at)
-    own = dict(zip(law.settled, every[len(every) // 2] if values is None else values, strict=True))
+    middle = every[-2 if "width" in term.parameters else len(every) // 2]
+    own = dict(zip(law.settled, middle if values is None else values, strict=True))
     return law.with_values({**dict.fromkeys(law.linear, 1.3), **own}, {})
 
 
@@ -75,10 +76,13 @@ def test_units_compose(at):
         return {q.name: q.unit for q in Formula.of(JOINT, (Term(*term),), at).quantities}
 
     assert units("signed_square", speed) == {"coefficient": "N m s^2/rad^2"}
-    assert units("bump", place, Factor("direction", JOINT)) == {"coefficient": "N m", "centre": "rad", "width": "rad"}
+    turning = Factor("direction", JOINT)
+    assert units("bump", place, turning) == {
+        "coefficient": "N m", "presliding": "rad", "centre": "rad", "width": "rad"
+    }  # fmt: skip
     assert units("stop_above", place) == {"preload": "N m", "stiffness": "N m/rad", "start": "rad"}
     assert units("decay", Factor("time", JOINT), speed) == {"coefficient": "N m s/rad", "reach": "s"}
-    assert units("square", Factor("load", JOINT), Factor("direction", JOINT)) == {"coefficient": "1/(N m)"}
+    assert units("square", Factor("load", JOINT), turning) == {"coefficient": "1/(N m)", "presliding": "rad"}
 
 
 def test_shapes_are_what_they_say():

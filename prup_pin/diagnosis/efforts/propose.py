@@ -213,7 +213,8 @@ def _with_remainder(efforts: PreparedEfforts, found: _Tried) -> _Tried:
         candidate = wider.problem.candidates[-1]
         # what the formula can say is none of the curve
         alike = np.linalg.qr(wider.problem.columns.total[candidate.where, term.where])[0]
-        usual = (np.eye(candidate.size) + alike @ alike.T / UNSEEN**2) / size**2
+        bends = np.diff(np.eye(candidate.size), 2, axis=0)
+        usual = (bends.T @ bends + LITTLE**2 * np.eye(candidate.size) + alike @ alike.T / UNSEEN**2) / size**2
         whole = wider.with_term(candidate)
         where = np.arange(len(whole.where))[whole.slice_of(candidate)]
         factor = learned_precisions(whole, {curve.physics: (where, usual)})[curve.physics]
@@ -222,7 +223,7 @@ def _with_remainder(efforts: PreparedEfforts, found: _Tried) -> _Tried:
         wider = wider.with_term(wider.problem.candidates[-1])
         tried.append(_Tried(formula, wider, held_out(wider)))
     best = min(tried, key=lambda one: one.total)
-    return best if relative_gain(found.left, best.left)[1] > SURE else found
+    return best if found.total - best.total > INDISTINCT else found
 
 
 def _searched(
@@ -299,13 +300,14 @@ def _extended(
 
 
 def _fitted(efforts: PreparedEfforts, best: _Tried, base: EffortModel, term: Term, values: Sequence[float]) -> _Tried:
-    """Return a formula with one term more, all its parameters where the squares are least."""
+    """Return a formula with one term more, all parameters of laws at its joint where the squares are least."""
     formula = Formula.of(best.formula.joint, (*best.formula.terms, term), efforts.at)
     before = best.term_of(best.model).values if best.formula.terms else {}
     own = dict(zip(formula.settled, (*before.values(), *values), strict=True))
     model = _with_columns(efforts, base, [(formula, formula.places(efforts.at.mechanism)[0], own)])
     model = model.with_term(model.problem.candidates[-1])
-    model = optimised(efforts, model, [len(model.terms) - 1])
+    here = [index for index, each in enumerate(model.terms) if each.place.name == formula.joint]
+    model = optimised(efforts, model, [index for index in here if not model.terms[index].law.is_curve])
     return _Tried(formula, model, held_out(model))
 
 

@@ -18,8 +18,8 @@ from .variables import SINCE_TURNING, VARIABLES, variable_of
 
 #: Shares of a joint's travel on which friction that builds up on its way turns round.
 _WAYS = (0.01, 0.03, 0.1, 0.3, 1.0)
-#: Knots of a curve, and of one of friction along the way: a rail that pinches does so in places.
-_KNOTS, _FINE = 9, 25
+#: Knots of a curve; of one of friction along the way: a rail that pinches does so in places; and beside a formula.
+_KNOTS, _FRICTION, _FINE = 9, 25, 49
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class FreeCurve(EffortLaw):
         """Knots of the curve."""
         if self.variable == SINCE_TURNING:
             return len(_WAYS)
-        return _FINE if self.friction or self.fine else _KNOTS
+        return _FINE if self.fine else _FRICTION if self.friction else _KNOTS
 
     @property
     def linear(self) -> tuple[str, ...]:  # type: ignore[override]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ...dynamics import InMotion
 from ...mechanism import Mechanism
 from ...parameters import Quantity
 from ...spatial import Array
+from ..efforts.effort_law import usual_way
 from .joint_formula import JointFormula
 from .known import KNOWN, composed
 from .shapes import SHAPES
@@ -45,7 +46,7 @@ class Factor:
 
 @dataclass(frozen=True)
 class Term:
-    """A shape of a variable, times another variable; the coefficient of each of its heights is free."""
+    """A shape of a variable, times another variable or direction; the coefficient of each of its heights is free."""
 
     shape: str
     factor: Factor
@@ -53,8 +54,9 @@ class Term:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """The parameters in which it is not linear: of the variable, and of the shape."""
-        return (*KNOWN[self.factor.name].parameters, *SHAPES[self.shape].parameters)
+        """The parameters in which it is not linear: of its variables, and of the shape."""
+        own = (name for factor in self.factors for name in KNOWN[factor.name].parameters)
+        return (*own, *SHAPES[self.shape].parameters)
 
     @property
     def factors(self) -> tuple[Factor, ...]:
@@ -68,9 +70,14 @@ class Term:
 
     def columns(self, at: InMotion, values: Sequence[float]) -> Array:
         """Return its efforts per height (N, c) at values of its parameters."""
-        own = len(KNOWN[self.factor.name].parameters)
-        table = SHAPES[self.shape].of(self.factor.of(at, values[:own]), *values[own:]).reshape(len(at), -1)
-        return table if self.times is None else table * self.times.of(at)[:, None]
+        *variables, shape = self._shared(values)
+        table = SHAPES[self.shape].of(self.factor.of(at, variables[-1]), *shape).reshape(len(at), -1)
+        return table if self.times is None else table * self.times.of(at, variables[0])[:, None]
+
+    def _shared(self, values: Sequence[Any]) -> list[Sequence[Any]]:
+        """Return values of its parameters as those of each of its variables, and of the shape."""
+        ends = np.cumsum([len(KNOWN[factor.name].parameters) for factor in self.factors]).tolist()
+        return [values[first:end] for first, end in zip([0, *ends], [*ends, len(values)], strict=True)]
 
     def text(self, joint: str, names: Mapping[str, str]) -> str:
         """Return it in symbols; names: what stands for its parameters."""
@@ -83,12 +90,13 @@ class Term:
     def code(self, joint: str, names: Mapping[str, str]) -> str:
         """Return it as code; names: those of its parameters in the law."""
         calls = [f'values["{names[name]}"]' for name in self.parameters]
-        own = len(KNOWN[self.factor.name].parameters)
-        x = self.factor.code(joint, calls[:own])
-        shaped = x if self.shape == "linear" else f"{self.shape}({', '.join((x, *calls[own:]))})"
+        *variables, shape = self._shared(calls)
+        x = self.factor.code(joint, variables[-1])
+        shaped = x if self.shape == "linear" else f"{self.shape}({', '.join((x, *shape))})"
         if self.times is None:
             return shaped
-        return f"{self.times.code(joint)}{'[:, None]' if len(SHAPES[self.shape].heights) > 1 else ''} * {shaped}"
+        several = "[:, None]" if len(SHAPES[self.shape].heights) > 1 else ""
+        return f"{self.times.code(joint, variables[0])}{several} * {shaped}"
 
     def resists(self, joint: str) -> bool:
         """Return whether it is friction of its own joint: what it gives turns round with the motion."""
@@ -132,16 +140,17 @@ class Formula(JointFormula):
             for height, power in zip(shape.heights, shape.powers(), strict=True):
                 unit = composed((effort, 1), (units, -power), (across, -1))
                 yield Quantity(names[height], unit, f"of {text}", 1.0, positive=False, lower=-_LARGEST, upper=_LARGEST)
-            own = known.seen_as
-            low, high = ranges[own, term.factor.joint]
-            unit = composed((KNOWN[own].units(term.factor.joint, mechanism), 1))
-            span = max(high - low, np.finfo(float).tiny)
             for name in term.parameters:
+                factor = next((f for f in term.factors if name in KNOWN[f.name].parameters), term.factor)
+                own = KNOWN[factor.name].seen_as
+                low, high = ranges[own, factor.joint]
+                unit = composed((KNOWN[own].units(factor.joint, mechanism), 1))
+                span = max(high - low, np.finfo(float).tiny)
                 if name in shape.places:
                     yield Quantity(names[name], unit, f"where it is in the {own}", 0.5 * (low + high), positive=False,
                                    lower=low - span, upper=high + span)  # fmt: skip
                 else:
-                    most = 100 * max(span, abs(low), abs(high))
+                    most = span if factor is term.times else 100 * max(span, abs(low), abs(high))
                     yield Quantity(names[name], unit, f"how far it reaches in the {own}", span, upper=most)
 
     @cached_property
@@ -235,16 +244,15 @@ def library(at: InMotion, joint: str) -> Iterator[Term]:
             for times in (*ways, own["position"]):
                 plain = ("linear", "magnitude", "square", "signed_square", "cube")
                 yield from (Term(shape, Factor(name, other), times) for shape in plain)
-        yield from (Term("linear", Factor(name, other)) for name in ("direction", "hysteresis", "yielding"))
-        yield Term("linear", Factor("direction", other), own["direction"])
+        yield from (Term("linear", Factor(name, other)) for name in ("hysteresis", "yielding"))
 
 
 def tried(term: Term, at: InMotion, joint: str) -> Iterator[tuple[float, ...]]:
     """Yield values of a term's parameters among which the best are looked for."""
-    known = KNOWN[term.factor.name]
-    if known.parameters:
+    if KNOWN[term.factor.name].parameters:
         travel = float(np.ptp(at.position(term.factor.joint)))
         yield from ((share * travel,) for share in (0.01, 0.03, 0.1, 0.3, 1.0))
         return
+    turns = (usual_way(at, joint),) if term.times and KNOWN[term.times.name].parameters else ()
     values = term.factor.of(at)
-    yield from SHAPES[term.shape].tried(float(values.min()), float(values.max()))
+    yield from ((*turns, *own) for own in SHAPES[term.shape].tried(float(values.min()), float(values.max())))

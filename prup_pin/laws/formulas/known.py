@@ -11,7 +11,6 @@ from ...dynamics import InMotion
 from ...dynamics.smoothing import pieces
 from ...mechanism import Mechanism
 from ...spatial import Array
-from ..efforts.effort_law import usual_way
 from ..efforts.variables import load, position, speed, time
 
 __all__ = ["KNOWN", "Known", "composed", "load", "position", "speed", "time"]
@@ -24,9 +23,9 @@ def travelled(at: InMotion, joint: str) -> Array:
     return np.cumsum(way)
 
 
-def direction(at: InMotion, joint: str) -> Array:
-    """Return the direction of a joint's dry friction (N,), between -1 and 1."""
-    return at.dragged(joint, usual_way(at, joint))
+def direction(at: InMotion, joint: str, presliding: float) -> Array:
+    """Return the direction of a joint's dry friction (N,), which turns round on a short way [m or rad]."""
+    return at.dragged(joint, presliding)
 
 
 def hysteresis(at: InMotion, joint: str, way: float) -> Array:
@@ -66,7 +65,7 @@ class Known:
     @property
     def seen_as(self) -> str:
         """The variable that it is made of: what turns round follows a position."""
-        return "position" if self.parameters or not self.unit else self.name
+        return "position" if self.parameters else self.name
 
     def units(self, joint: str, mechanism: Mechanism) -> dict[str, int]:
         """Return its unit at a joint, as powers of base units."""
@@ -116,7 +115,7 @@ KNOWN = {
         Known(load, "load", {"effort": 1}),
         Known(time, "t", {"s": 1}),
         Known(travelled, "way", _WAY),
-        Known(direction, "sign(v)", {}),
+        Known(direction, "sign(v)", {}, ("presliding",)),
         Known(hysteresis, "turning", {}, ("turn",)),
         Known(yielding, "strain", _WAY, ("reach",)),
     )
