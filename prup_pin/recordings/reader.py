@@ -893,6 +893,11 @@ def _unmeasured(numbers: Mapping[str, Array]) -> list[str]:
             remarks.append(f"There is no column {', '.join(missing)}: the {what} was not measured.")
         elif missing:
             remarks.append(f"There is no column {', '.join(missing)}: this part of the {what} was not measured.")
+        columns = {f"{prefix}.{axis}": numbers.get(f"{prefix}.{axis}", np.zeros(0)) for axis in AXES}
+        empty = [name for name, values in columns.items() if len(values) and np.isnan(values).all()]
+        if 0 < len(empty) < 3 - len(missing):
+            are = "are" if len(empty) > 1 else "is"
+            remarks.append(f"{', '.join(empty)} {are} empty in every row: this part of the {what} was not measured.")
     if "g.x" in numbers:
         lost = int(np.isnan(np.column_stack([numbers[f"g.{axis}"] for axis in AXES])).any(axis=1).sum())
         if lost:
@@ -924,4 +929,4 @@ def _undeclared(numbers: Mapping[str, Array], noise: Noise) -> list[str]:
         "effort": any(name.startswith("tau.") for name in numbers),
     }
     silent = [f"{name}_noise" for name, there in channels.items() if there and getattr(noise, name) is None]
-    return [f"{', '.join(silent)} is not declared."] if silent else []
+    return [f"{', '.join(silent)} {'is' if len(silent) == 1 else 'are'} not declared."] if silent else []
