@@ -107,8 +107,13 @@ class Quantity:
     def _is_inside(self, number: float) -> bool:
         return (self.lower < number if self.positive else self.lower <= number) and number <= self.upper
 
-    def check(self, value: Any, owner: str) -> Any:
-        """Return `value` as float or array, or raise ParameterError naming the parameter and its range."""
+    def check(self, value: Any, owner: str, unit: str = "") -> Any:
+        """Return `value` as float or array, or raise ParameterError naming the parameter and its range.
+
+        unit: the one of several that a joint gives it.
+        """
+        if unit and unit != self.unit:
+            return replace(self, unit=unit).check(value, owner)
         label = f"{owner}.{self.name}"
         try:
             array = np.asarray(value, float)
@@ -181,7 +186,7 @@ class Parameter:
 
     def with_value(self, value: Any, source: str = "changed by the user") -> Parameter:
         """Return a copy with another value, checked against the quantity's range; the tolerance stays as declared."""
-        checked = self.quantity.check(value, self.owner) if self.quantity else float(value)
+        checked = self.quantity.check(value, self.owner, self.unit) if self.quantity else float(value)
         return replace(self, value=checked, source=source)
 
 
