@@ -17,6 +17,7 @@ import numpy as np
 from .errors import ParameterError, shortened
 
 __all__ = [
+    "LARGEST_COORDINATE",
     "LARGEST_VALUE",
     "SMALLEST_TOLERANCE",
     "SMALLEST_VALUE",
@@ -27,8 +28,9 @@ __all__ = [
     "plain_unit",
 ]
 
-#: No coordinate of a robot is larger: degrees were meant for radians, millimetres for metres.
-_LARGEST = {"rad": (7.0, "degrees", np.pi / 180), "m": (20.0, "mm", 1e-3)}
+#: No coordinate of a robot is larger: degrees were meant for radians, millimetres for metres. By unit: the largest,
+#: what was meant, and what that is in the unit.
+LARGEST_COORDINATE = {"rad": (7.0, "degrees", np.pi / 180), "m": (20.0, "mm", 1e-3)}
 
 #: Nothing is made better than this; squares and their inverses stay finite.
 SMALLEST_TOLERANCE = 1e-12
@@ -197,7 +199,7 @@ def plain_unit(unit: str) -> str:
 
 def meant_otherwise(value: float, unit: str) -> str:
     """Return what is wrong with a coordinate that is far too large for its unit, "m" or "rad"; '' where it is not."""
-    largest, other, factor = _LARGEST.get(unit, (np.inf, "", 1.0))
+    largest, other, factor = LARGEST_COORDINATE.get(unit, (np.inf, "", 1.0))
     if not abs(value) > largest:
         return ""
     return f"{value:g} {unit}: is it in {other}? Expected {unit}, which would be {value * factor:.6g}"

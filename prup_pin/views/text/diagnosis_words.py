@@ -411,7 +411,7 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
             bound, seen = (quantity(size, fitted.unit) for size in (max(high, fitted.seen), fitted.seen))
             rows.append((words, f"below {bound}", f"0 to {bound}; the encoder shows no less than {seen}"))
             continue
-        elif high > _MUCH_MORE * abs(fitted.value) and low > 0:
+        elif high > _MUCH_MORE * abs(fitted.value) and 0 < low <= fitted.value:
             value = f"above {number(factor * low, 3)} {unit}"
         elif low == 0 < high:  # it may be nothing, and is no more than that
             unit, factor = readable_unit(high, fitted.unit)
