@@ -553,7 +553,7 @@ def _positions_apart(measured: Array, rigid: Array, rows: np.ndarray, of: str, c
     distance = float(np.median(apart))
     usual = int(np.argmin(np.abs(apart - distance)))
     seen, drawn = (" ".join(number(float(v), 3) for v in values[usual, some]) for values in (measured, rigid))
-    columns = " ".join(f"p{column}.{axis}" for axis, known in zip(AXES, some, strict=True) if known)
+    columns = " ".join(f"p{column}.{axis}" for k, axis in enumerate(AXES) if told[:, k].any())
     return InputError(
         f"measured and simulated positions{of} are {number(distance, 3)} m apart, in the median: in line "
         f"{rows[usual] + 2} it was measured at {seen}, and the robot file puts it at {drawn} m with that row's joint "

@@ -72,8 +72,7 @@ def _units(recording: Recording) -> Iterator[str]:
             )
     for name, values in (("p", recording.position), *((f"p.{key}", value) for key, value in recording.markers.items())):
         if values is not None and (largest := _largest(values)) > _LARGEST_POSITION:
-            told = np.isfinite(values).any(axis=0)
-            columns = [f"{name}.{axis}" for axis, there in zip(AXES, told, strict=True) if there]
+            columns = [f"{name}.{axis}" for k, axis in enumerate(AXES) if np.isfinite(values[:, k]).any()]
             reach, them = ("reaches", "is it") if len(columns) == 1 else ("reach", "are they")
             yield f"{' '.join(columns)} {reach} {number(largest, 4)} m: {them} millimetres? Expected metres."
     for joint, values in recording.positions.items():
