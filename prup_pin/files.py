@@ -1,4 +1,4 @@
-"""Text files that are written whole or not at all, one or a folder of them."""
+"""Text files that are written whole or not at all, one or a folder of them; paths of files that they name."""
 
 from __future__ import annotations
 
@@ -179,3 +179,41 @@ def _moved(new: Path, target: Path, names: tuple[str, ...], known: tuple[str, ..
         for path in kept.iterdir():
             os.rename(path, target / path.name)
         raise
+
+
+# -- files that others name --------------------------------------------------------------------------------------------
+
+
+def as_path(name: str | Path) -> Path:
+    """Return a path with ~ replaced by the user's home, as far as there is such a user."""
+    try:
+        return Path(name).expanduser()
+    except RuntimeError:
+        return Path(name)
+
+
+def is_file(path: Path) -> bool:
+    """Return True where there is such a file; a path that no file can have (too long, a NUL character) is none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def is_path(name: str) -> bool:
+    """Return True of what is written as a path of a file, and not as a robot's name."""
+    return bool(Path(name).suffix) or len(Path(name).parts) > 1
+
+
+def named_beside(name: str, file: str | Path) -> str:
+    """Return a robot that a file names, as `load` takes it from here: a path is beside that file, if it is there."""
+    beside = Path(file).parent / as_path(name)
+    return str(beside) if is_path(name) and is_file(beside) else name
+
+
+def written_beside(name: str, file: str | Path) -> str:
+    """Return a robot, as `load` takes it from here, as a file is to name it: a path relative to that file's folder."""
+    path = as_path(name)
+    if not (is_path(name) and is_file(path)):
+        return name
+    return Path(os.path.relpath(path.resolve(), Path(file).resolve().parent)).as_posix()

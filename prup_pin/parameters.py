@@ -17,6 +17,7 @@ import numpy as np
 from .errors import ParameterError, shortened
 
 __all__ = [
+    "LARGEST_COORDINATE",
     "LARGEST_VALUE",
     "SMALLEST_TOLERANCE",
     "SMALLEST_VALUE",
@@ -27,8 +28,9 @@ __all__ = [
     "plain_unit",
 ]
 
-#: No coordinate of a robot is larger: degrees were meant for radians, millimetres for metres.
-_LARGEST = {"rad": (7.0, "degrees", np.pi / 180), "m": (20.0, "mm", 1e-3)}
+#: No coordinate of a robot is larger: degrees were meant for radians, millimetres for metres. By unit: the largest,
+#: what was meant, and what that is in the unit.
+LARGEST_COORDINATE = {"rad": (7.0, "degrees", np.pi / 180), "m": (20.0, "mm", 1e-3)}
 
 #: Nothing is made better than this; squares and their inverses stay finite.
 SMALLEST_TOLERANCE = 1e-12
@@ -107,8 +109,13 @@ class Quantity:
     def _is_inside(self, number: float) -> bool:
         return (self.lower < number if self.positive else self.lower <= number) and number <= self.upper
 
-    def check(self, value: Any, owner: str) -> Any:
-        """Return `value` as float or array, or raise ParameterError naming the parameter and its range."""
+    def check(self, value: Any, owner: str, unit: str = "") -> Any:
+        """Return `value` as float or array, or raise ParameterError naming the parameter and its range.
+
+        unit: the one of several that a joint gives it.
+        """
+        if unit and unit != self.unit:
+            return replace(self, unit=unit).check(value, owner)
         label = f"{owner}.{self.name}"
         try:
             array = np.asarray(value, float)
@@ -181,7 +188,7 @@ class Parameter:
 
     def with_value(self, value: Any, source: str = "changed by the user") -> Parameter:
         """Return a copy with another value, checked against the quantity's range; the tolerance stays as declared."""
-        checked = self.quantity.check(value, self.owner) if self.quantity else float(value)
+        checked = self.quantity.check(value, self.owner, self.unit) if self.quantity else float(value)
         return replace(self, value=checked, source=source)
 
 
@@ -192,7 +199,7 @@ def plain_unit(unit: str) -> str:
 
 def meant_otherwise(value: float, unit: str) -> str:
     """Return what is wrong with a coordinate that is far too large for its unit, "m" or "rad"; '' where it is not."""
-    largest, other, factor = _LARGEST.get(unit, (np.inf, "", 1.0))
+    largest, other, factor = LARGEST_COORDINATE.get(unit, (np.inf, "", 1.0))
     if not abs(value) > largest:
         return ""
     return f"{value:g} {unit}: is it in {other}? Expected {unit}, which would be {value * factor:.6g}"

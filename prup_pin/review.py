@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from .errors import JointLimitWarning, MissingExtraError, NoStiffnessError, PrupPinError
 from .kinematics import Mobility
+from .mechanism import Mechanism
 from .mechanism.assumed import without_weight
 from .mechanism.beam_ends import at_other_ends
 from .mechanism.second_reader import second_opinion
@@ -52,19 +53,9 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
     with suppress(MissingExtraError):  # a second reader is an opinion more, no condition
         yield from second_opinion(mechanism)
     found = robot.mobility(home)
-    driven = len(mechanism.actuated_dofs)
-    moving = found.mobility - len(found.idle_joints)
-    if mechanism.loops and moving != driven:
-        yield (
-            f"{counted(found.mobility, 'degree')} of freedom, {len(found.idle_joints)} of them idle, and "
-            f"{counted(driven, 'actuated joint')}: expected as many actuated joints as degrees of freedom that move "
-            "the tool" + (_SURPLUS if driven > moving else "")
-        )
+    yield from _drives_and_freedoms(mechanism, found)
     yield from _fixed_coordinates(robot)
-    yield from _odd_beams(robot)
-    yield from _beams_with_more(robot)
-    yield from _odd_axles(robot)
-    yield from _springs_of_no_drive(robot)
+    yield from _odd_modules(robot)
     if found.idle_joints:
         yield f"joints that turn idly, holding nothing: {', '.join(found.idle_joints)}"
     if found.redundant:
@@ -85,6 +76,34 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
         yield f"stiffness at home: {error!s}"
         return
     yield from _stiffness(compliance)
+
+
+def number_remarks(robot: Robot) -> Iterator[str]:
+    """Yield what of these remarks makes a stiffness wrong, wherever the robot stands; nothing that takes long."""
+    yield from robot.mechanism.description.doubts
+    with suppress(PrupPinError):  # of a robot that cannot stand at its home
+        yield from _drives_and_freedoms(robot.mechanism, robot.mobility(robot.home))
+        yield from _odd_modules(robot)
+
+
+def _drives_and_freedoms(mechanism: Mechanism, found: Mobility) -> Iterator[str]:
+    """Yield where drives are more or less than the degrees of freedom."""
+    driven = len(mechanism.actuated_dofs)
+    moving = found.mobility - len(found.idle_joints)
+    if mechanism.loops and moving != driven:
+        yield (
+            f"{counted(found.mobility, 'degree')} of freedom, {len(found.idle_joints)} of them idle, and "
+            f"{counted(driven, 'actuated joint')}: expected as many actuated joints as degrees of freedom that move "
+            "the tool" + (_SURPLUS if driven > moving else "")
+        )
+
+
+def _odd_modules(robot: Robot) -> Iterator[str]:
+    """Yield modules whose numbers or places are hardly meant so."""
+    yield from _odd_beams(robot)
+    yield from _beams_with_more(robot)
+    yield from _odd_axles(robot)
+    yield from _springs_of_no_drive(robot)
 
 
 def redundancy_text(found: Mobility) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import InputError, PrupPinError, UnknownNameError, folder_holds
+from .files import as_path, is_file
 from .plugins import Plugin, brought
 
 #: Robots of example-robot-data by the names its users know: folder and file below `robots/`.
@@ -205,22 +206,6 @@ def find(name: str) -> tuple[Path, tuple[Path, ...], str | None]:
         also = folder_holds(path, ".urdf", ".xml")
         raise InputError(f"'{name}' is a folder; expected a robot file, or a name of `prup-pin robots`.{also}")
     raise UnknownNameError("robot", name, (*packaged_names(), *own, *every), "A path to a file works too.")
-
-
-def as_path(name: str | Path) -> Path:
-    """Return a path with ~ replaced by the user's home, as far as there is such a user."""
-    try:
-        return Path(name).expanduser()
-    except RuntimeError:
-        return Path(name)
-
-
-def is_file(path: Path) -> bool:
-    """Return True where there is such a file; a path that no file can have (too long, a NUL character) is none."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
 
 
 def folders(extra: Sequence[str | Path] | str | Path | None) -> tuple[Path, ...]:

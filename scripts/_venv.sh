@@ -84,7 +84,7 @@ use_venv() {
   mark="$venv/.installed-$(printf '%s' "$extras" | tr ',' '-')"
   wanted="$(cksum <"$root/pyproject.toml") $root"
   if [ ! -f "$mark" ] || [ "$(cat "$mark")" != "$wanted" ] || ! "$VENV_PYTHON" -c 'import prup_pin' >/dev/null 2>&1; then
-    _with_dots "Installing prup_pin$what and what it needs, about a minute" \
+    _with_dots "Installing prup_pin$what and what it needs, one to some minutes" \
       "$VENV_PYTHON" -m pip install --quiet --disable-pip-version-check --no-input -e "$root$what" ||
       _fail "pip could not install prup_pin$what; see above."
     printf '%s\n' "$wanted" >"$mark"

@@ -10,8 +10,11 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from html import escape
 from pathlib import Path
 
+#: Chromium's windows are no narrower: pages of telephones are shown in a frame of their width, which is cut out.
+LEAST_WIDTH = 500
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
 
@@ -45,11 +48,24 @@ def render(page: str, picture: Path, size: tuple[int, int] = (1200, 750), second
         raise SystemExit("Chromium is not installed; on Debian and Ubuntu: apt-get install chromium")
     file, _, moment = page.partition("#")
     address = page if "://" in page else Path(file).resolve().as_uri() + (f"#{moment}" if moment else "")
-    shot = [f"--virtual-time-budget={int(1000 * seconds)}", f"--screenshot={picture.resolve()}", address]
+    narrow, window = size[0] < LEAST_WIDTH, (max(size[0], LEAST_WIDTH), size[1])
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        done = subprocess.run([*command(chromium, folder, size), *shot], capture_output=True, text=True, timeout=600)
+        shown = address
+        if narrow:
+            frame = Path(folder) / "narrow.html"
+            style = f"border: 0; display: block; width: {size[0]}px; height: {size[1]}px"
+            frame.write_text(f'<body style="margin: 0"><iframe src="{escape(address)}" style="{style}"></iframe>')
+            shown = frame.as_uri()
+        shot = [f"--virtual-time-budget={int(1000 * seconds)}", f"--screenshot={picture.resolve()}", shown]
+        done = subprocess.run([*command(chromium, folder, window), *shot], capture_output=True, text=True, timeout=600)
     if done.returncode or not picture.is_file():
         raise SystemExit(f"Chromium made no picture of {address}:\n{done.stderr[-2000:]}")
+    if narrow:
+        from PIL import Image
+
+        with Image.open(picture) as whole:
+            part = whole.crop((0, 0, *size))
+        part.save(picture)
 
 
 def main() -> None:

@@ -168,3 +168,37 @@ def test_a_home_that_does_not_close_ends_the_check_with_two(run, tmp_path):
     assert done.exit_code == 2
     assert "- the loops of 'five_bar' do not close from its home position" in done.stdout
     assert "Assumed" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('name="youngs_modulus" value="206000000000"', 'name="youngs_modulus" value="206"', "206 Pa: is it in GPa?"),
+        ('name="diameter" value="0.02"', 'name="diameter" value="20"', "is thicker (20 m) than long"),
+        (
+            'joints="left_motor right_motor"',
+            'joints="left_motor"',
+            "2 degrees of freedom, 0 of them idle, and 1 actuated",
+        ),
+    ],
+)
+def test_what_makes_numbers_doubtful_stands_with_the_stiffness(run, tmp_path, old, new, said):
+    """A beam of 206 Pa deflected by kilometres, and only `check` had a word on it."""
+    text = (Path(__file__).parents[1] / "examples" / "five_bar.urdf").read_text()
+    assert old in text
+    (tmp_path / "bar.urdf").write_text(text.replace(old, new, 1))
+    told_of_stiffness = told(run("stiffness", tmp_path / "bar.urdf", "--wrench", "fx=10"))
+    assert "To look at first" in told_of_stiffness
+    for answer in (told_of_stiffness, told(run("stiffness", tmp_path / "bar.urdf", "--json", "-"))):
+        assert said in answer
+    assert said in told(run("check", tmp_path / "bar.urdf"))
+
+
+def test_hinges_and_beams_that_yield_less_than_real_ones_are_told(run):
+    text = told(run("stiffness", Path(__file__).parents[1] / "examples" / "five_bar.urdf"))
+    assert "hinges that are rigid but for their own turning, as no bearing is given: left_motor, left_hinge" in text
+    assert "beams that bend without shear, as no shear coefficient is given: left/arm" in text
+    assert "To look at first" not in text
+    text = told(run("stiffness", "3prup"))
+    assert "hinges that are rigid" not in text
+    assert text.count("shear") == text.count("shear and torsion of the rods and branches are neglected") + 2

@@ -75,10 +75,10 @@ def table(path):
 
 
 def in_noise(output):
-    """Return channel -> RMS / noise of the printed table; of efforts by joint, with a share of the effort behind it."""
-    row = r"^  (position|rotation|effort \w+) .* (?:µm|µrad|N|N m) +\S+ +(\S+)( +\S+)? *$"
+    """Return channel -> × noise of the printed table; of efforts by joint, with a share of the effort behind it."""
+    row = r"^  (position|rotation|effort \w+|joint\d) .* (?:µm|µrad|N|N m) +\S+ +(\S+)( +\S+)? *$"
     found = re.findall(row, output, re.MULTILINE)
-    assert all(bool(share) == channel.startswith("effort") for channel, _, share in found)
+    assert all(bool(share) == channel.startswith(("effort", "joint")) for channel, _, share in found)
     return {channel: float(multiple) for channel, multiple, _ in found}
 
 
@@ -109,11 +109,11 @@ def test_efforts_of_a_motion_are_compared_joint_by_joint(run):
     done = run("simulate", "motion.csv", "--out", "p.csv")
     assert done.exit_code == 0, done.output
     found = in_noise(done.stdout)
-    assert found == {"effort joint1": pytest.approx(1, abs=0.1), "effort joint2": pytest.approx(3, abs=0.3)}
-    line = next(line.split() for line in done.stdout.splitlines() if line.startswith("  effort joint2"))
+    assert found == {"joint1": pytest.approx(1, abs=0.1), "joint2": pytest.approx(3, abs=0.3)}
+    line = next(line.split() for line in done.stdout.splitlines() if line.startswith("  joint2"))
     size = np.sqrt(np.mean(measured["joint2"] ** 2))
-    assert line[3:5] == ["N", "m"]
-    assert float(line[-1]) == pytest.approx(100 * float(line[2]) / size, rel=0.01)
+    assert line[2:4] == ["N", "m"]
+    assert float(line[-1]) == pytest.approx(100 * float(line[1]) / size, rel=0.01)
 
 
 def test_plan_to_recording_to_prediction_leaves_the_noise(run, bench):

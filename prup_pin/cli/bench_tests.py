@@ -16,6 +16,7 @@ import typer
 from .. import simulation
 from ..errors import InputError, PrupPinError, RecordingFileError, SimulationStoppedError
 from ..export import export_model
+from ..files import written_beside
 from ..laws import Effect
 from ..numbers import counted
 from ..recordings import Convention, Recording, add_noise, read_plan, write_prediction, write_recording
@@ -466,7 +467,7 @@ def import_(
                 ) from None
     shown = terminal.console()
     if not there:
-        first = guess(content, mechanism, robot)
+        first = guess(content, mechanism, None if robot is None else written_beside(robot, plan))
         write_text(plan, first.text)
         if out is None:
             print_log(shown, content)
@@ -491,7 +492,7 @@ def import_(
             "to have it guessed anew"
         )
     done = convert(content, understood, mechanism)
-    write_recording(done.recording, out)
+    write_recording(done.recording if name is None else replace(done.recording, robot=name), out)
     print_conversion(shown, content, understood, done)
     if not there:
         typer.echo("\nThe map was guessed, every line by a name or by proof; read it once.")

@@ -1,4 +1,4 @@
-"""How far a long computation is, on a terminal's stderr."""
+"""How far a long computation is, on stderr: a bar on a terminal, elsewhere a plain line now and then."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+import typer
+
 from ..views.text import terminal
 
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
 
-#: Seconds without a bar.
-_PATIENCE = 2.0
+#: Seconds without a bar; seconds without a plain line where no bar can be drawn.
+_PATIENCE, _PLAINLY = 2.0, 10.0
 
 
 @contextmanager
@@ -25,7 +27,12 @@ def rows(what: str = "rows") -> Iterator[Callable[[int, int], None]]:
     bar = _bar(TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     task = bar.add_task("")
 
+    said = _plainly()
+
     def show(done: int, total: int) -> None:
+        if bar.disable:
+            said(f"{done} of {total} {what}")
+            return
         bar.update(task, completed=done, total=total)
         if not bar.live.is_started and time.monotonic() - began > _PATIENCE:
             bar.start()
@@ -38,12 +45,34 @@ def rows(what: str = "rows") -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def stages() -> Iterator[Callable[[str, float], None]]:
-    """Yield what shows on a terminal how far a diagnosis is: the stage, and its share."""
+    """Yield what shows how far a diagnosis is: the stage, and its share."""
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
     with _bar(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()) as bar:
         task = bar.add_task("reading", total=1.0)
-        yield lambda stage, share: bar.update(task, description=stage, completed=share)
+        said = _plainly()
+
+        def show(stage: str, share: float) -> None:
+            if bar.disable:
+                said(f"{stage} ({100 * share:.0f} %)")
+            else:
+                bar.update(task, description=stage, completed=share)
+
+        yield show
+
+
+def _plainly() -> Callable[[str], None]:
+    """Return what writes a line to stderr, at most one in some seconds, and none before these have passed."""
+    began = last = time.monotonic()
+
+    def say(text: str) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= _PLAINLY:
+            last = now
+            typer.echo(f"{text}, {now - began:.0f} s", err=True)
+
+    return say
 
 
 def _bar(*columns: ProgressColumn) -> Progress:

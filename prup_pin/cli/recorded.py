@@ -9,13 +9,13 @@ from pathlib import Path
 
 import typer
 
-from ..errors import InputError, RecordingFileError, nearest_names
+from ..errors import InputError, RecordingFileError, folder_holds, nearest_names
+from ..files import as_path, is_file, is_path
 from ..laws import Effect
 from ..numbers import some
 from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
 from ..recordings.reader import ROBOT
 from ..robot import Robot
-from ..robots import as_path, is_file
 from ..simulation import CorrectedModel, foreign_joints
 from ..views.text import terminal
 from .options import Reading, changes_of
@@ -50,12 +50,16 @@ def modelled(
 
 
 def robot_beside(named: str | None, source: Path) -> str:
-    """Return the robot that a file names; a path may be meant from that file's folder."""
+    """Return the robot that a file names, as it was read: a path is beside that file, or in the working folder."""
     if named is None:
         raise InputError(f"which robot? '{source}' does not say; give --robot, for example --robot 3prup")
-    beside = source.parent / as_path(named)
-    is_path = Path(named).suffix or len(Path(named).parts) > 1
-    return str(beside) if is_path and is_file(beside) else named
+    if is_path(named) and not as_path(named).exists():
+        told = source.with_suffix(".json") if source.suffix.lower() == ".csv" else source
+        raise InputError(
+            f"'{told}' names the robot '{named}': there is no such file beside it, nor in the working folder. "
+            f"Correct it there, or give --robot.{folder_holds(source.parent, '.urdf', '.xml')}"
+        )
+    return named
 
 
 def recording_typed(path: Path, robot: str | None, conventions: Sequence[str] | None) -> Recording:

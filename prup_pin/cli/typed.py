@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from ..errors import InputError, did_you_mean, nearest_names
-from ..parameters import plain_unit
+from ..parameters import LARGEST_COORDINATE, plain_unit
 from ..spatial import WRENCH_NAMES
 
 _LENGTH = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6}
@@ -35,7 +35,10 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "joint stiffness": {**_STIFFNESS, **_ANGULAR_STIFFNESS},
 }
 #: Without a unit larger values are taken for a slip: the largest, the unit that they would have, the one meant.
-_LARGEST_BARE = {"angle": (7.0, "rad", "deg"), "length": (20.0, "m", "mm")}
+_LARGEST_BARE = {
+    dimension: (LARGEST_COORDINATE[si][0], si, meant)
+    for dimension, si, meant in (("angle", "rad", "deg"), ("length", "m", "mm"))
+}
 #: Dimension of each component of a wrench.
 WRENCH_DIMENSIONS: Mapping[str, str] = {name: "force" if name[0] == "f" else "moment" for name in WRENCH_NAMES}
 

@@ -48,7 +48,8 @@ class FittedParameter:
     """A fitted value with its unit and 95 % confidence interval.
 
     drawn: what the robot file has, where it has one; before: what an earlier test found; seen: of a way, the least that
-    the recorded positions show; untold: any value that there may be would do as well.
+    the recorded positions show; least: the least that its law has; untold: any value that there may be would do as
+    well.
     """
 
     value: float
@@ -58,6 +59,7 @@ class FittedParameter:
     before: float | None = None
     seen: float = 0.0
     untold: bool = False
+    least: float = 0.0
 
     @classmethod
     def about(cls, value: float, unit: str, reach: float, drawn: float | None = None) -> FittedParameter:

@@ -202,8 +202,8 @@ def too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Findi
         "robot",
         f"nothing can be said: the noise is not declared, and {counted(len(samples), 'sample')} of "
         f"{counted(poses, 'pose')} are too few to tell noise of {number(1e6 * noise.position, 3)} µm and "
-        f"{number(1e6 * noise.rotation, 3)} µrad from something left out. Declare "
-        "position_noise and rotation_noise in the recording's JSON file, or record more",
+        f"{number(1e6 * noise.rotation, 3)} µrad from something left out",
+        advice="declare position_noise and rotation_noise in the recording's JSON file, or record more",
     )
 
 
@@ -225,8 +225,8 @@ def no_noise(problem: Problem, fit: Fit, blocks: np.ndarray) -> Finding | None:
     return unknown_at(
         "robot",
         f"the residual with everything free to vary, {quantity(problem.noise.position, 'm')} and "
-        f"{quantity(problem.noise.rotation, 'rad')}, is not noise: {why}. Declare position_noise and rotation_noise "
-        "in the recording's JSON file, or measure some poses again",
+        f"{quantity(problem.noise.rotation, 'rad')}, is not noise: {why}",
+        advice="declare position_noise and rotation_noise in the recording's JSON file, or measure some poses again",
     )
 
 

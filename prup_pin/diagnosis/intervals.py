@@ -40,7 +40,8 @@ def parameters_of(problem: Problem, fit: Fit, index: int) -> dict[str, FittedPar
             ends.append(float(np.clip(end, quantity.lower, quantity.upper)))
         value = float(candidate.values_of(term.coordinates)[place])
         untold = is_untold(quantity, (ends[0], ends[1]))
-        out[quantity.name] = FittedParameter(value, quantity.unit, (ends[0], ends[1]), untold=untold)
+        least = max(quantity.lower, 0.0)
+        out[quantity.name] = FittedParameter(value, quantity.unit, (ends[0], ends[1]), untold=untold, least=least)
     return out
 
 

@@ -114,7 +114,9 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
         others = [
             (*taken, *item[1])
             for item in tried
-            if item[0] <= max(AS_GOOD**2 * left, alike) and item[1] is not reading and not item[1][0].argument
+            if item[0] <= max(AS_GOOD**2 * left, alike)
+            and not item[1][0].argument
+            and not np.array_equal(item[2].wrench, other.wrench)  # no other reading: of forces alone, say
         ]
         taken, now, least = [*taken, *reading], other, left
     if not taken:
@@ -139,8 +141,9 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     good = np.isfinite(actuators).all(axis=1) & np.isfinite(recording.wrench).all(axis=1)
     position = np.full((len(recording), 3), np.nan) if recording.position is None else recording.position
     vector = np.full((len(recording), 3), np.nan) if recording.rotation is None else recording.rotation
-    seen = [np.isfinite(each).sum(axis=1) == 3 for each in (position, vector)]
-    good &= seen[0] | seen[1]
+    seen = np.isfinite(np.column_stack((position, vector)))
+    seen[:, 3:] = seen[:, 3:].all(axis=1, keepdims=True)  # one component tells nothing of a turn
+    good &= seen.any(axis=1)
     blocks = recording.blocks()
     sizes = np.bincount(blocks)
     good &= sizes[blocks] > 2  # what stands still is told from what loads move
@@ -165,10 +168,15 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     parts = np.array([[item.parts[name] for item in each] for name in names])[:, which]
     tool = np.array([geometry.poses[pose].base_from_tool for pose in used])[which]
     wrench = recording.wrench[rows]
-    exists = np.repeat(np.column_stack([item[rows] for item in seen]), 3, axis=1)
+    exists = seen[rows]
     weight = np.where(exists, 1 / np.array(COARSE), 0.0)
-    moved = _moved(tool, *_from_base(tool, position[rows], rotation_exp(np.nan_to_num(vector[rows]))))
     bent = _moved(tool, run.position[there], run.rotation[there]) - (parts.sum(axis=0) @ wrench[..., None])[..., 0]
+    # along the sensor's axes, of whose positions not every component may have been measured
+    turn, shift = _stands(tool, position[rows])
+    along = np.kron(np.eye(2), turn)
+    parts, bent = along @ parts, bent @ along.T
+    turned = turn_between(tool[:, :3, :3], turn.T @ rotation_exp(np.nan_to_num(vector[rows]))) @ turn.T
+    moved = np.concatenate((position[rows] - shift - tool[:, :3, 3] @ turn.T, turned), axis=1)
     parts = parts * weight[None, :, :, None]
     noise = _noise_of(recording, parts.sum(axis=0), weight, exists) * (1 - len(np.unique(blocks[rows])) / len(rows))
     moved, bent = (np.where(exists, values, 0.0) * weight for values in (moved, np.nan_to_num(bent)))
@@ -178,20 +186,28 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     return min(loaded, other, key=lambda item: _softened(item, wrench))
 
 
-def _from_base(tool: Array, position: Array, rotation: Array) -> tuple[Array, Array]:
-    """Return positions (n, 3) and rotations (n, 3, 3) as a sensor at the robot's base sees them, wherever it stood.
+def _stands(tool: Array, position: Array) -> tuple[Array, Array]:
+    """Return the turn (3, 3) and shift (3,) of a sensor that sees positions (n, 3): it may stand beside the base.
 
-    Loads move what a turned sensor sees along other axes than their own. tool (n, 4, 4): the drawn poses.
+    Loads move what a turned sensor sees along other axes than their own. tool (n, 4, 4): the drawn poses. A component
+    that was not measured is where the others put it.
     """
-    seen = np.isfinite(position).all(axis=1)
-    points = tool[seen, :3, 3], tool[seen, :3, :3], position[seen]
-    plain, beside = (rigid_fit([points], aside) for aside in (False, True))
-    if plain is None or beside is None:
-        return position, rotation
-    fit = beside if beside.after < FAR_LESS * plain.after else plain
-    if not fit.after < MOST * fit.before:
-        return position, rotation
-    return (position - fit.shift) @ fit.turn, fit.turn.T @ rotation
+    here = np.eye(3), np.zeros(3)
+    told = np.isfinite(position)
+    rows = told.any(axis=1)
+    own, turns, seen = tool[rows, :3, 3], tool[rows, :3, :3], position[rows]
+    told = told[rows]
+    turn, shift = here
+    for _ in range(1 if told.all() else ROUNDS):
+        full = np.where(told, seen, own @ turn.T + shift)
+        plain, beside = (rigid_fit([(own, turns, full)], aside) for aside in (False, True))
+        if plain is None or beside is None:
+            return here
+        fit = beside if beside.after < FAR_LESS * plain.after else plain
+        if not fit.after < MOST * fit.before:
+            return here
+        turn, shift = fit.turn, fit.shift
+    return turn, shift
 
 
 def _moved(tool: Array, position: Array, rotation: Array) -> Array:

@@ -2,7 +2,7 @@
 
 Measured poses of few postures against the drawn rigid ones, with the tracker's and the target's frames freed, which
 every bench leaves open. A convention is told where it leaves a third of what the log leaves as it is written, on
-postures that were held out too.
+postures that were held out too. Of positions, whatever components were measured are compared: a planar bench has two.
 """
 
 from __future__ import annotations
@@ -23,13 +23,15 @@ from ..recordings.conventions import AXES, GEARS, POSITION_UNITS, Evidence, exch
 from ..robot import Robot
 from ..simulation import drawn_for
 from ..spatial import Array, rigid_motion, rotation_exp, turn_between
-from .criteria import AS_GOOD, CONVENTION_FINE, CONVENTION_NEAR, FAR_LESS, LEAST_REACH, ROUNDS
+from .criteria import AS_GOOD, CONVENTION_FINE, CONVENTION_NEAR, FAR_LESS, ITERATIONS, LEAST_REACH, ROUNDS
 from .quarter_turns import quarter_turns
 
 __all__ = ["conventions_of_poses"]
 
 #: Postures that are looked at, of robots with loops, which take longer to close, and of others.
 _POSTURES, _OF_TREES = 12, 40
+#: Components of positions that tell where a sensor stands: those of four points.
+_FEWEST_TOLD = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +135,7 @@ class _Postures:
                 self._placed[key] = _positions(points, near, fitted, self.reach)
             left, turns[index], stays[index] = self._placed[key]
             for own, (_, seen) in zip(left, points, strict=True):
-                known = np.isfinite(seen).all(axis=1)
+                known = np.isfinite(seen).any(axis=1)
                 size = np.minimum(np.nan_to_num(own, nan=np.inf), 1e3 * self.reach) ** 2
                 squares[index, known, 0] += size[known]
                 counts[index, known, 0] += 1
@@ -152,13 +154,20 @@ class _Postures:
         return [_Misfit(own, still) for own, still in zip(apart, stays, strict=True)]
 
     def spread(self, recording: Recording) -> Array:
-        """Return how far the drawn postures are apart: positions [m] and orientations [rad], root mean squares (2,)."""
-        placed = [at[np.isfinite(at[:, 0, 0])] for at in self.places(recording).values()]
-        placed = [at for at in placed if len(at)]
+        """Return how far the drawn postures are apart: positions [m] and orientations [rad], root mean squares (2,).
+
+        Of positions, in the components that were measured.
+        """
+        placed = {name: at[np.isfinite(at[:, 0, 0])] for name, at in self.places(recording).items()}
+        placed = {name: at for name, at in placed.items() if len(at)}
         if not placed:
             return np.zeros(2)
-        ways = [np.sqrt(((at[:, :3, 3] - at[:, :3, 3].mean(axis=0)) ** 2).sum(axis=1).mean()) for at in placed]
-        turns = [turn_between(_nearest(at[:, :3, :3].sum(axis=0)), at[:, :3, :3]) for at in placed]
+        ways = []
+        for name, at in placed.items():
+            seen = recording.markers.get(name) if name else recording.position
+            told = np.ones(3, bool) if seen is None else np.isfinite(seen).any(axis=0)
+            ways.append(np.sqrt(((at[:, :3, 3] - at[:, :3, 3].mean(axis=0))[:, told] ** 2).sum(axis=1).mean()))
+        turns = [turn_between(_nearest(at[:, :3, :3].sum(axis=0)), at[:, :3, :3]) for at in placed.values()]
         return np.array([max(ways), max(np.sqrt((turn**2).sum(axis=1).mean()) for turn in turns)])
 
     def better(self, first: _Misfit, other: _Misfit) -> bool:
@@ -174,8 +183,10 @@ class _Postures:
 def _quietest(recording: Recording, mechanism: Mechanism, few: int) -> np.ndarray:
     """Return rows of different postures with a measured pose, each as little loaded as it was there; in order."""
     measured = np.zeros(len(recording), bool)
-    for values in (recording.position, recording.rotation, *recording.markers.values(),
-                   *recording.marker_rotations.values()):  # fmt: skip
+    for values in (recording.position, *recording.markers.values()):
+        if values is not None:
+            measured |= np.isfinite(values).any(axis=1)
+    for values in (recording.rotation, *recording.marker_rotations.values()):
         if values is not None:
             measured |= np.isfinite(values).all(axis=1)
     known = [recording.positions[name] for name in mechanism.actuated if name in recording.positions]
@@ -193,19 +204,24 @@ def _positions(
 ) -> tuple[list[Array], Array, bool]:
     """Return distances (n,) of each frame's measured and drawn positions, the sensor's turn, and whether it is small.
 
-    Targets may sit beside their frames, on their bodies, where the sensor may stand anywhere.
+    Targets may sit beside their frames, on their bodies, where the sensor may stand anywhere. A component that was not
+    measured is taken to be where the others' fit puts it, which is least squares of those that were (Green and Gower;
+    ten Berge and Knol, Psychometrika 49, 1984).
     """
     shifts = [np.zeros(3) for _ in points]
     turn, shift = np.eye(3), np.zeros(3)
-    good = [fitted & np.isfinite(at[:, 0, 3]) & np.isfinite(seen).all(axis=1) for at, seen in points]
-    stays = sum(int(rows.sum()) for rows in good) < 4
+    good = [fitted & np.isfinite(at[:, 0, 3]) & np.isfinite(seen).any(axis=1) for at, seen in points]
+    told = sum(int(np.isfinite(seen[rows]).sum()) for (_, seen), rows in zip(points, good, strict=True))
+    whole = all(np.isfinite(seen[rows]).all() for (_, seen), rows in zip(points, good, strict=True))
+    stays = told < _FEWEST_TOLD
     if not stays:
-        for _ in range(ROUNDS):
+        for _ in range(ROUNDS if whole else ITERATIONS):
             own = [at[:, :3, 3] + at[:, :3, :3] @ aside for (at, _), aside in zip(points, shifts, strict=True)]
-            drawn = np.concatenate([a[rows] for a, rows in zip(own, good, strict=True)])
-            aim = np.concatenate([seen[rows] for (_, seen), rows in zip(points, good, strict=True)])
+            put = [at @ turn.T + shift for at in own]
+            full = [np.where(np.isfinite(seen), seen, at) for (_, seen), at in zip(points, put, strict=True)]
+            drawn, aim = (np.concatenate([a[rows] for a, rows in zip(each, good, strict=True)]) for each in (own, full))
             turn, shift = rigid_motion(drawn, aim, np.ones(len(aim))) or (turn, shift)
-            for index, ((at, seen), rows) in enumerate(zip(points, good, strict=True)):
+            for index, ((at, _), seen, rows) in enumerate(zip(points, full, good, strict=True)):
                 if rows.any():
                     rest = (seen[rows] - shift) @ turn - at[rows, :3, 3]
                     shifts[index] = (at[rows, :3, :3].mT @ rest[..., None])[..., 0].mean(axis=0)
@@ -218,7 +234,8 @@ def _positions(
     out = []
     for (at, seen), aside in zip(points, shifts, strict=True):
         own = (at[:, :3, 3] + at[:, :3, :3] @ aside) @ turn.T + shift
-        out.append(np.linalg.norm(seen - own, axis=1))
+        away = np.linalg.norm(np.nan_to_num(seen - own), axis=1)
+        out.append(np.where(np.isfinite(seen).any(axis=1) & np.isfinite(own[:, 0]), away, np.nan))
     return out, turn, not stays
 
 
@@ -342,11 +359,24 @@ def _forward(postures: _Postures, written: Recording, start: _Misfit, near: bool
             break
         cost, _, convention, read, now = min(tried, key=lambda item: (round(item[0], 2), item[1]))
         margin = np.log(AS_GOOD)
-        others = [(*taken, item[2]) for item in tried if item[0] < cost + margin and item[2] is not convention]
+        others = [(*taken, item[2]) for item in tried if item[0] < cost + margin and not _same(item[3], read)]
         taken.append(convention)
         if (now.sizes <= 10 * postures.floor).all():
             break
     return _Found(tuple(taken), read, now, tuple(others))
+
+
+def _same(one: Recording, other: Recording) -> bool:
+    """Return whether two readings are one: that of an axis along which nothing was measured, say."""
+    return all(
+        np.array_equal(values, others, equal_nan=True)
+        for values, others in zip(_read_values(one), _read_values(other), strict=True)
+    )
+
+
+def _read_values(recording: Recording) -> list[Array]:
+    given = (recording.position, recording.rotation, *recording.markers.values(), *recording.marker_rotations.values())
+    return [*recording.positions.values(), *(values for values in given if values is not None)]
 
 
 def _with_quarter_turns(postures: _Postures, written: Recording, found: _Found, near: bool) -> _Found:

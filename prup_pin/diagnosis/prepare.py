@@ -426,7 +426,7 @@ _NOT_COMPARED = {
     "accelerations": "accelerations are not used",
     "velocities": "speeds are used where every actuator has them, and no others",
     "positions": "only the positions of actuators are inputs",
-    "pose": "an orientation is one where all of r.x r.y r.z are measured",
+    "pose": "an orientation is one where all of r.x r.y r.z are measured; how these are written was not asked",
     "ignored": "",  # the reader has told
 }
 
@@ -526,12 +526,13 @@ def _check_channel(
 ) -> None:
     """Raise InputError where a frame is measured worlds apart from where it is simulated."""
     elsewhere, askew = worlds_apart(measured, linear, here, allowed)
-    placed = here & linear.samples & measured.exists[:, :3].all(axis=1)
+    placed = here & linear.samples & measured.exists[:, :3].any(axis=1)
     turned = here & linear.samples & measured.exists[:, 3:].all(axis=1)
     position, rotation = linear.rigid(measured.frame)
     of, column = ("", "") if measured.name == "pose" else (f" of {measured.name}", f".{measured.frame.name}")
     if elsewhere:
-        raise _positions_apart(measured.position[placed], position[placed], rows[placed], of or " of the tool", column)
+        seen = np.where(measured.exists[placed, :3], measured.position[placed], np.nan)
+        raise _positions_apart(seen, position[placed], rows[placed], of or " of the tool", column)
     if askew:
         raise _rotations_apart(measured.rotation[turned], rotation[turned], of, column)
 
@@ -546,11 +547,13 @@ def _rotations_apart(measured: Array, rigid: Array, of: str, column: str) -> Inp
 
 
 def _positions_apart(measured: Array, rigid: Array, rows: np.ndarray, of: str, column: str) -> InputError:
-    apart = np.linalg.norm(measured - rigid, axis=1)
+    told = np.isfinite(measured)
+    some = told.any(axis=0)
+    apart = np.linalg.norm(np.where(told, measured - rigid, 0.0), axis=1)
     distance = float(np.median(apart))
     usual = int(np.argmin(np.abs(apart - distance)))
-    seen, drawn = (" ".join(number(float(v), 3) for v in values[usual]) for values in (measured, rigid))
-    columns = " ".join(f"p{column}.{axis}" for axis in AXES)
+    seen, drawn = (" ".join(number(float(v), 3) for v in values[usual, some]) for values in (measured, rigid))
+    columns = " ".join(f"p{column}.{axis}" for k, axis in enumerate(AXES) if told[:, k].any())
     return InputError(
         f"measured and simulated positions{of} are {number(distance, 3)} m apart, in the median: in line "
         f"{rows[usual] + 2} it was measured at {seen}, and the robot file puts it at {drawn} m with that row's joint "

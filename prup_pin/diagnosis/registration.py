@@ -192,11 +192,13 @@ def worlds_apart(
 
     zeros: the encoders may have been switched on anywhere, and the sensor's frame lies a little beside then.
     """
-    placed, turned = (here & linear.samples & measured.exists[:, own].all(axis=1) for own in (slice(3), slice(3, 6)))
+    placed = here & linear.samples & measured.exists[:, :3].any(axis=1)
+    turned = here & linear.samples & measured.exists[:, 3:].all(axis=1)
+    told = measured.exists[placed, :3]
     found = (True, True)
     for position, rotation in (linear.pose_of(measured.frame), linear.rigid(measured.frame)):
         reach = max(float(np.median(np.linalg.norm(position[placed], axis=1))), LEAST_REACH) if placed.any() else 1.0
-        shift = measured.position[placed] - position[placed]
+        shift = np.where(told, measured.position[placed] - position[placed], 0.0)
         turn = turn_between(rotation[turned], measured.rotation[turned])
         limits = allowed[0] + allowed[1] * reach, TURNED
         found = min(found, _beyond(shift, turn, limits), key=sum)
@@ -208,6 +210,7 @@ def worlds_apart(
                 np.concatenate((by[turned, 3:], np.broadcast_to(np.eye(3), still.shape), still), axis=2),
             )
             table = np.concatenate([part.reshape(-1, by.shape[2] + 6) for part in rows])
+            table[: told.size] *= told.reshape(-1, 1)
             left = np.concatenate((shift.ravel() / reach, turn.ravel()))
             left = (left - table @ np.linalg.lstsq(table, left, rcond=None)[0]).reshape(-1, 3)
             found = min(found, _beyond(left[: len(shift)] * reach, left[len(shift) :], limits), key=sum)

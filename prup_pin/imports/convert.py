@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from ..recordings.columns import AXES, JOINT_GROUPS, fields_of, largest
 from ..spatial import Array
 from .log import Log, Stream
 from .map import Clock, Column, LogMap, Motors, Rotation
+from .units import dimension_of, unit_for, unit_in_name
 
 #: Where a stream is silent for longer than so many of its periods, nothing is made up.
 GAP = 5.0
@@ -60,7 +61,7 @@ def convert(log: Log, plan: LogMap, mechanism: Mechanism | None = None) -> Conve
 
     Raises RecordingFileError where a clock runs backwards or streams do not overlap.
     """
-    remarks = list(log.remarks)
+    remarks = [*_other_units(plan), *log.remarks]
     used = {log.stream_of(source).name for source in _sources(plan)}
     streams = {stream.name: stream for stream in log.streams}
     asked = [name for name in streams if name in used or name == plan.resampling.clock]
@@ -114,6 +115,20 @@ def convert(log: Log, plan: LogMap, mechanism: Mechanism | None = None) -> Conve
         time, columns = time[still], {name: values[still] for name, values in columns.items()}
     recording = _recording(time - time[0], columns, log, plan, mechanism)
     return Conversion(recording, unused, tuple(remarks), moving)
+
+
+def _other_units(plan: LogMap) -> Iterator[str]:
+    """Yield a sentence on columns that a map takes in another unit than their names in the log say."""
+    apart: dict[tuple[str, str], list[str]] = {}
+    for name, column in plan.columns.items():
+        said, dimension = unit_in_name(column.source), dimension_of(column.unit.name)
+        meant = unit_for(said, (dimension,)) if said is not None and dimension is not None else None
+        if meant is not None and meant.factor != column.unit.factor and column.scale == 1.0:
+            apart.setdefault((meant.name, column.unit.name), []).append(name)
+    for (said, taken), names in apart.items():
+        of = ", ".join(f"'{plan.columns[name].source}'" for name in names)
+        told = f"the map takes {of} in {taken}, and the log says {said}: right only if the log is wrong."
+        yield f"{', '.join(names)}: {told}"
 
 
 def at_rest(time: Array, joints: Sequence[Array]) -> np.ndarray:

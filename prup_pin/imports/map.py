@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 
 from ..errors import Problem, nearest_names
+from ..files import named_beside
 from ..mechanism import Mechanism
 from ..recordings import Noise, Tolerances
 from ..recordings.columns import NOISE_KEYS, joint_of, marker_of
@@ -208,13 +209,16 @@ KEYS = ("robot", "time", "columns", "rotations", "motors", "resample", "at_rest"
 
 
 def robot_named(path: str | Path) -> str | None:
-    """Return the robot that a map names, None where it names none. Raises RecordingFileError for what is no map."""
+    """Return the robot that a map names, None where it names none; a path is beside the map, if it is there.
+
+    Raises RecordingFileError for what is no map.
+    """
     path = Path(path)
     problems = Problems(path)
     content, _ = load_yaml(path, problems, KEYS)
     problems.raise_all()
     named = content.get("robot")
-    return named if isinstance(named, str) else None
+    return named_beside(named, path) if isinstance(named, str) else None
 
 
 #: What stands before the doubt of a line that was guessed.
@@ -347,11 +351,12 @@ class _Reader:
             if value is not None and not isinstance(value, str):
                 self.wrong(f"is {json_kind(value)}; expected a text", key)
         resampling = self.resampling(given.get("resample"), columns, rotations)
+        named = texts["robot"] and named_beside(str(texts["robot"]), self.problems.path)
         rest = given.get("at_rest", False)
         if not isinstance(rest, bool):
             self.wrong(f"is {json_kind(rest)}; expected true or false", "at_rest")
         return LogMap(
-            columns, clocks, rotations, motors, resampling, texts["robot"], texts["notes"] or "", tolerances, rest,
+            columns, clocks, rotations, motors, resampling, named, texts["notes"] or "", tolerances, rest,
             noise,
         )  # fmt: skip
 

@@ -564,12 +564,17 @@ class LoopKinematics:
                 residual = self._apart(requested, nearest)
                 reason += f", {_told(residual)} from where they do"
         return UnreachablePoseError(
-            f"'{self.mechanism.name}' cannot reach {self._listed(requested)}: {reason}. "
+            f"'{self.mechanism.name}' cannot reach {self._listed(requested)}: {reason}. {self._meant(requested)}"
             + (f"Nearest feasible: {self._listed(nearest)}" if nearest else "No feasible pose was found near it"),
             requested,
             nearest,
             residual,
         )
+
+    def _meant(self, requested: Mapping[str, float]) -> str:
+        """Return which coordinates are hardly in m and rad, a sentence each; '' where all may be."""
+        told = {name: meant_otherwise(value, self._unit(name)) for name, value in requested.items()}
+        return "".join(f"{name} = {text}. " for name, text in told.items() if text)
 
     def _apart(self, requested: Mapping[str, float], nearest: Mapping[str, float]) -> tuple[float, float]:
         """Return how far two sets of coordinates are apart, over all lengths [m] and over all angles [rad]."""
@@ -686,7 +691,7 @@ class LoopKinematics:
             nearest = self._confirmed(requested, within)
         wanted = self._listed(requested) or self._place(self.evaluate(q).placements)
         raise UnreachablePoseError(
-            f"'{self.mechanism.name}' cannot reach {wanted}: {text}. "
+            f"'{self.mechanism.name}' cannot reach {wanted}: {text}. {self._meant(requested)}"
             + (
                 f"Nearest feasible: {self._listed(nearest)}"
                 if nearest

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
+import numpy as np
+
+from ..modules import WrenchModule
+from ..modules.joint_spring import JointSpring
 from ..numbers import number
 from .mechanism import Mechanism
 
@@ -47,10 +52,33 @@ def assumed(mechanism: Mechanism) -> Iterator[str]:
     ]
     if mechanism.modules and stiff:
         yield f"drives that are rigid, as no module yields along them: {_listed(stiff)}"
+    if mechanism.modules:
+        yield from _taken_as_rigid(mechanism)
     if not description.home:
         yield "no home is given: home is every joint at 0, or at its nearest limit"
     if description.meshes_missing:
         yield f"meshes that are not there, and not drawn: {_listed(description.meshes_missing)}"
+
+
+def _taken_as_rigid(mechanism: Mechanism) -> Iterator[str]:
+    """Yield what a robot that is more than springs at its joints leaves out: bearings of hinges, shear of beams."""
+    modules = mechanism.modules
+    if all(isinstance(module.kind, JointSpring) for module in modules):
+        return  # which is told as a whole
+    held = {module.joint for module in modules if isinstance(module.kind, WrenchModule) and not module.kind.is_body}
+    bare = [
+        joint.name for joint in mechanism.joints if joint.turns and joint.id not in held | mechanism.load_paths.idle
+    ]
+    if bare:
+        yield f"hinges that are rigid but for their own turning, as no bearing is given: {_listed(bare)}"
+    stiff = [module.name for module in modules if _shears_not(module.values)]
+    if stiff and not any("shear" in note for note in mechanism.description.notes):  # the file says it itself
+        yield f"beams that bend without shear, as no shear coefficient is given: {_listed(stiff)}"
+
+
+def _shears_not(values: Mapping[str, Any]) -> bool:
+    """Return whether these are the values of a beam without shear: they have its coefficient, and it is zero."""
+    return "shear_coefficient" in values and not np.any(values["shear_coefficient"])
 
 
 def without_weight(mechanism: Mechanism) -> Iterator[str]:

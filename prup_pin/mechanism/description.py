@@ -375,7 +375,8 @@ def resolve_values(module: ModuleDescription, kind: CompliantModule | None = Non
     for quantity in kind.quantities:
         try:
             if quantity.name in module.values:
-                value = quantity.check(module.values[quantity.name].value, module.name)
+                stated = module.values[quantity.name]
+                value = quantity.check(stated.value, module.name, stated.unit)
                 quantity.check_within({**values, quantity.name: value}, module.name)
             else:
                 value = quantity.default(values) if callable(quantity.default) else quantity.default

@@ -210,7 +210,7 @@ class ExtensionDocument(Document):
             values[short] = Parameter(
                 f"{name}.{short}",
                 value,
-                said or (quantity.unit if quantity else ""),
+                said or (self._unit_at(joint, quantity.unit).partition(" (")[0] if quantity else ""),
                 item.get("source", ""),
                 quantity.description if quantity else "",
                 quantity,

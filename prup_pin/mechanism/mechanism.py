@@ -729,9 +729,8 @@ def _with_values(module: ModuleDescription, values: Mapping[str, Any]) -> Module
         quantity = quantities[short]
         before = module.values.get(short)
         tolerance = before.declared_tolerance if before else None
-        parameter = Parameter(
-            f"{module.name}.{short}", None, quantity.unit, "", quantity.description, quantity, tolerance
-        )
+        unit = before.unit if before else quantity.unit
+        parameter = Parameter(f"{module.name}.{short}", None, unit, "", quantity.description, quantity, tolerance)
         kept[short] = parameter.with_value(value)
     changed = replace(module, values=kept)
     try:

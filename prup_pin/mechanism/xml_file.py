@@ -195,8 +195,11 @@ class Document(ABC):
         except ValueError:
             values = ()
         if not values or (count is not None and len(values) != count) or not all(map(math.isfinite, values)):
-            want = {None: "numbers", 1: "a number"}.get(count, f"{count} numbers")
-            self.problem(element, f"{label}: expected {want}, separated by spaces, with a decimal point")
+            if values and len(values) == (count or len(values)):
+                self.problem(element, f"{label}: expected {'a finite number' if count == 1 else 'finite numbers'}")
+                return None
+            want = "a number" if count == 1 else f"{count or ''} numbers, separated by spaces".lstrip()
+            self.problem(element, f"{label}: expected {want}, with a decimal point")
             return None
         if max(map(abs, values)) > largest:
             self.problem(element, f"{label}: expected numbers between {-largest:g} and {largest:g}")

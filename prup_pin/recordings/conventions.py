@@ -145,7 +145,10 @@ def _vectors_in_axes(values: Array, argument: Argument, tool: Array, back: bool 
     turn = _axes(argument)
     turn = turn.T if back else turn
     moments = float(np.linalg.det(turn)) * values[:, 3:]
-    return np.concatenate([half @ turn for half in (values[:, :3], moments) if half.shape[1]], axis=1)
+    # each column is another one, or its opposite: one that was not measured leaves the others alone
+    of = np.argmax(np.abs(turn), axis=0)
+    signs = turn[of, np.arange(3)]
+    return np.concatenate([half[:, of] * signs for half in (values[:, :3], moments) if half.shape[1]], axis=1)
 
 
 def _turns_in_axes(values: Array, argument: Argument, tool: Array, back: bool = False) -> Array:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, UnreachablePoseError
-from ..files import json_lines, write_whole
+from ..files import json_lines, named_beside, write_whole, written_beside
 from ..spatial import WRENCH_NAMES, Array, as_wrench
 from .columns import LARGEST_GRAVITY, LARGEST_NUMBER, NOISE_KEYS
 from .problems import KeyReader, Problems, is_number, joined, json_kind, read_json_object
@@ -307,8 +307,11 @@ def read_plan(path: str | Path) -> TestPlan:
 
 
 def write_plan(plan: TestPlan, path: str | Path) -> None:
-    """Write a test plan as JSON; `read_plan` returns an equal one. Raises InputError if it cannot be written."""
-    value: dict[str, Any] = {} if plan.robot is None else {"robot": plan.robot}
+    """Write a test plan as JSON; `read_plan` returns an equal one. Raises InputError if it cannot be written.
+
+    A path of a robot file is written relative to the plan's folder.
+    """
+    value: dict[str, Any] = {} if plan.robot is None else {"robot": written_beside(plan.robot, path)}
     if plan.notes:
         value["notes"] = plan.notes
     value["poses"] = [_pose_json(pose) for pose in plan.poses]
@@ -456,7 +459,7 @@ class _PlanReader(KeyReader):
             noise=noise,
             encoder_resolution=resolution,
             seed=seed,
-            robot=robot,
+            robot=named_beside(robot, self.problems.path) if robot else robot,
             notes=notes or "",
             tolerances=tolerances,
             markers=markers,

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, Problem, did_you_mean, nearest_names
+from ..files import as_path, is_file, is_path, named_beside
 from ..parameters import meant_otherwise
 from ..spatial import WRENCH_NAMES, Array
 from .columns import (
@@ -490,6 +491,10 @@ def _ragged(line: int, row: Sequence[str], header: Sequence[str]) -> tuple[str |
     if len(row) < len(header):
         missing = header[len(row)]
         message = f"the row has {len(row)} cells, {len(header)} expected; it ends before this column"
+        for separator, word in _SEPARATORS.items():
+            if len(row) - 1 + sum(cell.count(separator) for cell in row) >= len(header) - 1:
+                message = f"the cells of this row are separated by {word}; expected commas, as in the header"
+                return None, f"cells separated by {word}", [(line, message)]
         return missing, "too few cells", [(line, message)]
     surplus = f"; the first one too many is '{shown(row[len(header)])}'"
     text = f"the row has {len(row)} cells, {len(header)} expected{surplus}"
@@ -696,6 +701,12 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> tuple
             remarks.append(f"{beside.name}: the unknown key '{shown(key)}' is ignored. {told}")
             if near:
                 found["misspelt"] = (*found.get("misspelt", ()), remarks[-1])
+    if named := found.get("robot"):
+        found["robot"] = named_beside(named, path)
+        if is_path(named) and is_file(as_path(named)) and not is_file(path.parent / as_path(named)):
+            told = f"there is no '{shown(named)}' beside it: without --robot, one of the working folder is taken."
+            remarks.append(f"{beside.name}: {told}")
+            found["misspelt"] = (*found.get("misspelt", ()), remarks[-1])
     return {**found, "noise": Noise(**noise)}, remarks
 
 
@@ -893,6 +904,11 @@ def _unmeasured(numbers: Mapping[str, Array]) -> list[str]:
             remarks.append(f"There is no column {', '.join(missing)}: the {what} was not measured.")
         elif missing:
             remarks.append(f"There is no column {', '.join(missing)}: this part of the {what} was not measured.")
+        columns = {f"{prefix}.{axis}": numbers.get(f"{prefix}.{axis}", np.zeros(0)) for axis in AXES}
+        empty = [name for name, values in columns.items() if len(values) and np.isnan(values).all()]
+        if 0 < len(empty) < 3 - len(missing):
+            are = "are" if len(empty) > 1 else "is"
+            remarks.append(f"{', '.join(empty)} {are} empty in every row: this part of the {what} was not measured.")
     if "g.x" in numbers:
         lost = int(np.isnan(np.column_stack([numbers[f"g.{axis}"] for axis in AXES])).any(axis=1).sum())
         if lost:
@@ -924,4 +940,4 @@ def _undeclared(numbers: Mapping[str, Array], noise: Noise) -> list[str]:
         "effort": any(name.startswith("tau.") for name in numbers),
     }
     silent = [f"{name}_noise" for name, there in channels.items() if there and getattr(noise, name) is None]
-    return [f"{', '.join(silent)} is not declared."] if silent else []
+    return [f"{', '.join(silent)} {'is' if len(silent) == 1 else 'are'} not declared."] if silent else []

@@ -75,8 +75,8 @@ class Recording:
     conventions: how the table was written where it differs from this, one read after the other; `in_format` of the
     simulation reads a recording so.
     path: the file that was read, or ''. ignored: its columns that the format does not know.
-    remarks: sentences for a person, on what is absent or was ignored; misspelt: those of them on names that are nearly
-    ones that the format knows.
+    remarks: sentences for a person, on what is absent or was ignored; misspelt: those of them on what was hardly meant
+    so, names that are nearly ones that the format knows.
     """
 
     time: Array

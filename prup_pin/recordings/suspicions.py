@@ -8,7 +8,7 @@ import numpy as np
 
 from ..numbers import number
 from ..spatial import WRENCH_NAMES, Array
-from .columns import NOISE_UNITS
+from .columns import AXES, NOISE_UNITS
 from .recording import Recording
 
 #: Larger than any bench that is measured in metres, newtons and radians.
@@ -71,8 +71,10 @@ def _units(recording: Recording) -> Iterator[str]:
                 "Expected radians."
             )
     for name, values in (("p", recording.position), *((f"p.{key}", value) for key, value in recording.markers.items())):
-        if (largest := _largest(values)) > _LARGEST_POSITION:
-            yield f"{name}.x {name}.y {name}.z reach {number(largest, 4)} m: are they millimetres? Expected metres."
+        if values is not None and (largest := _largest(values)) > _LARGEST_POSITION:
+            columns = [f"{name}.{axis}" for k, axis in enumerate(AXES) if np.isfinite(values[:, k]).any()]
+            reach, them = ("reaches", "is it") if len(columns) == 1 else ("reach", "are they")
+            yield f"{' '.join(columns)} {reach} {number(largest, 4)} m: {them} millimetres? Expected metres."
     for joint, values in recording.positions.items():
         if (largest := _largest(values)) > _LARGEST_POSITION:
             yield (
@@ -98,13 +100,12 @@ def _units(recording: Recording) -> Iterator[str]:
 
 def _channels(recording: Recording) -> Iterator[str]:
     empty, constant = [], []
-    for name, values in recording.columns():
-        if name.startswith("g."):
-            continue
-        known = values[np.isfinite(values)]
-        # A part of a triple that has no column is NaN too, and stands among the remarks of the reader.
+    columns = [(name, values[np.isfinite(values)]) for name, values in recording.columns() if name[:2] != "g."]
+    measured = {name.rpartition(".")[0] for name, known in columns if name[:2] in ("p.", "r.") and len(known)}
+    for name, known in columns:
         if not len(known):
-            empty.append(name)
+            if name.rpartition(".")[0] not in measured:  # a part of a triple stands among the reader's remarks
+                empty.append(name)
         elif len(known) > 2 and known.min() == known.max():
             constant.append(name)
     if empty:

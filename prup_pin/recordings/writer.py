@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..files import json_lines, write_whole
+from ..files import json_lines, write_whole, written_beside
 from ..spatial import Array
 from .columns import AXES, NOISE_KEYS
 from .conventions import as_json
@@ -28,6 +28,7 @@ _CHUNK = 20_000
 def write_recording(recording: Recording, path: str | Path, status: Sequence[str] | None = None) -> None:
     """Write a recording as CSV, and noise, tolerances, robot and notes as JSON of the same stem beside it.
 
+    A path of a robot file is written relative to the JSON file's folder.
     Only columns that exist are written; `status` (N,) words become a column of that name. Both files are replaced as a
     whole or not at all; a JSON file that was there before never stays, because it would speak of another table.
 
@@ -42,7 +43,7 @@ def write_recording(recording: Recording, path: str | Path, status: Sequence[str
     if status is not None:
         columns["status"] = [str(word) for word in status]
     _check(recording, columns)
-    beside: dict[str, Any] = {} if recording.robot is None else {"robot": recording.robot}
+    beside: dict[str, Any] = {} if recording.robot is None else {"robot": written_beside(recording.robot, path)}
     for key, name in NOISE_KEYS.items():
         if getattr(recording.noise, name) is not None:
             beside[key] = float(getattr(recording.noise, name))

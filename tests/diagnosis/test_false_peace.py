@@ -19,7 +19,7 @@ from prup_pin.simulation import effect_named
 from prup_pin.spatial import rotation_exp, rotation_log
 from prup_pin.views.report.as_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_files import write_diagnosis
-from prup_pin.views.text.diagnosis_words import verdict_text
+from prup_pin.views.text.diagnosis_words import finding_lines, verdict_text
 
 NOISE = Noise(position=2e-5, rotation=1e-4)
 SPRING = {"shoulder_pan_joint": 1e4}
@@ -250,6 +250,9 @@ def test_of_few_samples_without_declared_noise_nothing_can_be_said(bench, rows):
     found = diagnose(prup_pin.load("3prup"), few)
     assert found.verdict == "unexplained"
     assert verdict_text(found).startswith("Nothing can be said: the noise is not declared")
+    (finding,) = found.findings  # which the verdict has told: what to do is left
+    assert finding_lines(found, finding) == [f"to do: {finding.remedy}"]
+    assert finding.remedy.startswith("declare position_noise")
     assert np.isnan(found.after["heldout"])
 
 

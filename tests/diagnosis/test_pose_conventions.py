@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from prup_pin import load
-from prup_pin.diagnosis import conventions
+from prup_pin.diagnosis import conventions, diagnose
 from prup_pin.diagnosis.conventions import read_logs
 from prup_pin.diagnosis.load_conventions import conventions_of_loads
 from prup_pin.errors import InputError
 from prup_pin.recordings import Convention, Recording, read_recording
-from prup_pin.recordings.conventions import Evidence
+from prup_pin.recordings.conventions import Drawn, Evidence, convention_of, written_as
 from prup_pin.spatial import rotation_log
 from tests.reference.concealed import draw, misread
 from tests.reference.concealed.scattered import draw_scattered
@@ -165,3 +165,55 @@ def test_zeros_of_another_table_are_told_in_quarter_turns(near):
             "q.shoulder_lift_joint=reversed", "q.shoulder_lift_joint=quarter_turns:3", "q.elbow_joint=quarter_turns:3"
         ]  # fmt: skip
         np.testing.assert_allclose(read - read[0], q - q[0], atol=1e-9)
+
+
+def planar(turn=0.0, columns=2):
+    """Return a planar robot, and a log of it in which what lies across its plane was not measured."""
+    bars, rng = load(str(Path(__file__).parents[2] / "examples" / "five_bar.urdf")), np.random.default_rng(8)
+    names = list(bars.mechanism.actuated)
+    home = np.array(list(bars.home.actuators.values()))
+    around = np.kron(np.eye(2), turned([0.0, 0.0, turn]))
+    q, wrench, seen = [], [], []
+    for row in home + rng.uniform(-0.3, 0.3, (10, len(names))):
+        pose = bars.pose_from_actuators(row)
+        compliance = bars.compliance(pose)
+        for fx, fy in ((0, 0), (30, 0), (60, 0), (0, 30), (0, -60)):
+            load_ = np.array([fx, fy, 0, 0, 0, 0.0])
+            at = pose.base_from_tool[:3, 3] + compliance.deflection(load_)[:3]
+            q, wrench, seen = [*q, row], [*wrench, load_], [*seen, around[:3, :3] @ at + rng.normal(0, 2e-6, 3)]
+    position = np.array(seen)
+    position[:, columns:] = np.nan
+    positions = dict(zip(names, np.array(q).T, strict=True))
+    return bars, Recording(time=np.arange(50.0), positions=positions, wrench=np.array(wrench), position=position)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.5], ids=["base", "tracker"])
+@pytest.mark.parametrize("said", ["p=mm", "wrench=reaction", "force=kN", "p=axes:y,-x,z"])
+def test_a_planar_bench_that_measured_no_z_is_read_as_it_is_meant(said, turn):
+    bars, true = planar(turn)
+    if turn and said.startswith("p=axes"):
+        pytest.skip("a tracker that stands elsewhere is as good a reason")
+    columns, _, word = said.partition("=")
+    (convention,) = [convention_of(columns, word, {})]
+    logs = read_logs(bars, written_as(true, [convention], Drawn()))
+    assert " + ".join(map(str, logs.conventions[0])) == said
+    np.testing.assert_allclose(logs.recordings[0].position, true.position, atol=1e-12)
+    assert [item.others for item in logs.evidence[0]] == [()]
+    assert read_logs(bars, true).conventions == ((),)
+
+
+def test_what_no_reading_brings_near_is_refused_where_z_was_not_measured():
+    bars, log = planar()
+    with pytest.raises(InputError, match=r"positions of the tool are .* m apart.*p\.x p\.y \(expected") as caught:
+        diagnose(bars, replace(log, position=300 * log.position))
+    assert "nan" not in str(caught.value)
+
+
+@pytest.mark.parametrize("missing", [0, 1, 2], ids=["x", "y", "z"])
+def test_two_components_of_a_robot_in_space_tell_their_unit(robot, bench, missing):
+    """Wherever the tracker stands, which is told from what was measured too."""
+    log = read_recording(bench)
+    position = 1e3 * (log.position @ turned([0.4, -0.3, 2.1]).T + [3.0, -2.0, 0.8])
+    position[:, missing] = np.nan
+    logs = read_logs(robot, replace(log, position=position, rotation=None))
+    assert [str(item) for item in logs.conventions[0]] == ["p=mm"]

@@ -318,3 +318,18 @@ def test_columns_of_several_clocks_need_one(tmp_path):
         converted(tmp_path, text, log)
     with pytest.raises(RecordingFileError, match="the streams do not overlap in time"):
         converted(tmp_path, text + "resample: {rate: 10}\n", log)
+
+
+def test_a_unit_that_is_not_the_log_s_own_is_told(tmp_path):
+    """Millimetres by name, which the map takes as metres: the robot would be 600 m away, and nobody said so first."""
+    log = log_of({"t": logs.T, "a": Q[:, 2], "X [mm]": np.full(N, 300.0), "Y [mm]": np.full(N, 300.0)})
+    text = """
+time: {from: t, unit: s}
+columns:
+  q.elbow_joint: {from: a, unit: rad}
+  p.x: {from: 'X [mm]', unit: UNIT}
+  p.y: {from: 'Y [mm]', unit: mm}
+"""
+    told = converted(tmp_path, text.replace("UNIT", "m"), log).remarks
+    assert told[0] == "p.x: the map takes 'X [mm]' in m, and the log says mm: right only if the log is wrong."
+    assert not any("the log says" in text for text in converted(tmp_path, text.replace("UNIT", "mm"), log).remarks)

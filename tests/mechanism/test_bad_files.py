@@ -205,6 +205,8 @@ def test_what_is_usual_is_not_remarked(write):
         "no gravity is given: it is that of Pinocchio's models, (0 0 -9.81) m/s^2 in base axes",
         "without mass: lower",
         "drives that are rigid, as no module yields along them: elbow",
+        "hinges that are rigid but for their own turning, as no bearing is given: shoulder, elbow",
+        "beams that bend without shear, as no shear coefficient is given: rod",
         "no home is given: home is every joint at 0, or at its nearest limit",
     )
 

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from prup_pin.errors import RecordingFileError
-from prup_pin.recordings import KeyProblem, Noise, TableProblem, read_recording, reader, suspicions, thinning
+from prup_pin.recordings import (
+    KeyProblem,
+    Noise,
+    TableProblem,
+    read_recording,
+    reader,
+    suspicions,
+    thinning,
+    write_recording,
+)
 
 from ..elsewhere import EMPS, PRACTICE, needs_emps, needs_practice
 
@@ -88,7 +98,7 @@ def test_values(write):
     assert "There is no column w.fy, w.fz, w.mx, w.my: these components of the wrench are taken as zero." in remarks
     assert "tau.turn" in remarks
     assert "temperature" in remarks
-    assert "rotation_noise, force_noise, moment_noise is not declared" in remarks
+    assert "rotation_noise, force_noise, moment_noise are not declared" in remarks
 
 
 def test_a_log_of_efforts_alone_is_not_told_what_a_bench_would_have_measured(write):
@@ -658,3 +668,57 @@ def test_more_columns_and_keys_than_anybody_means_are_not_gone_through(write):
         line, key, message = only(write(beside=beside))
         assert (line, key) == (None, "k0")
         assert message == "holds an object of 10001 keys; expected at most 10000"
+
+
+def named(folder, robot):
+    """Return the path of a small recording that names its robot."""
+    folder.mkdir(exist_ok=True)
+    (folder / "log.csv").write_text("time,q.a,p.x\n0,0.1,0.2\n1,0.2,0.3\n")
+    (folder / "log.json").write_text(json.dumps({"robot": robot, "position_noise": 1e-5}))
+    return folder / "log.csv"
+
+
+def test_a_robot_s_path_is_beside_the_json_file_that_names_it(tmp_path, monkeypatch):
+    """It was looked for in the working folder, where another robot may have the same name."""
+    monkeypatch.chdir(tmp_path)
+    path = named(tmp_path / "rest", "arm.urdf")
+    for folder in (tmp_path, path.parent):
+        (folder / "arm.urdf").write_text("<robot/>")
+    read = read_recording("rest/log.csv")
+    assert read.robot == str(Path("rest/arm.urdf"))
+    assert not any("beside" in text for text in read.remarks)
+    (tmp_path / "other").mkdir()
+    write_recording(read, "other/again.csv")
+    assert json.loads(Path("other/again.json").read_text())["robot"] == "../rest/arm.urdf"
+    assert Path(read_recording("other/again.csv").robot).resolve() == path.parent / "arm.urdf"
+    (path.parent / "arm.urdf").unlink()
+    read = read_recording("rest/log.csv")
+    assert read.robot == "arm.urdf"
+    assert "log.json: there is no 'arm.urdf' beside it" in read.misspelt[0]
+
+
+def test_a_robot_s_name_stays_a_name(tmp_path):
+    path = named(tmp_path, "3prup")
+    (tmp_path / "3prup").mkdir()
+    read = read_recording(path)
+    assert read.robot == "3prup"
+    write_recording(read, tmp_path / "again.csv")
+    assert json.loads((tmp_path / "again.json").read_text())["robot"] == "3prup"
+
+
+def test_a_part_of_a_position_that_was_not_measured_is_told_once(tmp_path):
+    path = tmp_path / "log.csv"
+    empty = ("p.x,p.y,p.z", ",", "p.z is empty in every row")
+    for header, cell, said in (("p.x,p.y", "", "There is no column p.z"), empty):
+        path.write_text(f"time,q.a,{header}\n0,0.1,0.2,0.3{cell}\n1,0.2,0.3,0.4{cell}\n")
+        read = read_recording(path)
+        told = [text for text in (*read.remarks, *suspicions(read)) if "p.z" in text]
+        assert len(told) == 1, told
+        assert told[0].startswith(said)
+
+
+def test_semicolons_in_one_row_are_called_so(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time,q.a,p.x\n0,0.1,0.2\n1;0.2;0.3\n")
+    with pytest.raises(RecordingFileError, match="the cells of this row are separated by semicolons"):
+        read_recording(path)

@@ -339,3 +339,16 @@ def test_runs_whose_clocks_begin_anew_last_as_long_as_all_of_them():
 
     recording = Log(time=time, run=run, blocks=lambda: np.arange(303))
     assert length_of(SimpleNamespace(efforts=object()), recording) == "30 s of motion"
+
+
+def test_a_value_at_the_least_of_its_law_is_a_bound():
+    """A gap that closes at once: the law's least load was told as a load that was found, and as a lower bound."""
+    at_least = FittedParameter(1.286e-5, "N m", (1e-5, 0.0554), least=1e-5)
+    assert parameter_texts({"closing_load": at_least}) == [("closing load", "below 0.0554 N m", "0 to 0.0554 N m")]
+    stiff = FittedParameter(2e6, "N/m", (1e6, 5e8), least=1e-5)
+    assert parameter_texts({"stiffness": stiff})[0][1] == "above 1 N/µm"
+
+
+def test_radians_are_no_thousands_of_milliradians():
+    assert quantity(91.2, "rad/(N m)", 2) == "91 rad/(N m)"
+    assert quantity(2e-3, "rad/(N m)", 2) == "2 mrad/(N m)"

@@ -16,7 +16,7 @@ from ...errors import PrupPinError
 from ...mechanism.tolerances import value_tolerances
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, WRENCH_NAMES
-from ..text.answer import Answer
+from ..text.answer import Answer, to_look_at
 from ..text.values import coordinate_dimensions, dimension, joint_type, limits
 
 if TYPE_CHECKING:
@@ -102,6 +102,7 @@ def answer_as_json(
         "bodies": {"share": answer.share_of(compliance.bodies), "C": compliance.bodies},
         "joints": {"share": answer.share_of(compliance.joints), "C": compliance.joints},
         "sag": sag,
+        "to_look_at": to_look_at(robot),
         "assumptions": list(robot.assumptions),
         "notes": list(notes),
     }

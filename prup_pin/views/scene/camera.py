@@ -14,6 +14,9 @@ from .skeleton import Skeleton, skeleton
 FORCE_LENGTH = 0.21
 #: A view that comes so near to the best is as good; of these the first is taken, so that small changes keep the side.
 _AS_GOOD = 0.97
+#: How far axes of a planar robot are askew, at most; how far its plane leans over before it counts as level; how much
+#: of it is seen from its side at least: cosines, sines.
+_ASKEW, _LEVEL, _FACING = 1e-3, 0.5, 0.7
 #: Elevations that are tried [deg], and how much each is liked.
 _LIKINGS = ((18, 1.0), (28, 0.97), (40, 0.85), (55, 0.65))
 
@@ -57,13 +60,35 @@ def camera_of(robot: Robot, pose: ClosedPose) -> Camera:
         home = robot.home
     except PrupPinError:
         home = pose
-    return best_camera(robot.mechanism.gravity, skeleton(home))
+    return best_camera(robot.mechanism.gravity, skeleton(home), front_of(home))
 
 
-def best_camera(gravity: Array, parts: Skeleton) -> Camera:
+def front_of(pose: ClosedPose) -> Array | None:
+    """Return the side (3,) from which a planar robot is drawn in books, None where a robot is not planar.
+
+    All its joints turn about one direction or slide across it; seen from there the first of the plane's two base axes
+    points to the right where the other one points up.
+    """
+    mechanism, normal = pose.mechanism, None
+    moving = [joint for joint in mechanism.joints if joint.turns or joint.slides]
+    if len(moving) < max(len(mechanism.joints), 2):
+        return None
+    for joint in sorted(moving, key=lambda each: each.slides):  # those that turn tell the normal
+        axis = pose.placements[joint.id][:3, :3] @ joint.axis
+        if normal is None and joint.turns:
+            normal = axis
+        if normal is None or abs(abs(axis @ normal) - joint.turns) > _ASKEW:
+            return None
+    assert normal is not None
+    across = int(np.argmax(np.abs(normal)))
+    return normal * np.sign(normal[across]) * (-1 if across == 1 else 1)  # x y from z, x z from -y, y z from x
+
+
+def best_camera(gravity: Array, parts: Skeleton, front: Array | None = None) -> Camera:
     """Return the view, from slightly above, in which lines are long, apart from each other, and spread wide.
 
-    The axes of the base count as lines at the tool: a force along any of them is to be seen from the side.
+    The axes of the base count as lines at the tool: a force along any of them is to be seen from the side. front (3,):
+    the side from which it is seen, unless that is from above or below.
     """
     share = np.linspace(0.1, 0.9, 5)[:, None]
     lines = [(segment.start, segment.end) for segment in parts.segments] or [(parts.tool[:3, 3], np.zeros(3))]
@@ -88,6 +113,9 @@ def best_camera(gravity: Array, parts: Skeleton) -> Camera:
         score = liking * area * (0.2 + drawn.mean(axis=1) + drawn.min(axis=1))
         scores.append(score * (0.1 + clear.mean(axis=0) + clear.min(axis=0)))
     score = np.array(scores)
+    up, viewers, _ = _seen(gravity, azimuths, 0)
+    if front is not None and abs(up @ front) < _LEVEL:
+        score[:, viewers @ front < _FACING] = 0.0
     row, column = np.unravel_index(np.argmax(score >= _AS_GOOD * score.max()), score.shape)
     return Camera(gravity, float(azimuths[column]), _LIKINGS[row][0])
 

@@ -170,14 +170,16 @@ def print_failures(out: Console, failures: Mapping[str, np.ndarray], reasons: Ma
 def _print_agreement(out: Console, robot: Robot, found: Sequence[Agreement], own: Collection[str]) -> None:
     heading(out, "Measured less predicted", "(root mean square)")
     efforts = any(item.share is not None for item in found)
+    alone = all(item.channel.startswith("effort ") for item in found)
     rows = []
     for item in found:
         unit, factor = _unit(robot, item.channel, own)
         noise = "not known" if item.noise is None else number(factor * item.noise, 3)
         multiple = "-" if item.in_noise is None else number(item.in_noise, 3)
-        cells = [item.channel, number(factor * item.rms, 4), unit, noise, multiple]
+        channel = item.channel.removeprefix("effort ") if alone else item.channel
+        cells = [channel, number(factor * item.rms, 4), unit, noise, multiple]
         rows.append((*cells, *["" if item.share is None else number(100 * item.share, 3)] * efforts))
-    columns = ("", ">RMS", "unit", ">noise", ">RMS / noise", *[">% of the effort"] * efforts)
+    columns = ("effort" * alone, ">RMS", "unit", ">noise", ">× noise", *[">% of the effort"] * efforts)
     show_table(out, columns, rows)
 
 

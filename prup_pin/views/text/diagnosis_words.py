@@ -248,7 +248,7 @@ def finding_lines(diagnosis: Diagnosis, finding: Finding, most: int = MOST_PARAM
     places = by_place(finding)
     alone = [] if places else parameter_texts(finding.parameters)
     shown = most if len(alone) > most + 1 else len(alone)
-    lines = [finding.statement]
+    lines = [] if stands_in_verdict(diagnosis, finding) else [finding.statement]
     for place, texts in places.items():
         told = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in texts)
         lines.append(f"{place}: {told}")
@@ -258,6 +258,11 @@ def finding_lines(diagnosis: Diagnosis, finding: Finding, most: int = MOST_PARAM
     lines += [*alternative_text(diagnosis, finding), cost_text(finding)]
     lines.append(f"to do: {finding.remedy}" if finding.remedy else "")
     return [line for line in lines if line]
+
+
+def stands_in_verdict(diagnosis: Diagnosis, finding: Finding) -> bool:
+    """Return whether the verdict says what a finding does, in the same words."""
+    return verdict_text(diagnosis).casefold().startswith(finding.statement.casefold())
 
 
 def curve_rows(curve: LocalCurve) -> list[tuple[str, str]]:
@@ -322,7 +327,9 @@ def summary_text(diagnosis: Diagnosis) -> str:
         if to_do is not None:
             others = places_text(to_do.rivals)
             also = f", or look at {others}: these data cannot tell them from it" if others else ""
-            texts.append(f"{word}: {to_do.remedy}{also}.")
+            # of many causes only the names were told
+            named_first = f"{to_do.statement}: " if to_do in named and len(named) > _MOST_TOLD else ""
+            texts.append(f"{word}: {named_first}{to_do.remedy}{also}.")
     return " ".join(texts)
 
 
@@ -394,6 +401,9 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
             continue
         if fitted.untold:
             unit, factor = readable_unit(high, fitted.unit)
+        if not fitted.untold and _is_least(fitted):
+            rows.append((words, f"below {quantity(high, fitted.unit, 4)}", f"0 to {quantity(high, fitted.unit, 4)}"))
+            continue
         if fitted.untold or _is_open(fitted):
             value = "not determined by this recording"
         elif max(abs(fitted.value), 0.5 * abs(high)) < fitted.seen:
@@ -401,7 +411,7 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
             bound, seen = (quantity(size, fitted.unit) for size in (max(high, fitted.seen), fitted.seen))
             rows.append((words, f"below {bound}", f"0 to {bound}; the encoder shows no less than {seen}"))
             continue
-        elif high > _MUCH_MORE * abs(fitted.value) and low > 0:
+        elif high > _MUCH_MORE * abs(fitted.value) and 0 < low <= fitted.value:
             value = f"above {number(factor * low, 3)} {unit}"
         elif low == 0 < high:  # it may be nothing, and is no more than that
             unit, factor = readable_unit(high, fitted.unit)
@@ -421,6 +431,12 @@ def _is_open(fitted: FittedParameter) -> bool:
     if fitted.value == 0:
         return high >= _ANY_SIZE
     return high > _MUCH_MORE * abs(fitted.value) and low < abs(fitted.value) / _MUCH_MORE
+
+
+def _is_least(fitted: FittedParameter) -> bool:
+    """Return whether a value is about the least that its law has, and an interval from there holds far larger ones."""
+    low, high = fitted.interval
+    return 0 < low <= 1.001 * fitted.least and _MUCH_MORE * fitted.value < high < _ABSURD and fitted.value < 10 * low
 
 
 def by_place(finding: Finding) -> dict[str, list[tuple[str, str, str]]]:

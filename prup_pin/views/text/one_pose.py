@@ -14,7 +14,7 @@ from ...robot import Robot
 from ...spatial import TWIST_NAMES, wrench_text
 from . import answer as words
 from .answer import Answer, MatrixTable, ranked
-from .terminal import bullets, fits, heading, listed, make_table, paragraph, print_table, show_table
+from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, print_table, show_table
 from .values import percent_text, pose_text, position_text, value_text, workshop_text
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def print_answer(
     notes: Sequence[str] = (),
 ) -> None:
     """Print pose, K, C, deflection, shares, sag and assumptions."""
-    if doubts := robot.mechanism.description.doubts:  # what is wrong there is wrong in every number
+    if doubts := [in_options(text) for text in words.to_look_at(robot)]:  # what is wrong there is in every number
         bullets(out, "To look at first", doubts)
         out.print()
     _print_pose(out, robot, answer, pose_source, changes)
