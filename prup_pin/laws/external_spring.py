@@ -71,9 +71,24 @@ class ExternalSpring(Law):
         return [values["stiffness"]] * 3
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        stiff = ", ".join(f"{number(value, 3)}" for value in dict.fromkeys(self._stiffness(values)))
-        unit, factor = readable_unit(max(abs(values[axis]) for axis in _AXES), "m")
-        slack = ", ".join(number(factor * values[axis], 3) for axis in _AXES)
+        return self._sentence(values, ())
+
+    def told(
+        self,
+        place: Place,
+        values: Mapping[str, float],
+        intervals: Mapping[str, tuple[float, float]],
+        mechanism: Mechanism,
+    ) -> str:
+        quantities = self.quantities_at(place, mechanism)
+        return self._sentence(values, [item.name for item in quantities if max(intervals[item.name]) >= item.upper])
+
+    def _sentence(self, values: Mapping[str, float], unknown: Sequence[str]) -> str:
+        names = [item.name for item in self.quantities if item.name not in _AXES]
+        known = [axis for axis in _AXES if axis not in unknown] or [*_AXES]
+        unit, factor = readable_unit(max(abs(values[axis]) for axis in known), "m")
+        stiff = ", ".join("?" if name in unknown else number(values[name], 3) for name in names)
+        slack = ", ".join("?" if axis in unknown else number(factor * values[axis], 3) for axis in _AXES)
         return f"something pulls the tool towards ({slack}) {unit}, with {stiff} N/m: a hose or a cable"
 
 

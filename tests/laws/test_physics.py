@@ -668,3 +668,12 @@ def test_friction_lets_the_beams_twist():
         of(laws.CoulombFriction, "leg1/R_theta_P", limit=0.5, presliding_stiffness=4e3),
     )
     assert scaled.values["leg1/linear_rod.torsion_constant"] == pytest.approx(1.5708e-8 / 3)
+
+
+def test_where_a_hose_pulls_is_told_as_far_as_it_is_known():
+    values = {"stiffness_x": 323.0, "stiffness_y": 182.0, "stiffness_z": 110.0, "x": 0.307, "y": 0.472, "z": -6e-15}
+    hose = effect("3prup", laws.UnevenSpring, "environment", "by direction", **values)
+    known = {name: (0.9 * value, 1.1 * value) for name, value in hose.values.items()}
+    mechanism = robot("3prup").mechanism
+    told = hose.law.told(hose.place, hose.values, {**known, "z": (-100.0, 100.0), "stiffness_z": (0.0, 1e7)}, mechanism)
+    assert "(307, 472, ?) mm, with 323, 182, ? N/m" in told
