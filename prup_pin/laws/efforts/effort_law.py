@@ -363,8 +363,9 @@ class FrictionThatTurns(EffortLaw):
         way = values.get("presliding", 0.0)
         if values.get("smoothing") != 0.0 or not way > 0:
             return None
-        # a joint that speeds up by a has come to (2 a s)^1/2 on the way s
-        usual = float(np.sqrt(np.mean(at.acceleration(place.name) ** 2)))
+        # a joint that speeds up by a has come to (2 a s)^1/2 on the way s; from there downwards, for a step between two
+        # samples tells nothing of how smooth it is
+        usual, way = float(np.sqrt(np.mean(at.acceleration(place.name) ** 2))), max(way, usual_way(at, place.name))
         return {**values, "presliding": 0.0, "smoothing": float(np.sqrt(2 * usual * way))} if usual > 0 else None
 
 
