@@ -15,7 +15,7 @@ from ...recordings.columns import AS_LOGGED
 from ...robot import Robot
 from ...spatial import Array
 from ..chances import hotelling_sf, student_95, student_sf
-from ..criteria import EFFORT_GAINS, FALSE_ALARM, GAIN, LITTLE, MOST, NO_MATTER, SURE
+from ..criteria import FALSE_ALARM, GAIN, LITTLE, MOST, NO_MATTER, SURE
 from ..normal_equations import NormalEquations
 from .conventions import gains_apart
 from .evidence import CrossValidation, held_out, relative_gain
@@ -102,17 +102,19 @@ class FinalState:
 
     def _coefficients(self) -> tuple[Array, Array, Array]:
         """Return the coefficients (p,) of the prediction, of bodies that can exist; how much they depend on the weights
-        of joints and frequencies (p,); and their normal matrix.
+        of joints and frequencies (p,); and their normal matrix. Drives' gains are those by which efforts are divided,
+        friction and all: only their uncertainty is free.
 
         Whitened, unless plain weights leave less of the efforts in their own units on held-out blocks: where what
         is left is what laws and curves lack, it is no noise. Two weights would tell the same of a model that lacks
         nothing, but for noise (Hausman 1978): what they tell apart is what it lacks, and no block's scatter shows it.
         """
         efforts, bodies = self.efforts, self.efforts.bodies_within_tolerance
-        x, matrix = consistent_fit(self.model, bodies)
+        model, matrix = efforts.with_given_gains(self.model), fit(self.model)[1]
+        x, _ = consistent_fit(model, bodies)
         if not len(x) or efforts.at.motion.standing:
             return x, np.zeros_like(x), matrix
-        plain = efforts.unwhitened(self.model)
+        plain = efforts.unwhitened(model)
         other = consistent_fit(plain, bodies)[0]
         apart = other - x
         if relative_gain(efforts.held_out_unwhitened(self.model), held_out(plain))[0] > LITTLE:
@@ -188,7 +190,7 @@ class FinalState:
         out = self.scale.copy()
         if self.gains is not None:
             drives, own = self.efforts.gains_among(self.model)
-            out[drives] *= 1 + self.x[own]
+            out[drives] *= 1 + self.efforts.tolerance_of_gains * self.x[own]
         return out
 
     @cached_property
@@ -197,8 +199,9 @@ class FinalState:
         if self.gains is None:
             return np.zeros(len(self.scale))
         drives, own = self.efforts.gains_among(self.model)
-        out = np.full(len(self.scale), EFFORT_GAINS)
-        out[drives] = np.sqrt(np.maximum(np.diag(self.covariances[1])[own], 0.0))
+        out = self.gains.deviations
+        here = np.sqrt(np.maximum(np.diag(self.covariances[1])[own], 0.0))
+        out[drives] = np.maximum(out[drives], self.efforts.tolerance_of_gains * here)
         return np.hypot(out, self.gains.common)
 
     def _material(self, laws: Sequence[EffortCandidate]) -> list[EffortCandidate]:
