@@ -35,12 +35,12 @@ from .final_state import FinalState, shows
 from .gains import (
     Gains,
     are_apart,
-    covariance_of_gains,
     gains_of,
     in_any_unit,
     in_newtons,
     law_of_gains,
     likeliest_logs,
+    precision_of_gains,
     scale_of,
 )
 from .noise import EffortNoise, noise_of, true_roundings, true_sizes
@@ -216,7 +216,7 @@ def _steps_of_gains(efforts: PreparedEfforts, model: EffortModel, bodies: Array,
     of_all, middle = EFFORT_GAINS, middle[drives]
     if efforts.of_all_gains is not None and efforts.of_all_gains <= UNSEEN:  # it is given
         of_all, middle = UNSEEN, middle - middle.mean()
-    prior = np.linalg.inv(covariance_of_gains(EFFORT_GAINS, of_all, len(drives)))
+    prior = precision_of_gains(EFFORT_GAINS, of_all, len(drives))
     told = per[:, None] * (whole - model.problem.precision(where)) * per
     steps[drives], covariance[np.ix_(drives, drives)] = likeliest_logs(told, per * (whole @ x[own]), prior, middle)
     return steps, covariance

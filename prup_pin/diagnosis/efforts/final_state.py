@@ -10,6 +10,7 @@ import numpy as np
 
 from ...laws import Effect, Law, Place
 from ...laws.efforts import Body
+from ...laws.efforts.deviations import EffortDeviation
 from ...recordings import Recording
 from ...recordings.columns import AS_LOGGED
 from ...robot import Robot
@@ -203,6 +204,35 @@ class FinalState:
         here = np.sqrt(np.maximum(np.diag(self.covariances[1])[own], 0.0))
         out[drives] = np.maximum(out[drives], self.efforts.tolerance_of_gains * here)
         return np.hypot(out, self.gains.common)
+
+    @cached_property
+    def gains_within(self) -> dict[str, float]:
+        """By how much the effort of a drive may be another than is reported, a share, where its gain has a tolerance.
+
+        By joint: what the gain is off by and what is not known of that, root mean square.
+        """
+        _, covariance, _ = self.covariances
+        return {
+            item.place: item.tolerance * float(np.hypot(self.x[place], np.sqrt(max(covariance[place, place], 0.0))))
+            for place, item in self._toleranced_gains
+        }
+
+    @property
+    def gains_off(self) -> dict[str, tuple[float, float]]:
+        """What drives' gains that have a tolerance surely are off by, and the half of the 95 % interval, shares."""
+        _, covariance, degrees = self.covariances
+        out = {}
+        for place, item in self._toleranced_gains:
+            reach = student_95(degrees) * float(np.sqrt(max(covariance[place, place], 0.0)))
+            if abs(self.x[place]) > reach:
+                out[item.place] = item.tolerance * float(self.x[place]), item.tolerance * reach
+        return out
+
+    @property
+    def _toleranced_gains(self) -> list[tuple[int, EffortDeviation]]:
+        """The gains that have a tolerance, each with the place of its coefficient in the model."""
+        items = [(place, self.efforts.deviations[index]) for place, index in enumerate(self.model.toleranced)]
+        return [(place, item) for place, item in items if item.law.of_gain]
 
     def _material(self, laws: Sequence[EffortCandidate]) -> list[EffortCandidate]:
         """Return the laws that add to some joint's effort as much as one sample could show, where that is known.

@@ -43,12 +43,12 @@ from .problem import column_blocks, kept_samples
 __all__ = [
     "Gains",
     "are_apart",
-    "covariance_of_gains",
     "gains_of",
     "in_any_unit",
     "in_newtons",
     "law_of_gains",
     "likeliest_logs",
+    "precision_of_gains",
     "scale_of",
 ]
 
@@ -101,12 +101,12 @@ class Gains:
         return replace(self, gains=float(np.exp(found.x)) * gains)
 
 
-def covariance_of_gains(of_each: float, of_all: float, count: int) -> Array:
-    """Return the covariance (k, k) of so many gains that scatter by `of_each` beside what they have in common.
+def precision_of_gains(of_each: float, of_all: float, count: int) -> Array:
+    """Return the inverse covariance (k, k) of so many gains that scatter by `of_each` beside what they have in common.
 
     of_all: the standard deviation of that.
     """
-    return np.asarray(of_each**2 * (np.eye(count) - 1 / count) + of_all**2, float)
+    return np.asarray(np.linalg.inv(of_each**2 * (np.eye(count) - 1 / count) + of_all**2), float)
 
 
 def scale_of(gains: Gains | None, count: int) -> Array:
@@ -221,7 +221,7 @@ def likeliest_logs(normal: Array, moment: Array, prior: Array, middle: Array) ->
         if np.abs(share * step).max() < NOTHING:
             break
     factor = np.exp(log)
-    return log, np.linalg.inv(factor[:, None] * normal * factor + prior)
+    return log, np.asarray(np.linalg.inv(factor[:, None] * normal * factor + prior), float)
 
 
 def are_apart(log: Array, covariance: Array) -> bool:

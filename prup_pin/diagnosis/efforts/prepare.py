@@ -16,7 +16,7 @@ from ...laws.efforts.deviations import effort_deviations, name_of_body
 from ...laws.efforts.effort_law import usual_way
 from ...spatial import Array
 from ..criteria import AR_ORDER, EFFORT_TOLD, MOST_SAMPLES, UNSEEN
-from .gains import covariance_of_gains
+from .gains import precision_of_gains
 from .inertial import BaseParameters
 from .nuisance import learned_precisions, usual_precisions
 from .outliers import OutlierInterval, outlier_intervals
@@ -346,7 +346,7 @@ class PreparedEfforts:
         count = sum(item.law.of_gain for item in self.deviations)
         if self.of_all_gains is not None and count:
             of_all = self.of_all_gains / self.tolerance_of_gains
-            blocks[len(self.deviations) - count] = np.linalg.inv(covariance_of_gains(1.0, of_all, count))
+            blocks[len(self.deviations) - count] = precision_of_gains(1.0, of_all, count)
         return EffortProblem(self.at.mechanism, columns, tuple(candidates), prior, blocks, links)
 
     def with_learned_variances(self, model: EffortModel) -> tuple[PreparedEfforts, EffortModel]:

@@ -141,6 +141,12 @@ class EffortLaw(Law):
         """Return the efforts (N, k) [N or N m] that the law adds."""
         return self.efforts_per(place, values, at) @ self.coefficients(place, values)
 
+    def as_known(
+        self, values: Mapping[str, float], intervals: Mapping[str, tuple[float, float]], mechanism: Mechanism
+    ) -> Mapping[str, float]:
+        """Return the values, NaN those of which intervals as wide as these tell nothing; most are told."""
+        return values
+
     def prior(self, place: Place, mechanism: Mechanism) -> Array:
         """Return inverse variances (p,) of the coefficients about nothing; zero where anything is as likely.
 
@@ -347,7 +353,7 @@ class FrictionThatTurns(EffortLaw):
 
     of_motion = True
     one_sided = True
-    settled = ("presliding", "smoothing")
+    settled: ClassVar[tuple[str, ...]] = ("presliding", "smoothing")
     optional = ("smoothing",)
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
