@@ -207,14 +207,20 @@ class FinalState:
 
     @cached_property
     def gains_within(self) -> dict[str, float]:
-        """By how much the effort of a drive may be another than is reported, a share, where its gain has a tolerance.
+        """By how much the effort of a drive may be another than is reported, a share, where its gain is in the model.
 
         By joint: what the gain is off by and what is not known of that, root mean square.
         """
         _, covariance, _ = self.covariances
+        shares = {item.place: np.zeros(len(self.x)) for _, item in self._toleranced_gains}
+        for place, item in self._toleranced_gains:
+            shares[item.place][place] = item.tolerance
+        for term in self.model.terms:
+            if term.law.of_gain:
+                shares.setdefault(term.place.name, np.zeros(len(self.x)))[self.model.slice_of(term)] = 1.0
         return {
-            item.place: item.tolerance * float(np.hypot(self.x[place], np.sqrt(max(covariance[place, place], 0.0))))
-            for place, item in self._toleranced_gains
+            name: float(np.sqrt((own @ self.x) ** 2 + max(float(own @ covariance @ own), 0.0)))
+            for name, own in shares.items()
         }
 
     @property
@@ -224,7 +230,8 @@ class FinalState:
         out = {}
         for place, item in self._toleranced_gains:
             reach = student_95(degrees) * float(np.sqrt(max(covariance[place, place], 0.0)))
-            if abs(self.x[place]) > reach:
+            told = any(term.law.of_gain and term.place.name == item.place for term in self.model.terms)
+            if abs(self.x[place]) > reach and not told:
                 out[item.place] = item.tolerance * float(self.x[place]), item.tolerance * reach
         return out
 
