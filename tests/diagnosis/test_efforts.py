@@ -1,6 +1,7 @@
 """Efforts in motion: concealed arms, real and drawn recordings, one diagnosis of both channels."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -110,6 +111,22 @@ def test_friction_is_found_with_intervals_that_hold_it(carriage):
         assert fitted.value == pytest.approx(true, rel=0.03)
         low, high = fitted.interval
         assert low < true < high or abs(fitted.value - true) < 0.01 * true
+
+
+def test_friction_is_known_no_better_than_the_gain_of_its_drive_within_its_tolerance(carriage):
+    """A drive that reports 6 % too much reports its friction so, too; both were told to three digits."""
+    recording = axis(damping=100.0, limit=20.0)
+    reported = {"carriage": 1.06 * recording.efforts["carriage"]}
+    found = diagnose(carriage, replace(recording, efforts=reported, tolerances=Tolerances(effort_gain=0.1, mass=0.01)))
+    by_word = {finding.physics: finding for finding in found.findings}
+    for word, name, true in (("viscous_friction", "damping", 100.0), ("coulomb_friction", "limit", 20.0)):
+        fitted = by_word[word].parameters[name]
+        assert fitted.value == pytest.approx(1.06 * true, rel=0.03)
+        assert fitted.interval[0] < true < fitted.interval[1]
+    (gain,) = [remark for remark in found.remarks if "gains are off" in remark]
+    off, low, high = (float(number) for number in re.findall(r"([+-][\d.]+) %?", gain.replace("(95 %: ", "("))[:3])
+    assert low < 6 < high
+    assert off == pytest.approx(6, abs=1)
 
 
 def test_friction_many_times_the_noise_is_settled_so_far_that_nothing_imitates_what_is_left(carriage):

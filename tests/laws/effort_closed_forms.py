@@ -253,7 +253,14 @@ CLOSED_FORMS: dict[type, Form] = {
     LoadedFriction: Form(_loaded),
     ColdFriction: Form(own(lambda j, x: (x["limit"] + x["cold"] * np.exp(-(j.t - x["start"]) / x["time"])) * j.sign)),
     StribeckFriction: Form(
-        own(lambda j, x: (x["limit"] + x["extra"] * np.exp(-((j.v / x["speed"]) ** 2))) * j.sign), values={"speed": 0.5}
+        own(
+            lambda j, x: (
+                (x["limit"] + x["extra"] * np.exp(-((j.v / x["speed"]) ** 2)))
+                * j.sign
+                * np.tanh(np.abs(j.v) / x["smoothing"])
+            )
+        ),
+        values={"speed": 0.5, "smoothing": 0.3},
     ),
     RotorInertia: Form(own(lambda j, x: x["inertia"] * j.a)),
     YieldingGear: Form(_yielding, 5e-3, {"compliance": 1e-6}),

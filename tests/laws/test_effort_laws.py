@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from prup_pin import load
-from prup_pin.dynamics import InMotion
+from prup_pin.dynamics import INERTIAL, InMotion
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts import EFFORT_LAWS
 from prup_pin.laws.efforts.coulomb_friction import SlidingFriction
@@ -20,6 +20,8 @@ from prup_pin.laws.efforts.effort_law import EFFORT
 from prup_pin.laws.efforts.effort_sensor import EffortDelay
 from prup_pin.laws.efforts.joint_compliance import YieldingGear
 from prup_pin.laws.efforts.joint_coupling import FeltMotion, FeltPosition, SpringAcross
+from prup_pin.laws.efforts.payload import HeldBody
+from prup_pin.laws.efforts.stribeck_friction import StribeckFriction
 from prup_pin.laws.efforts.viscous_friction import Damping
 from prup_pin.parameters import Quantity
 from prup_pin.simulation import CorrectedModel, read_model, write_model
@@ -400,6 +402,30 @@ def test_friction_without_a_step_is_viscous_when_slow_and_dry_when_fast(at):
     assert slow == pytest.approx(1e-3 * step * np.abs(speed), rel=1e-4)
     fast = law.efforts(place, {"limit": 3.0, "presliding": 0.0, "smoothing": 1e-9}, at)[:, 2]
     assert fast == pytest.approx(step)
+
+
+def test_a_film_is_looked_for_from_a_wide_one_downwards(at):
+    """A way that has shrunk to nothing says nothing of the speed below which a film shears."""
+    for law in (SlidingFriction(), StribeckFriction()):
+        place = Place("elbow_joint", law.variant)
+        (first, *_) = law.scanned(place, at)
+        usual = law.otherwise(place, first, at)
+        assert usual["presliding"] == 0.0
+        assert usual["smoothing"] > 0
+        assert law.otherwise(place, {**first, "presliding": 1e-12}, at)["smoothing"] == usual["smoothing"]
+        assert law.free(usual)[-1] == "smoothing"
+
+
+def test_a_centre_that_no_motion_tells_is_told_as_that(at):
+    law = HeldBody()
+    (place,) = law.places(at.mechanism)
+    values = {"mass": 1.3, "x": 0.03, "y": 0.001, "z": -1.5e-13, **dict.fromkeys(INERTIAL[4:], 0.0)}
+    close = {name: (value - 1e-3, value + 1e-3) for name, value in values.items()}
+    assert "centred at (30, 1, -1.5e-10) mm in its axes;" in law.told(place, values, close, at.mechanism)
+    far = law.told(place, values, {**close, "z": (-5.0, 5.0)}, at.mechanism)
+    assert "centred at (30, 1, ?) mm in its axes, where of z this motion tells nothing;" in far
+    none = law.told(place, values, {**close, **dict.fromkeys("xyz", (-5.0, 5.0))}, at.mechanism)
+    assert "carries 1.3 kg; of its centre this motion tells nothing;" in none
 
 
 def test_links_behind_a_gear_stand_back_by_what_the_gear_passes_on(at):

@@ -529,8 +529,8 @@ def _limit(written: float) -> float:
 
 
 def gains_apart(gains: dict[str, float]) -> bool:
-    """Return whether no joint's effort is in the unit of the rigid robot's; gains: of each, above 0."""
-    apart = np.abs(np.log(list(gains.values())))
+    """Return whether no joint's effort is in the unit of the rigid robot's; gains: of each, whichever way it counts."""
+    apart = np.abs(np.log(np.abs(list(gains.values()))))
     return not (len(gains) < FEWEST_OF_KIND or np.median(apart) < np.log(AS_GOOD) or apart.min() < np.log(NEARLY))
 
 

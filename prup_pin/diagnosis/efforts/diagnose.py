@@ -18,6 +18,7 @@ from ..criteria import (
     EFFORT_GAINS,
     FAR_LESS,
     GAIN,
+    LITTLE,
     NEARLY,
     NO_MATTER,
     ROUNDS,
@@ -31,7 +32,17 @@ from .conventions import check_efforts
 from .diagnosis import EffortDiagnosis
 from .evidence import CrossValidation, held_out, relative_gain, scores
 from .final_state import FinalState, shows
-from .gains import Gains, are_apart, gains_of, in_any_unit, in_newtons, law_of_gains, scale_of
+from .gains import (
+    Gains,
+    are_apart,
+    gains_of,
+    in_any_unit,
+    in_newtons,
+    law_of_gains,
+    likeliest_logs,
+    precision_of_gains,
+    scale_of,
+)
 from .noise import EffortNoise, noise_of, true_roundings, true_sizes
 from .nonlinear import refined, settled_together
 from .outliers import OutlierInterval, is_outlying
@@ -155,34 +166,66 @@ def _in_own_units(
 
     Every drive's gain stays free beside laws and masses, which else would make up for what the gains are off by; where
     it is another one then, efforts are divided by that, and laws are searched again beside the bodies that are known
-    now. All masses and all gains together are one unknown: the gains' part of it is free while most masses are as
-    drawn, and stays where it is once those of all links are free. None: most drives are in one unit.
+    now. A gain times a body is linear for small steps alone: beside bodies that are known gains may change by a little
+    at a time, else twice those bodies less the drawn ones were as good as these. All masses and all gains together are
+    one unknown: the gains' part of it is free while most masses are as drawn; once those of all links are free, it is
+    what the drawn ones make likeliest. None: most drives are in one unit.
     """
-    free, at = {**tolerances, law_of_gains().physics: EFFORT_GAINS}, in_newtons(prepared.at, gains.gains)
-    of_all = EFFORT_GAINS
+    at, physics = in_newtons(prepared.at, gains.gains), law_of_gains().physics
+    of_gains, middle = (EFFORT_GAINS, EFFORT_GAINS), np.log(gains.gains)
+    known: list[EffortCandidate] = []
     for left in range(ROUNDS - 1, -1, -1):
-        efforts = PreparedEfforts(at, free, prepared.below, of_all)
-        efforts, model = _searched(efforts, tell)
-        x, normal = fit(model)
-        drives, own = efforts.gains_among(model)
-        factors = np.ones(len(at.driven))
-        factors[drives] += x[own]
+        efforts = PreparedEfforts(at, {**tolerances, physics: of_gains[0]}, prepared.below, of_gains[1])
+        efforts, model = _searched(efforts, tell, known)
+        model = with_relieving_laws(efforts, model)
         masses = any(term.law.body is Body.ALL_LINKS for term in model.terms)
-        if not left or (np.abs(factors - 1).max() < UNSEEN and not (masses and of_all > UNSEEN)):
+        bodies = efforts.modelled(model, fit(model)[0])[1]
+        steps, covariance = _steps_of_gains(efforts, model, bodies, middle - np.log(gains.gains))
+        gains = replace(gains, covariance=covariance)
+        settled = np.abs(steps) < np.maximum(UNSEEN, LITTLE * gains.deviations)
+        if not left or (settled.all() and not (masses and of_gains[1] > UNSEEN)):
             break
-        of_all = UNSEEN if masses else of_all
-        gains = replace(gains, gains=gains.gains * factors)
-        bodies = efforts.modelled(model, x)[1]
+        of_gains = LITTLE, UNSEEN if masses else min(of_gains[1], LITTLE)
+        gains = replace(gains, gains=gains.gains * np.exp(steps))
+        if masses:
+            gains = gains.by_masses(gains.gains)
+        known = [term for term in model.terms if term.is_body and not model.is_nuisance(term)]
         at = in_newtons(prepared.at, gains.gains).knowing(bodies, np.zeros_like(bodies), bodies)
-    covariance = EFFORT_GAINS**2 * np.eye(len(at.driven))
-    covariance[np.ix_(drives, drives)] = NormalEquations.of(normal).solve(np.eye(len(normal)))[np.ix_(own, own)]
-    if not (gains.alike or in_any_unit(tolerances) or are_apart(np.log(gains.gains * factors), covariance)):
+    if not (gains.alike or in_any_unit(tolerances) or are_apart(np.log(gains.gains), covariance)):
         return None, efforts, model
     return gains, efforts, model
 
 
-def _searched(efforts: PreparedEfforts, tell: Callable[[float], None]) -> tuple[PreparedEfforts, EffortModel]:
-    """Return the efforts with learned priors, and the model that they ask for.
+def _steps_of_gains(efforts: PreparedEfforts, model: EffortModel, bodies: Array, middle: Array) -> tuple[Array, Array]:
+    """Return by how much the logarithms of gains are larger beside a model (k,), and their covariance (k, k).
+
+    bodies (N, k): the efforts of the model's bodies beyond the drawn ones; middle (k,): about which these logarithms
+    scatter. A gain's column is what bodies were known to ask for before the fit. What was new of them in it is as it is
+    reported, too, so that a gain is told by how its column lies along all of them.
+    """
+    at, (drives, own) = efforts.at, efforts.gains_among(model)
+    steps, covariance = np.zeros(len(at.driven)), EFFORT_GAINS**2 * np.eye(len(at.driven))
+    if not drives:
+        return steps, covariance
+    x, normal = fit(model)
+    where = [model.toleranced[index] for index in own]
+    whole = np.linalg.inv(NormalEquations.of(normal).solve(np.eye(len(normal)))[np.ix_(own, own)])
+    before, now = (efforts.at_kept(each)[:, drives] for each in (at.borne, at.rigid + bodies))
+    along = np.sum(before * now, axis=0) / np.maximum(np.sum(now * now, axis=0), np.finfo(float).tiny)
+    per = 1 / (efforts.tolerance_of_gains * np.maximum(along, LITTLE))
+    of_all, middle = EFFORT_GAINS, middle[drives]
+    if efforts.of_all_gains is not None and efforts.of_all_gains <= UNSEEN:  # it is given
+        of_all, middle = UNSEEN, middle - middle.mean()
+    prior = precision_of_gains(EFFORT_GAINS, of_all, len(drives))
+    told = per[:, None] * (whole - model.problem.precision(where)) * per
+    steps[drives], covariance[np.ix_(drives, drives)] = likeliest_logs(told, per * (whole @ x[own]), prior, middle)
+    return steps, covariance
+
+
+def _searched(
+    efforts: PreparedEfforts, tell: Callable[[float], None], known: Sequence[EffortCandidate] = ()
+) -> tuple[PreparedEfforts, EffortModel]:
+    """Return the efforts with learned priors, and the model that they ask for. known: bodies to begin with.
 
     Laws are searched beside nuisances that every drive has: of a robot on which everything is a little off, the first
     single law would stand for much that it is not. Where most drives surely have nothing of the kind, the drawing is
@@ -192,16 +235,22 @@ def _searched(efforts: PreparedEfforts, tell: Callable[[float], None]) -> tuple[
     How a friction turns round and how late signals are look alike, and a search ends near where it began: the ways of
     friction are the usual ones to begin with, or those that suit best before any law is found.
     """
-    common, start = efforts.with_learned_variances(efforts.start_with_nuisances())
+
+    def beside_known(start: EffortModel) -> EffortModel:
+        there = [term.name for term in start.terms]
+        keys = [term.key for term in known if term.name not in there]
+        return start.with_term(*(one for one in start.problem.candidates if one.key in keys))
+
+    common, start = efforts.with_learned_variances(beside_known(efforts.start_with_nuisances()))
     usual = searched(common, start, _part(tell, 0.0, 0.3))
     sure = sure_of_all(usual)
     if kinds_of_most_drives(sure):
-        start = common.start_with_nuisances()
+        start = beside_known(common.start_with_nuisances())
         start = refined(common, start, range(len(start.terms)), at_last=True)
         found = searched(common, start, _part(tell, 0.4, 0.7))
     else:
         found = searched(common, sure, _part(tell, 0.4, 0.7))
-        usual = searched(common, common.start(), _part(tell, 0.7, 1.0))
+        usual = searched(common, beside_known(common.start()), _part(tell, 0.7, 1.0))
     return common, found if relative_gain(held_out(usual), held_out(found))[0] > GAIN else usual
 
 

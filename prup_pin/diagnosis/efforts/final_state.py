@@ -10,12 +10,13 @@ import numpy as np
 
 from ...laws import Effect, Law, Place
 from ...laws.efforts import Body
+from ...laws.efforts.deviations import EffortDeviation
 from ...recordings import Recording
 from ...recordings.columns import AS_LOGGED
 from ...robot import Robot
 from ...spatial import Array
 from ..chances import hotelling_sf, student_95, student_sf
-from ..criteria import EFFORT_GAINS, FALSE_ALARM, GAIN, LITTLE, MOST, NO_MATTER, SURE
+from ..criteria import FALSE_ALARM, GAIN, LITTLE, MOST, NO_MATTER, SURE
 from ..normal_equations import NormalEquations
 from .conventions import gains_apart
 from .evidence import CrossValidation, held_out, relative_gain
@@ -102,17 +103,19 @@ class FinalState:
 
     def _coefficients(self) -> tuple[Array, Array, Array]:
         """Return the coefficients (p,) of the prediction, of bodies that can exist; how much they depend on the weights
-        of joints and frequencies (p,); and their normal matrix.
+        of joints and frequencies (p,); and their normal matrix. Drives' gains are those by which efforts are divided,
+        friction and all: only their uncertainty is free.
 
         Whitened, unless plain weights leave less of the efforts in their own units on held-out blocks: where what
         is left is what laws and curves lack, it is no noise. Two weights would tell the same of a model that lacks
         nothing, but for noise (Hausman 1978): what they tell apart is what it lacks, and no block's scatter shows it.
         """
         efforts, bodies = self.efforts, self.efforts.bodies_within_tolerance
-        x, matrix = consistent_fit(self.model, bodies)
+        model, matrix = efforts.with_given_gains(self.model), fit(self.model)[1]
+        x, _ = consistent_fit(model, bodies)
         if not len(x) or efforts.at.motion.standing:
             return x, np.zeros_like(x), matrix
-        plain = efforts.unwhitened(self.model)
+        plain = efforts.unwhitened(model)
         other = consistent_fit(plain, bodies)[0]
         apart = other - x
         if relative_gain(efforts.held_out_unwhitened(self.model), held_out(plain))[0] > LITTLE:
@@ -188,7 +191,7 @@ class FinalState:
         out = self.scale.copy()
         if self.gains is not None:
             drives, own = self.efforts.gains_among(self.model)
-            out[drives] *= 1 + self.x[own]
+            out[drives] *= 1 + self.efforts.tolerance_of_gains * self.x[own]
         return out
 
     @cached_property
@@ -197,9 +200,46 @@ class FinalState:
         if self.gains is None:
             return np.zeros(len(self.scale))
         drives, own = self.efforts.gains_among(self.model)
-        out = np.full(len(self.scale), EFFORT_GAINS)
-        out[drives] = np.sqrt(np.maximum(np.diag(self.covariances[1])[own], 0.0))
+        out = self.gains.deviations
+        here = np.sqrt(np.maximum(np.diag(self.covariances[1])[own], 0.0))
+        out[drives] = np.maximum(out[drives], self.efforts.tolerance_of_gains * here)
         return np.hypot(out, self.gains.common)
+
+    @cached_property
+    def gains_within(self) -> dict[str, float]:
+        """By how much the effort of a drive may be another than is reported, a share, where its gain is in the model.
+
+        By joint: what the gain is off by and what is not known of that, root mean square.
+        """
+        _, covariance, _ = self.covariances
+        shares = {item.place: np.zeros(len(self.x)) for _, item in self._toleranced_gains}
+        for place, item in self._toleranced_gains:
+            shares[item.place][place] = item.tolerance
+        for term in self.model.terms:
+            if term.law.of_gain:
+                shares.setdefault(term.place.name, np.zeros(len(self.x)))[self.model.slice_of(term)] = 1.0
+        return {
+            name: float(np.sqrt((own @ self.x) ** 2 + max(float(own @ covariance @ own), 0.0)))
+            for name, own in shares.items()
+        }
+
+    @property
+    def gains_off(self) -> dict[str, tuple[float, float]]:
+        """What drives' gains that have a tolerance surely are off by, and the half of the 95 % interval, shares."""
+        _, covariance, degrees = self.covariances
+        out = {}
+        for place, item in self._toleranced_gains:
+            reach = student_95(degrees) * float(np.sqrt(max(covariance[place, place], 0.0)))
+            told = any(term.law.of_gain and term.place.name == item.place for term in self.model.terms)
+            if abs(self.x[place]) > reach and not told:
+                out[item.place] = item.tolerance * float(self.x[place]), item.tolerance * reach
+        return out
+
+    @property
+    def _toleranced_gains(self) -> list[tuple[int, EffortDeviation]]:
+        """The gains that have a tolerance, each with the place of its coefficient in the model."""
+        items = [(place, self.efforts.deviations[index]) for place, index in enumerate(self.model.toleranced)]
+        return [(place, item) for place, item in items if item.law.of_gain]
 
     def _material(self, laws: Sequence[EffortCandidate]) -> list[EffortCandidate]:
         """Return the laws that add to some joint's effort as much as one sample could show, where that is known.

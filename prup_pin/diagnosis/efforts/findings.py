@@ -12,9 +12,10 @@ from ...numbers import number
 from ...recordings import Convention
 from ...spatial import Array
 from ..chances import WITHIN_95, student_95
-from ..criteria import ALIKE, FALSE_ALARM, MOST, MOST_COMBINATIONS, NO_MATTER, beyond_tolerance
+from ..criteria import ALIKE, EFFORT_GAINS, FALSE_ALARM, MOST, MOST_COMBINATIONS, NO_MATTER, beyond_tolerance
 from ..diagnosis import Finding, FittedParameter, heldout_gain
 from ..findings import beyond_its_tolerance
+from ..normal_equations import NormalEquations
 from .evidence import CrossValidation, held_out
 from .final_state import FinalState
 from .gains import law_of_gains
@@ -116,6 +117,12 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
     efforts, good = final.efforts, final.efforts.good
     recorded = efforts.measured[efforts.kept] - efforts.rigid[efforts.kept] / final.scale
     left = efforts.held_out_residual(final.model)
+    # held by what is usual
+    unsure = [n for n, size in zip(gains, final.gain_deviations, strict=True) if size > MOST * EFFORT_GAINS]
+    hardly = f"; of {', '.join(unsure)} this recording hardly tells it, and it is held near what is usual" * bool(
+        unsure
+    )
+    sure = [convention for convention in conventions if convention.joint not in unsure]
     yield Finding(
         physics="log_convention" if conventions else law_of_gains().physics,
         location="robot",
@@ -124,10 +131,9 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
         heldout_gain=heldout_gain((left[good] ** 2).sum(), (recorded[good] ** 2).sum()),
         statement=(
             "the drives report in units of their own; all gains together and all masses together are one unknown, "
-            "which the robot file's masses decide"
+            f"which the robot file's masses decide{hardly}"
         ),
-        advice=f"where that is right, declare it: {' '.join(f'--convention {c}' for c in conventions)}"
-        * final.in_own_units,
+        advice=f"where that is right, declare it: {' '.join(f'--convention {c}' for c in sure)}" * bool(sure),
         conventions=conventions,
     )
 
@@ -192,8 +198,8 @@ def _alone_of_all(final: FinalState, term: EffortCandidate, without: Array) -> t
         key=lambda one: one.where.start,
     )
     with_it = rest.with_term(best)
-    x, _ = fit(with_it)
-    change = x[with_it.slice_of(best)]
+    (x, normal), here = fit(with_it), with_it.slice_of(best)
+    change = x[here]
     values = best.law.fitted(best.place, change, best.values)
     share = float(saved_by.max()) / max(gain, np.finfo(float).tiny)
     drawn = sum(float(inertia.mass) for inertia in final.mechanism.model.inertias)
@@ -202,8 +208,28 @@ def _alone_of_all(final: FinalState, term: EffortCandidate, without: Array) -> t
         return 0.0, "", ""  # a robot file without masses lacks more than one body
     if best.law.impossible(best.place, change, np.zeros_like(change), final.mechanism):
         return 0.0, "", ""
-    told = best.law.statement(best.place, values, final.mechanism)
+    white = NormalEquations.of(normal).solve(np.eye(len(normal)))[here, here]
+    spread = _spread(best, change, values, WITHIN_95 * np.sqrt(np.diag(white)))
+    intervals = {name: (value - spread[name], value + spread[name]) for name, value in values.items()}
+    told = best.law.statement(best.place, best.law.as_known(values, intervals, final.mechanism), final.mechanism)
     return share, told, best.law.advice(best.place, values)
+
+
+def _spread(
+    term: EffortCandidate, x: Array, values: Mapping[str, float], steps: Sequence[float] | Array
+) -> dict[str, float]:
+    """Return by how much a term's parameters change where each of its coefficients x (p,) does by a step (p,).
+
+    Squares add.
+    """
+    spread = dict.fromkeys(values, 0.0)
+    for index, step in enumerate(steps):
+        moved = x.copy()
+        moved[index] += step
+        other = term.law.fitted(term.place, moved, term.values)
+        for name in values:
+            spread[name] = float(np.hypot(spread[name], other[name] - values[name]))
+    return spread
 
 
 def _drawn(final: FinalState, term: EffortCandidate) -> Array:
@@ -229,18 +255,16 @@ def parameters_of(
     out = {}
     quantities = {q.name: q for q in term.law.quantities_at(term.place, final.mechanism)}
     # the coefficients' scatter, carried over to the parameters
-    spread = dict.fromkeys(quantities, 0.0)
-    for index, size in enumerate(deviation):
-        moved = x.copy()
-        moved[index] += reach * size
-        other = term.law.fitted(term.place, moved, term.values)
-        for name in quantities:
-            spread[name] = float(np.hypot(spread[name], other[name] - values[name]))
+    spread = _spread(term, x, values, reach * deviation)
+    gain, drawn = 0.0, np.zeros_like(x)
     if final.gains is not None and beside:  # what is known of an effort is known as its drive's gain is
         own_gain = dict(zip(final.at.driven, final.gain_deviations, strict=True))
-        gain = WITHIN_95 * own_gain.get(term.place.name, final.gains.common)
-        other = term.law.fitted(term.place, x + gain * (x + _drawn(final, term)), term.values)
-        for name in quantities:
+        gain, drawn = own_gain.get(term.place.name, final.gains.common), _drawn(final, term)
+    elif final.gains is None and not (term.law.of_bodies or term.law.tolerance):
+        gain = final.gains_within.get(term.place.name, 0.0)
+    if gain:
+        other = term.law.fitted(term.place, x + WITHIN_95 * gain * (x + drawn), term.values)
+        for name in values:
             spread[name] = float(np.hypot(spread[name], other[name] - values[name]))
     profiled: Mapping[str, tuple[float, float]] = {}
     if term.law.settled:

@@ -9,12 +9,12 @@ the robot file's masses decide (Gautier and Venture 2013).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import null_space
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 from ...dynamics import InMotion
 from ...laws.efforts import EFFORT_LAWS, EffortLaw
@@ -28,19 +28,49 @@ from ..criteria import (
     FEWEST_NUMBERS,
     FEWEST_OF_KIND,
     FOLDS,
+    ITERATIONS,
     LEAST_REACH,
     LITTLE,
     MUCH,
     NEARLY,
+    NOTHING,
     ROUNDING,
     SURE,
+    WIDEST_STEP,
 )
 from .problem import column_blocks, kept_samples
 
-__all__ = ["Gains", "are_apart", "gains_of", "in_any_unit", "in_newtons", "law_of_gains", "scale_of"]
+__all__ = [
+    "Gains",
+    "are_apart",
+    "gains_of",
+    "in_any_unit",
+    "in_newtons",
+    "law_of_gains",
+    "likeliest_logs",
+    "precision_of_gains",
+    "scale_of",
+]
 
 #: Samples that are looked at.
 _SAMPLES = 6000
+
+
+@dataclass(frozen=True, eq=False)
+class _Bodies:
+    """What tells the scale of all gains: sums of products over all blocks (`_Products.without`), of combinations of
+    inertial parameters as drawn (r,), each in multiples of its spread.
+    """
+
+    sums: tuple[Array, Array, Array]
+    drawn: Array
+
+    def cost(self, gain: Array) -> float:
+        """Return the squares that the likeliest bodies leave beside gains (k,), less a constant, and their strain."""
+        columns, moment, _ = self.sums
+        x, _ = _inertial(self.sums, self.drawn, 1.0, gain)
+        bears = gain**2 * np.einsum("i,kij,j->k", x, columns, x)
+        return float((bears - 2 * gain * (moment @ x)).sum()) + float(((x - self.drawn) ** 2).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +78,35 @@ class Gains:
     """Reported per true effort, of each driven joint (k,).
 
     `common`: the standard deviation of the logarithm of all of them together, which the masses of the robot file
-    decide; alike: whether the whole robot would weigh next to nothing in newtons, so that drives may count alike in
-    another unit.
+    decide; covariance (k, k): of their logarithms, as far as the efforts tell them; alike: whether the whole robot
+    would weigh next to nothing in newtons, so that drives may count alike in another unit.
     """
 
     gains: Array
     common: float
+    covariance: Array
+    bodies: _Bodies
     alike: bool = False
+
+    @property
+    def deviations(self) -> Array:
+        """The standard deviation of the logarithm of each (k,) beside that of all together."""
+        return np.sqrt(np.maximum(np.diag(_beside_common(self.covariance)), 0.0))
+
+    def by_masses(self, gains: Array) -> Gains:
+        """Return gains (k,) so many times as large, all alike, that the robot file's masses are the likeliest beside
+        them, whatever the tool holds.
+        """
+        found = minimize_scalar(lambda log: self.bodies.cost(np.exp(log) * gains), bracket=(-LITTLE, LITTLE))
+        return replace(self, gains=float(np.exp(found.x)) * gains)
+
+
+def precision_of_gains(of_each: float, of_all: float, count: int) -> Array:
+    """Return the inverse covariance (k, k) of so many gains that scatter by `of_each` beside what they have in common.
+
+    of_all: the standard deviation of that.
+    """
+    return np.asarray(np.linalg.inv(of_each**2 * (np.eye(count) - 1 / count) + of_all**2), float)
 
 
 def scale_of(gains: Gains | None, count: int) -> Array:
@@ -138,7 +190,38 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     unit = len(log) >= FEWEST_OF_KIND and abs(np.median(log)) > np.log(AS_GOOD) and _several(log, covariance)
     if not (much and are_apart(log, covariance)) and not (unlikely and unit):
         return None
-    return Gains(np.exp(log), float(np.sqrt(covariance.mean())), unlikely and unit)
+    common = float(np.sqrt(covariance.mean()))
+    return Gains(np.exp(log), common, covariance, _Bodies(whole, drawn), unlikely and unit)
+
+
+def likeliest_logs(normal: Array, moment: Array, prior: Array, middle: Array) -> tuple[Array, Array]:
+    """Return the likeliest logarithms (k,) of what gains are to be multiplied by, and their covariance (k, k).
+
+    normal (k, k), moment (k,): the normal equations, by data alone, of these factors less one; the logarithms scatter
+    about their middle (k,) by the inverse covariance `prior` (k, k). So no factor comes below 0.
+    """
+
+    def cost(log: Array) -> float:
+        change, apart = np.expm1(log), log - middle
+        return float(change @ (normal @ change - 2 * moment) + apart @ prior @ apart)
+
+    log = np.zeros(len(moment))
+    now = cost(log)
+    for _ in range(ITERATIONS):  # Gauss and Newton's steps, as much of each as leaves less
+        factor = np.exp(log)
+        slope = factor * (normal @ (factor - 1) - moment) + prior @ (log - middle)
+        curved = factor[:, None] * normal * factor + prior
+        step = np.clip(np.linalg.solve(curved, -slope), -WIDEST_STEP, WIDEST_STEP)
+        for share in 0.5 ** np.arange(ITERATIONS):
+            if (tried := cost(log + share * step)) < now:
+                break
+        else:
+            break
+        log, now = log + share * step, tried
+        if np.abs(share * step).max() < NOTHING:
+            break
+    factor = np.exp(log)
+    return log, np.asarray(np.linalg.inv(factor[:, None] * normal * factor + prior), float)
 
 
 def are_apart(log: Array, covariance: Array) -> bool:
@@ -146,8 +229,13 @@ def are_apart(log: Array, covariance: Array) -> bool:
 
     Whatever all of them are together.
     """
+    return _several(log - np.median(log), _beside_common(covariance))
+
+
+def _beside_common(covariance: Array) -> Array:
+    """Return the covariance (k, k) of what logarithms of gains are beside what all have in common."""
     apart = covariance - covariance.mean(axis=0)
-    return _several(log - np.median(log), apart - apart.mean(axis=1, keepdims=True))
+    return np.asarray(apart - apart.mean(axis=1, keepdims=True), float)
 
 
 def _several(log: Array, covariance: Array) -> bool:

@@ -15,7 +15,8 @@ from ...laws.efforts import CURVES, EFFORT_LAWS, ROUGH_CURVES, EffortLaw
 from ...laws.efforts.deviations import effort_deviations, name_of_body
 from ...laws.efforts.effort_law import usual_way
 from ...spatial import Array
-from ..criteria import AR_ORDER, EFFORT_GAINS, EFFORT_TOLD, MOST_SAMPLES, UNSEEN
+from ..criteria import AR_ORDER, EFFORT_TOLD, MOST_SAMPLES, UNSEEN
+from .gains import precision_of_gains
 from .inertial import BaseParameters
 from .nuisance import learned_precisions, usual_precisions
 from .outliers import OutlierInterval, outlier_intervals
@@ -55,7 +56,8 @@ class PreparedEfforts:
         of_all_gains: float | None = None,
     ):
         """below: frequency [Hz] below which the residual is judged; None: the whole band. of_all_gains: the standard
-        deviation of what drives' gains have in common, where each may be anything; None: each is within its tolerance.
+        deviation of what drives' gains have in common, beside which each is within its tolerance; None: each is within
+        that by itself.
         """
         self.at, self.below, self.of_all_gains = at, below, of_all_gains
         motion = at.motion
@@ -286,6 +288,19 @@ class PreparedEfforts:
         values = np.linalg.eigvalsh(gram[np.ix_(there, there)] / np.outer(sizes[there], sizes[there]))
         return int((values > EFFORT_TOLD * values.max(initial=0.0)).sum()), count
 
+    @property
+    def tolerance_of_gains(self) -> float:
+        """The tolerance of drives' gains, of which their coefficients are multiples."""
+        return next((item.tolerance for item in self.deviations if item.law.of_gain), 0.0)
+
+    def with_given_gains(self, model: EffortModel) -> EffortModel:
+        """Return the model with drives' gains as the efforts are divided by: they leave no room beside masses."""
+        first = next((index for index, item in enumerate(self.deviations) if item.law.of_gain), None)
+        if self.of_all_gains is None or first is None or first not in model.problem.blocks:
+            return model
+        block = model.problem.blocks[first] / UNSEEN**2
+        return model.in_problem(replace(model.problem, blocks={**model.problem.blocks, first: block}))
+
     def gains_among(self, model: EffortModel) -> tuple[list[int], list[int]]:
         """Return the drives whose gains are free within a tolerance, and which coefficients of a model these are."""
         own = [(self.deviations[index], place) for place, index in enumerate(model.toleranced)]
@@ -330,8 +345,8 @@ class PreparedEfforts:
         }
         count = sum(item.law.of_gain for item in self.deviations)
         if self.of_all_gains is not None and count:
-            freed: Array = EFFORT_GAINS**2 * (np.eye(count) - 1 / count) + self.of_all_gains**2
-            blocks[len(self.deviations) - count] = np.asarray(np.linalg.inv(freed), float)
+            of_all = self.of_all_gains / self.tolerance_of_gains
+            blocks[len(self.deviations) - count] = precision_of_gains(1.0, of_all, count)
         return EffortProblem(self.at.mechanism, columns, tuple(candidates), prior, blocks, links)
 
     def with_learned_variances(self, model: EffortModel) -> tuple[PreparedEfforts, EffortModel]:

@@ -127,6 +127,13 @@ def _remarks_of(final: FinalState) -> list[str]:
             f"{first} stands still in {number(100 * share, 2)} %{more} of the samples: friction takes any value there, "
             "and these samples were not used for it"
         )
+    if final.gains is None and (off := final.gains_off):
+        told = ", ".join(
+            f"{name} {number(100 * gain, 3, signed=True)} % (95 %: {number(100 * (gain - reach), 3, signed=True)} to "
+            f"{number(100 * (gain + reach), 3, signed=True)} %)"
+            for name, (gain, reach) in off.items()
+        )
+        remarks.append(f"within their tolerance, drives' gains are off: {told}; friction is told as it is reported")
     remarks += masses_in_doubt(final.mechanism)
     rank, count = efforts.inertial_rank()
     if count:

@@ -141,6 +141,12 @@ class EffortLaw(Law):
         """Return the efforts (N, k) [N or N m] that the law adds."""
         return self.efforts_per(place, values, at) @ self.coefficients(place, values)
 
+    def as_known(
+        self, values: Mapping[str, float], intervals: Mapping[str, tuple[float, float]], mechanism: Mechanism
+    ) -> Mapping[str, float]:
+        """Return the values, NaN those of which intervals as wide as these tell nothing; most are told."""
+        return values
+
     def prior(self, place: Place, mechanism: Mechanism) -> Array:
         """Return inverse variances (p,) of the coefficients about nothing; zero where anything is as likely.
 
@@ -347,7 +353,7 @@ class FrictionThatTurns(EffortLaw):
 
     of_motion = True
     one_sided = True
-    settled = ("presliding", "smoothing")
+    settled: ClassVar[tuple[str, ...]] = ("presliding", "smoothing")
     optional = ("smoothing",)
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
@@ -363,8 +369,9 @@ class FrictionThatTurns(EffortLaw):
         way = values.get("presliding", 0.0)
         if values.get("smoothing") != 0.0 or not way > 0:
             return None
-        # a joint that speeds up by a has come to (2 a s)^1/2 on the way s
-        usual = float(np.sqrt(np.mean(at.acceleration(place.name) ** 2)))
+        # a joint that speeds up by a has come to (2 a s)^1/2 on the way s; from there downwards, for a step between two
+        # samples tells nothing of how smooth it is
+        usual, way = float(np.sqrt(np.mean(at.acceleration(place.name) ** 2))), max(way, usual_way(at, place.name))
         return {**values, "presliding": 0.0, "smoothing": float(np.sqrt(2 * usual * way))} if usual > 0 else None
 
 

@@ -41,11 +41,15 @@ def body_of(place: Place, mechanism: Mechanism) -> int:
     return mechanism.frame(place.name).joint - 1
 
 
+def usual_lever(mechanism: Mechanism) -> float:
+    """Return how far one joint is from the next [m], in the mean."""
+    reach = sum(float(np.linalg.norm(place.translation)) for place in mechanism.model.jointPlacements) or 1.0
+    return reach / max(mechanism.model.njoints - 1, 1)
+
+
 def usual_inertia(mechanism: Mechanism) -> Array:
     """Return inverse variances (10,) of a body's parameters: no part outweighs or outreaches the robot."""
-    mass = sum(float(inertia.mass) for inertia in mechanism.model.inertias) or 1.0
-    reach = sum(float(np.linalg.norm(place.translation)) for place in mechanism.model.jointPlacements) or 1.0
-    lever = reach / max(mechanism.model.njoints - 1, 1)
+    mass, lever = sum(float(inertia.mass) for inertia in mechanism.model.inertias) or 1.0, usual_lever(mechanism)
     return 1 / np.array([mass, *3 * [mass * lever], *6 * [mass * lever**2]]) ** 2
 
 

@@ -14,7 +14,7 @@ from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
 from .effort_law import Body, EffortLaw
-from .inertial_parameters import about, parts_of, usual_inertia
+from .inertial_parameters import about, parts_of, usual_inertia, usual_lever
 
 _CENTRE = ("x", "y", "z")
 
@@ -85,12 +85,27 @@ class HeldBody(EffortLaw):
         intervals: Mapping[str, tuple[float, float]],
         mechanism: Mechanism,
     ) -> str:
-        return f"{self.statement(place, values, mechanism)}; {about('the origin and axes of ' + place.name)}"
+        known = self.as_known(values, intervals, mechanism)
+        return f"{self.statement(place, known, mechanism)}; {about('the origin and axes of ' + place.name)}"
+
+    def as_known(
+        self, values: Mapping[str, float], intervals: Mapping[str, tuple[float, float]], mechanism: Mechanism
+    ) -> Mapping[str, float]:
+        # a centre that may as well lie a link's length away
+        lever = usual_lever(mechanism)
+        told = {axis: intervals.get(axis, (0.0, 0.0)) for axis in _CENTRE}
+        far = [axis for axis, (low, high) in told.items() if not high - low < 2 * lever]
+        return {**values, **dict.fromkeys(far, np.nan)}
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         mass = values["mass"]
         if mass < 0:
             lacks = f"the robot file has {number(-mass, 3)} kg at {place.name} that the robot does not carry"
             return f"{lacks}, or its efforts are reported too small"
-        centre = ", ".join(f"{number(1e3 * values[axis], 3)}" for axis in _CENTRE)
-        return f"{place.name} carries {number(mass, 3)} kg, centred at ({centre}) mm in its axes"
+        untold = [axis for axis in _CENTRE if np.isnan(values[axis])]
+        carries, nothing = f"{place.name} carries {number(mass, 3)} kg", "this motion tells nothing"
+        if len(untold) == len(_CENTRE):
+            return f"{carries}; of its centre {nothing}"
+        centre = ", ".join("?" if axis in untold else number(1e3 * values[axis], 3) for axis in _CENTRE)
+        told = f"{carries}, centred at ({centre}) mm in its axes"
+        return f"{told}, where of {' and '.join(untold)} {nothing}" if untold else told

@@ -12,14 +12,17 @@ from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import PRESLIDING, DryFriction, JointEffortLaw, columns_along, usual_way
+from .effort_law import PRESLIDING, SMOOTHING, DryFriction, JointEffortLaw, columns_along, usual_way
 
 #: Shares of the usual speed among which the Stribeck speed is looked for.
 _SHARES = (0.03, 0.06, 0.12, 0.25, 0.5)
 
 
 class StribeckFriction(DryFriction, JointEffortLaw):
-    """tau = (f + s exp(-(v / v_s)^2)) sign(v): a film of grease that carries only at speed."""
+    """tau = (f + s exp(-(v / v_s)^2)) z tanh(|v| / v0): a film of grease that carries only at speed.
+
+    Its direction z turns round and it sets in as sliding friction's does.
+    """
 
     physics = "stribeck_friction"
     summary = "friction that falls as the joint gets faster"
@@ -28,12 +31,13 @@ class StribeckFriction(DryFriction, JointEffortLaw):
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit (1994)"
     linear = ("limit", "extra")
     resists = linear
-    settled = ("speed", "presliding")
+    settled = ("speed", "presliding", "smoothing")
     quantities = (
         Quantity("limit", "N m", "friction at speed", 1.0, positive=False, upper=1e6),
         Quantity("extra", "N m", "friction beyond that when slow", 1.0, upper=1e6),
         Quantity("speed", "rad/s", "at which the extra has fallen to 37 %", 0.1, upper=1e3),
         PRESLIDING,
+        SMOOTHING,
     )
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
@@ -41,7 +45,8 @@ class StribeckFriction(DryFriction, JointEffortLaw):
         # Slower than the sensors tell a direction, nothing is seen of it.
         way = usual_way(at, place.name)
         least = 2 * at.slow(place.name)
-        return [{"speed": share * usual, "presliding": way} for share in _SHARES if share * usual > least]
+        start = {"presliding": way, "smoothing": 0.0}
+        return [{"speed": share * usual, **start} for share in _SHARES if share * usual > least]
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         kept = self.scanned_of(values)
@@ -49,7 +54,7 @@ class StribeckFriction(DryFriction, JointEffortLaw):
         return [*near, *super().closer(place, values, at)]
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        direction = at.dragged(place.name, values["presliding"])
+        direction = at.rubbing(place.name, values)
         slow = np.exp(-((at.speed(place.name) / values["speed"]) ** 2))
         return columns_along(at, place.name, direction, slow * direction)
 
