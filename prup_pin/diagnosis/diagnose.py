@@ -14,6 +14,7 @@ from ..robot import Robot
 from ..simulation import CorrectedModel, as_recorded
 from ..simulation.needs import taking_part
 from .account import Account, beside_laws, searched, with_first_law, without_laws
+from .candidates import Term
 from .chances import chi2_isf
 from .conventions import read_logs
 from .criteria import AS_GOOD, FALSE_ALARM, FEW_FITS, FEW_ROUNDS, LITTLE, MOST
@@ -177,7 +178,7 @@ def _under_loads(drawn: Drawn, tell: Tell) -> Account:
     begun = whole = None
     asked = few.is_far_from_clean
     if asked:
-        begun = _all_over(drawn, tell)
+        begun = _all_over(drawn, tell) or _all_over_beside(drawn, few.selection.last.terms, tell)
         if begun is None:
             return searched(few, tell)
         many = begun.prepared.spread is not None and not begun.prepared.spread.of_few
@@ -221,6 +222,16 @@ def _all_over(drawn: Drawn, tell: Tell, spread: Spread | None = None) -> Account
             break
         spread, begun = again, beside_laws(prepared, terms, tell)
     return begun
+
+
+def _all_over_beside(drawn: Drawn, terms: Sequence[Term], tell: Tell) -> Account | None:
+    """Return what is off all over beside laws that hide it else; None where nothing is."""
+    beside = [term.effect for term in terms]
+    spread = drawn.spread_beside(beside) if beside else None
+    if spread is None:
+        return None
+    prepared = drawn.prepared(spread.all_over(), beside)
+    return beside_laws(prepared, terms, tell) if prepared.kinds else None
 
 
 def _with_outliers(drawn: Drawn, found: Account, spread: Spread, tell: Tell) -> Account:

@@ -192,6 +192,12 @@ def test_a_robot_is_predicted_as_well_as_its_data_allow(robot, seed, tmp_path):
         ("3prup", 561000, "lead_error", "leg1/ball_screw"),  # under its weight
         ("3prup", 562001, "payload", "moving_star"),  # its noise not declared
         ("delta", 560001, "backlash", "leg1/motor"),  # and under loads
+        (
+            "delta",
+            597002,
+            "stiffness_changed",
+            "leg2/motor",
+        ),  # which hides what else is off
         ("six_ups", 563000, "stiffness_changed", "leg2/drive"),  # for which play stands at first
     ],
 )
