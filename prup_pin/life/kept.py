@@ -74,7 +74,7 @@ def digest_of(recording: Recording) -> str:
     """Return a text that is the same for recordings of the same content, whatever they are called."""
     found = hashlib.sha256()
     for item in fields(recording):
-        if item.name in ("path", "notes", "remarks", "ignored", "date"):
+        if item.name in ("path", "robot", "notes", "remarks", "ignored", "date"):
             continue
         value = getattr(recording, item.name)
         for name, part in sorted(value.items()) if hasattr(value, "items") else [("", value)]:
