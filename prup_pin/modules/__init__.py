@@ -12,6 +12,7 @@ from .beam import Beam
 from .bearing import Bearing
 from .bearing_pair import BearingPair
 from .compliance_matrix import ComplianceMatrix
+from .cross_spring_hinge import CrossSpringHinge
 from .hertzian_bearing import HertzianBearing
 from .joint_spring import JointSpring
 from .module import CompliantModule, DriveModule, ModuleGeometry, WrenchModule, defects
@@ -37,6 +38,7 @@ _OWN: tuple[CompliantModule, ...] = (
     Motor(),
     JointSpring(),
     ComplianceMatrix(),
+    CrossSpringHinge(),
     BeamAsPublished(),
 )
 

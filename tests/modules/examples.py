@@ -10,6 +10,7 @@ from prup_pin.modules import KINDS, CompliantModule, ModuleGeometry
 from prup_pin.testing import modules as testing
 
 STEEL: dict[str, Any] = {"youngs_modulus": 201e9, "shear_modulus": 77e9, "shear_coefficient": 0.886, "density": 7850.0}
+SPRING_STEEL: dict[str, Any] = {"youngs_modulus": 206e9, "shear_modulus": 79e9}
 CATALOGUE_NUT: dict[str, Any] = {"rated_stiffness": 680e6, "dynamic_load_rating": 14300.0}
 DRIVE: dict[str, Any] = {"screw_lead": 0.01, "motor_pulley_diameter": 0.1, "screw_pulley_diameter": 0.035}
 
@@ -81,6 +82,10 @@ EXAMPLES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "motor": ({"torsional_stiffness": 6875.5, **DRIVE}, {"torsional_stiffness": 900.0, **DRIVE}),
     "joint_spring": ({"stiffness": 1e4}, {"stiffness": 2e4}),
     "compliance_matrix": ({"matrix": _matrix(1)}, {"matrix": _matrix(2), "scale": 1.5}),
+    "cross_spring_hinge": (
+        {"leaf_length": 0.06, "leaf_width": 0.03, "leaf_thickness": 4e-4, "count": 2.0, **SPRING_STEEL},
+        {"leaf_length": 0.04, "leaf_width": 0.02, "leaf_thickness": 5e-4, "youngs_modulus": 72e9, "count": 4.0},
+    ),
     "beam_as_published": (
         {"diameter": 0.02, **STEEL},
         {"diameter": 0.012, **STEEL},

@@ -191,3 +191,30 @@ def test_belt_and_motor_of_table_1():
     assert kind_named("timing_belt").ratio(belt)[0] == pytest.approx(torque * 2 / 0.1, rel=1e-13)  # Eq. (101)
     assert one("motor", torsional_stiffness=6875.5, **drive)[0, 0] == pytest.approx(1 / 6875.5, rel=1e-13)
     assert one("timing_belt", stiffness=18.04 * UM, **drive)[0, 0] == pytest.approx(1 / (18.04 * UM), rel=1e-13)
+
+
+# ------------------------------------------------------------------------------------------ hinge of leaf springs
+
+
+def test_crossed_leaves_are_beams_seen_from_their_middles():
+    steel = {"youngs_modulus": 206e9, "shear_modulus": 79e9}
+    length, width, thick = 0.06, 0.03, 4e-4
+    torsion = width * thick**3 / 3 * (1 - 0.63 * thick / width)
+    # A leaf, x along the hinge's axis, y across the leaf, z along it; then with the hinge's axis as z.
+    leaf = one("beam", length, area=width * thick, second_moment_x=width * thick**3 / 12, torsion_constant=torsion,
+               second_moment_y=thick * width**3 / 12, **steel)  # fmt: skip
+    sheared = length / (5 / 6 * steel["shear_modulus"] * width * thick)
+    leaf[0, 0] += sheared  # the wide way
+    K = np.zeros((6, 6))
+    for turn in (np.pi / 4, -np.pi / 4):
+        c, s = np.cos(turn), np.sin(turn)
+        axes = np.array([[0, s, c], [0, -c, s], [1, 0, 0]])  # columns: the leaf's axes in those of the hinge
+        to_tip = axes @ [0, 0, length / 2]  # from the crossing
+        cross = np.array([[0, -to_tip[2], to_tip[1]], [to_tip[2], 0, -to_tip[0]], [-to_tip[1], to_tip[0], 0]])
+        turned = np.kron(np.eye(2), axes)
+        moved = np.block([[np.eye(3), np.zeros((3, 3))], [-cross, np.eye(3)]])  # a force at the crossing, at the tip
+        K += np.linalg.inv(moved.T @ turned @ leaf @ turned.T @ moved)
+    sizes = {"leaf_length": length, "leaf_width": width, "leaf_thickness": thick, "count": 2.0}
+    hinge = one("cross_spring_hinge", **sizes, **steel)
+    np.testing.assert_allclose(hinge, np.linalg.inv(K), rtol=1e-9, atol=1e-14)
+    assert 1 / hinge[5, 5] == pytest.approx(2 * 206e9 * width * thick**3 / 12 / length, rel=1e-13)
