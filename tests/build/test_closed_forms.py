@@ -14,11 +14,13 @@ STEWART = {"base_radius": 0.5, "platform_radius": 0.25, "height": 0.7, "drive_st
            "platform_mass": 20.0, "cylinder_mass": 4.0, "rod_mass": 2.0}  # fmt: skip
 RRR = {"base_radius": 0.4, "platform_radius": 0.1, "arm": 0.24, "rod": 0.27, "motor_stiffness": 2e4,
        "arm_diameter": 0.02, "rod_diameter": 0.016, "platform_mass": 2.0}  # fmt: skip
+PRR = {"base_radius": 0.3, "platform_radius": 0.1, "rod": 0.35, "drive_stiffness": 3e7, "rod_diameter": 0.016,
+       "platform_mass": 2.0, "carriage_mass": 1.0}  # fmt: skip
 FIVE_BAR = {"base": 0.2, "arm": 0.25, "rod": 0.35, "height": 0.35, "motor_stiffness": 2e4, "arm_diameter": 0.02,
             "rod_diameter": 0.016}  # fmt: skip
 DELTA = {"base_radius": 0.2, "platform_radius": 0.06, "arm": 0.25, "rod": 0.6, "rod_spacing": 0.08, "height": 0.55,
          "motor_stiffness": 2e4, "rod_diameter": 0.012, "arm_diameter": 0.04, "platform_mass": 1.0}  # fmt: skip
-FAMILIES = {"stewart": STEWART, "three_rrr": RRR, "five_bar": FIVE_BAR, "delta": DELTA}
+FAMILIES = {"stewart": STEWART, "three_rrr": RRR, "three_prr": PRR, "five_bar": FIVE_BAR, "delta": DELTA}
 
 
 def at(pose, frame):
@@ -89,6 +91,21 @@ def test_a_3_rrr_is_three_springs_along_its_rods(where):
     for leg in ("leg1", "leg2", "leg3"):
         c, s = softness(pose, leg, f"{leg}_mount", f"{leg}_elbow", f"{leg}_rod_end")
         want += np.outer(s[plane], s[plane]) / c
+    close(np.linalg.inv(robot.compliance(pose).C[np.ix_(plane, plane)]), want)
+
+
+@pytest.mark.parametrize("where", [None, {"x": 0.03, "y": -0.05, "phi": 0.2}])
+def test_a_3_prr_is_three_springs_along_its_rods(where):
+    robot = build.three_prr(**PRR)
+    pose = robot.home if where is None else robot.pose(**where)
+    plane = [0, 1, 5]
+    want = np.zeros((3, 3))
+    for leg, angle in zip(("leg1", "leg2", "leg3"), np.radians([90, 210, 330]), strict=True):
+        s, length = line(pose, f"{leg}_carriage", f"{leg}_rod_end")
+        assert length == pytest.approx(0.35)
+        assert at(pose, f"{leg}_carriage")[:2] @ [np.cos(angle), np.sin(angle)] == pytest.approx(0.3)
+        along = s[:2] @ [-np.sin(angle), np.cos(angle)]
+        want += np.outer(s[plane], s[plane]) / (along**2 / 3e7 + length / (E * area(0.016)))
     close(np.linalg.inv(robot.compliance(pose).C[np.ix_(plane, plane)]), want)
 
 
@@ -169,6 +186,8 @@ def test_legs_that_do_not_reach_are_refused_with_what_would():
         InputError, match=r"arm = 0.1 m and rod = 0.1 m do not meet at home.*0.3 m.*between 0 and 0.2 m"
     ):
         build.three_rrr(**{**RRR, "arm": 0.1, "rod": 0.1})
+    with pytest.raises(InputError, match=r"rod = 0.1 m does not reach at home.*0.2 m from the slides"):
+        build.three_prr(**{**PRR, "rod": 0.1})
     with pytest.raises(InputError, match="do not meet at home"):
         build.delta(**{**DELTA, "height": 2.0})
     with pytest.raises(InputError, match="drive_stiffness has 5 numbers; expected one, or one for each of six legs"):

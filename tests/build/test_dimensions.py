@@ -6,7 +6,7 @@ import pytest
 from prup_pin import build
 from prup_pin.errors import InputError
 
-from .test_closed_forms import DELTA, FAMILIES, FIVE_BAR, RRR, STEWART
+from .test_closed_forms import DELTA, FAMILIES, FIVE_BAR, PRR, RRR, STEWART
 
 #: Lengths of parts that are far from 20 m also where they are taken for metres: said by their bars instead.
 THIN = {name for sizes in FAMILIES.values() for name in sizes if name.endswith("_diameter")}
@@ -42,6 +42,7 @@ def inertia_of(robot, link):
         (build.five_bar(**FIVE_BAR), "left_rod", 0.35, 0.016),
         (build.five_bar(**FIVE_BAR), "right_arm", 0.25, 0.02),
         (build.three_rrr(**RRR), "leg2_rod", 0.27, 0.016),
+        (build.three_prr(**PRR), "leg3_rod", 0.35, 0.016),
         (build.delta(**DELTA), "leg3b_rod", 0.6, 0.012),
         (build.delta(**DELTA), "leg1_arm", 0.25, 0.04),
     ],
