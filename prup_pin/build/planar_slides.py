@@ -6,6 +6,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..robot import Robot
+from ..spatial import Array
 from .urdf_file import STEEL_DENSITY, STEEL_MODULUS, UrdfFile, bar_mass, disc, in_metres, positive, round_bar, thinner
 
 __all__ = ["three_prr"]
@@ -60,7 +61,7 @@ Drawn at home, where all joints are at zero and all links have the base's axes.
     )
     file.link("base")
     mass = bar_mass(rod, rod_diameter, density)
-    seats = []
+    seats: list[Array] = []
     for leg, angle in enumerate(np.radians([90.0, 210.0, 330.0]), 1):
         outwards, left = np.array([np.cos(angle), np.sin(angle), 0.0]), np.array([-np.sin(angle), np.cos(angle), 0.0])
         start, seat = base_radius * outwards - beside * left, platform_radius * outwards
