@@ -185,6 +185,7 @@ def as_drawn(moving, gains):
     )
 
 
+@pytest.mark.slow
 def test_no_mass_is_accused_of_what_a_gain_is_off_by(robot, moving):
     """Efforts in amperes of a robot whose masses are as drawn: gains alone that were solved for are 1 % off."""
     found = diagnose(robot, as_drawn(moving, GAINS))

@@ -125,6 +125,7 @@ def test_friction_along_a_rail_turns_round_on_the_way_that_it_does(carriage):
     assert way.value == pytest.approx(3e-4, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_formula_has_the_place_of_a_law_that_imitates_it_and_brings_its_own_offset(carriage):
     found = diagnose(carriage, recorded(lambda q, v, t: 900.0 * (q + 0.3) ** 2), propose=True)
     assert {item.physics for item in found.findings} & {"counterbalance", "effort_offset"}
@@ -157,6 +158,7 @@ def raised_cosine(q, v, time):
     return 20.0 * (1 + np.cos(np.pi * np.clip((q - 0.03) / 0.05, -1, 1)))
 
 
+@pytest.mark.slow
 def test_what_the_shape_of_a_formula_leaves_is_a_curve_beside_it(carriage):
     (proposal,) = diagnose(carriage, recorded(raised_cosine), propose=True).proposals
     assert [term.shape for term in proposal.law.terms] == ["bump"]
@@ -195,6 +197,7 @@ def test_of_a_joint_that_never_moved_nothing_is_proposed(carriage):
     assert not diagnose(carriage, still, propose=["carriage"]).proposals
 
 
+@pytest.mark.slow
 def test_friction_that_gives_energy_to_the_motion_is_told(carriage):
     pushes = recorded(lambda q, v, t: -100.0 * v - 300.0 * v * np.abs(v))
     (proposal,) = diagnose(carriage, pushes, propose=["carriage"]).proposals

@@ -197,6 +197,7 @@ def test_gravity_of_the_recording_stands_for_that_of_a_file_without(tmp_path):
     assert found.verdict == "explained"
 
 
+@pytest.mark.slow
 def test_laws_that_cancel_a_weight_which_does_not_act_are_dropped(arm):
     draw = np.random.default_rng(4)
     wrench = np.zeros((100, 6))

@@ -89,6 +89,7 @@ def test_columns_g_beside_a_declared_noise_stop_nothing():
     assert len(plain.spread.kinds) > 2
 
 
+@pytest.mark.slow
 def test_what_is_declared_is_found_and_predicted():
     robot, weight = prup_pin.load(TORSO), Effect(SelfWeight(), Place("robot"), {"scale": 1.0})
     true = bench(PosedTree(TORSO, tracker=SOMEWHERE), RUNS * EACH)
