@@ -33,6 +33,7 @@ from .root_tilt import HubRootCompliance, RootTiltCompliance
 from .self_weight import SelfWeight, SpreadSelfWeight
 from .setup import Setup
 from .shear import Shear, Torsion
+from .slack_cable import SlackCable
 from .stiffness_changed import StiffnessChanged
 from .target import TargetMisalignment, of_markers
 from .thermal_growth import GrowthFromSupport, ThermalGrowth
@@ -64,6 +65,7 @@ _OWN: tuple[Law, ...] = (
     OffCentrePayload(),
     ExternalSpring(),
     UnevenSpring(),
+    SlackCable(),
     BaseCompliance(),
     UnevenBaseCompliance(),
     Shear(),

@@ -49,8 +49,8 @@ class ExternalSpring(Law):
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         """Return its parameters: what is slack only far beyond the robot's reach pulls evenly, as a weight does."""
-        home = _home(mechanism)
-        far = _FAR * _size(home)
+        home = home_of(mechanism)
+        far = _FAR * size_of(home)
         found = {
             axis: replace(item, default=at + _BESIDE, lower=at - far, upper=at + far)
             for axis, item, at in zip(_AXES, _SLACK, home.tolist(), strict=True)
@@ -59,8 +59,8 @@ class ExternalSpring(Law):
 
     def usual_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, tuple[float, float]]:
         """Return where it is slack: a hose hangs from something near the robot, about as far from home as that is."""
-        home = _home(mechanism)
-        return {axis: (at, _size(home)) for axis, at in zip(_AXES, home.tolist(), strict=True)}
+        home = home_of(mechanism)
+        return {axis: (at, size_of(home)) for axis, at in zip(_AXES, home.tolist(), strict=True)}
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         stiffness = np.diag(self._stiffness(values))
@@ -109,12 +109,12 @@ class UnevenSpring(ExternalSpring):
         return [values[f"stiffness_{axis}"] for axis in _AXES]
 
 
-def _size(home: np.ndarray) -> float:
+def size_of(home: np.ndarray) -> float:
     """Return how large a robot is whose tool point is at home there [m]."""
     return max(float(np.linalg.norm(home)), _SMALLEST)
 
 
-def _home(mechanism: Mechanism) -> np.ndarray:
+def home_of(mechanism: Mechanism) -> np.ndarray:
     """Return where the tool point is at home [m], (3,)."""
     tool, data = mechanism.need_tool(), mechanism.model.createData()
     pin.forwardKinematics(mechanism.model, data, mechanism.home_configuration())

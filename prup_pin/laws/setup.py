@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..loaded import Conditions
+from ..loaded import Conditions, Pull
 from ..mechanism import Mechanism
 from ..spatial import Array
-from .deeds import Deed, JointResistance, Moment, Moved, PoseReport, RememberedStrain, Strain, Strains, ToolSpring
+from .deeds import Deed, JointResistance, Moment, Moved, PoseReport, RememberedStrain, Strain, Strains
 from .inputs import Inputs
 
 #: What deeds are added to, beside strains; what else they change they replace.
@@ -51,7 +51,7 @@ class Setup:
     loop_offsets: dict[tuple[int, int], Array] = field(default_factory=dict)  # of loops' ends, (6,)
     mass_factors: dict[str, float] = field(default_factory=dict)  # of links
     yielding: dict[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)  # of joints, by name and way
-    springs: list[ToolSpring] = field(default_factory=list)
+    springs: list[Pull] = field(default_factory=list)
     base: Array | None = None  # (6, 6), how the base gives way under all that acts, about its origin
     weight: float = 0.0  # share of the links' weight that acts
     spread_weight: bool = False
@@ -161,7 +161,7 @@ class Setup:
             wrench=self.wrench[samples],
             gravity=self.gravity(samples) * self.weight if self.weight else None,
             mass_factors=self._masses(),
-            springs=tuple((np.array(item.stiffness), np.array(item.slack)) for item in self.springs),
+            springs=tuple(self.springs),
         )
 
     def _masses(self) -> Array | None:

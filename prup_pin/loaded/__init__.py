@@ -8,7 +8,7 @@ from .other_values import deformation_of_law
 from .residual import loads_on_bodies
 from .rigid_samples import RigidSamples
 from .rod import LoadedRod, loaded_rod
-from .state import Conditions, State
+from .state import Conditions, Pull, State
 
 __all__ = [
     "Chain",
@@ -18,6 +18,7 @@ __all__ = [
     "FirstOrder",
     "LoadedPose",
     "LoadedRod",
+    "Pull",
     "RigidSamples",
     "State",
     "chain_of",

@@ -249,8 +249,8 @@ def _seen(structure: Structure, at: Evaluation, conditions: Conditions, observer
     # what the loads do as their points move
     left, right = [], []
     form = _dead_force(conditions.force_at(at.tool[:, :3, 3]), at.tool[:, :3, 3])
-    for stiffness, _ in conditions.springs:
-        form = form - _spring(stiffness, at.tool[:, :3, 3])
+    for spring in conditions.springs:
+        form = form - _spring(spring.stiffness_at(at.tool[:, :3, 3]), at.tool[:, :3, 3])
     left.append((carries[:, structure.tool.joint, None] * observers) @ form)
     right.append(motions.carries[:, structure.tool.joint, None] * screws)
     for index, loop in enumerate(structure.loops):

@@ -204,8 +204,8 @@ class FirstOrder:
         if tool.name in parts.frames:
             shift = at.placements[:, tool.joint, :3, :3] @ parts.frames[tool.name]
             more = np.zeros((len(self), 6))
-            for stiffness, _ in conditions.springs:
-                more[:, :3] -= shift @ stiffness.T
+            for spring in conditions.springs:
+                more[:, :3] -= (spring.stiffness_at(at.tool[:, :3, 3]) @ shift[..., None])[..., 0]
             more[:, 3:] = cross(shift, conditions.force_at(at.tool[:, :3, 3]))
             change += (self.chain.load_columns(at) @ more[..., None])[..., 0]
         for index, link in enumerate(self.chain.mechanism.links):

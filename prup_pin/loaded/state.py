@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -10,7 +11,19 @@ from ..kinematics import ClosedPose
 from ..spatial import Array, rotation_exp, rotation_tangent
 from .structure import Structure
 
-__all__ = ["Conditions", "State", "rigid_state", "stepped", "with_actuators"]
+__all__ = ["Conditions", "Pull", "State", "rigid_state", "stepped", "with_actuators"]
+
+
+class Pull(Protocol):
+    """What pulls the tool point by where it is: a spring, a cable."""
+
+    def force_at(self, point: Array) -> Array:
+        """Return its force (N, 3) [N] on the tool while its point is there (N, 3) [m], base axes."""
+        ...
+
+    def stiffness_at(self, point: Array) -> Array:
+        """Return by how much less it pulls per way of the point, (3, 3) or (N, 3, 3) [N/m]."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -24,9 +37,9 @@ class Conditions:
     (N, k, k); `actuators` (N, actuated joints) is added to the positions of the pose; `offsets` moves the place of
     joints, by joint id: (6,), a translation in the axes of the parent's frame and a rotation vector in the joint's own;
     `loop_offsets` likewise that of loops' ends on their bodies, by the loop's place and 0 or 1 for its first or second
-    end; `mass_factors` (links,) multiplies the masses of `Mechanism.links`; `springs` pull the tool point to where
-    they are slack: stiffness (3, 3) [N/m] and that point (3,), base axes; `inertia` (N, links, 6) are what
-    the motion of the same links loads them with, dead wrenches about their centres, base axes.
+    end; `mass_factors` (links,) multiplies the masses of `Mechanism.links`; `springs` pull the tool point by
+    where it is; `inertia` (N, links, 6) are what the motion of the same links loads them with, dead wrenches about
+    their centres, base axes.
     """
 
     wrench: Array
@@ -38,14 +51,14 @@ class Conditions:
     offsets: dict = field(default_factory=dict)
     loop_offsets: dict = field(default_factory=dict)
     mass_factors: Array | None = None
-    springs: tuple[tuple[Array, Array], ...] = ()
+    springs: tuple[Pull, ...] = ()
     inertia: Array | None = None
 
     def force_at(self, point: Array) -> Array:
         """Return the force on the tool while its point is there, (N, 3): the wrench's and the springs'."""
         force = self.wrench[:, :3]
-        for stiffness, slack in self.springs:
-            force = force + (slack - point) @ stiffness.T
+        for spring in self.springs:
+            force = force + spring.force_at(point)
         return force
 
     def take(self, rows) -> Conditions:

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from prup_pin import laws
 from prup_pin.laws import LAWS, Effect, Inputs, Place, Setup
+from prup_pin.laws.deeds.cable import TAKE_UP
 from prup_pin.laws.deviations import calibration_of
 from prup_pin.laws.joint_places import parts
 from prup_pin.simulation import Simulator
@@ -472,6 +473,33 @@ def test_a_hose_shares_the_load_with_the_spring(spring):
     across = of(laws.UnevenSpring, "environment", "by direction", x=slack, y=0.1, z=0.1, stiffness_x=0.0,
                 stiffness_y=hose, stiffness_z=hose)  # fmt: skip
     np.testing.assert_allclose(pulled(spring, forces, [across])[:, 0], forces / K, rtol=1e-9)
+
+
+def test_a_cable_pulls_once_it_is_taut_and_never_pushes(spring):
+    """K u + k max(u - gap, 0) = F along the slide, but for the take-up of 1 mm about the gap."""
+    k, gap = 5e4, 1e-3
+    forces = np.array([-300.0, 0.0, 50.0, 99.0, 340.0, 600.0])
+    behind = of(laws.SlackCable, "environment", stiffness=k, slack_length=0.5 + gap, x=-0.5, y=0.0, z=0.0)
+    free = forces / K
+    expected = np.where(free > gap, (forces + k * gap) / (K + k), free)
+    assert (np.abs(expected - gap) > TAKE_UP / 2).all()
+    np.testing.assert_allclose(pulled(spring, forces, [behind])[:, 0], expected, rtol=1e-9, atol=1e-15)
+    within = pulled(spring, [0.0, 200.0], [behind])[1, 0]  # half of the way is taken up: k w / 8 at the gap
+    assert K * within + k * (within - gap + TAKE_UP / 2) ** 2 / (2 * TAKE_UP) == pytest.approx(200.0, rel=1e-9)
+
+
+def test_a_cable_pulls_towards_its_anchor(spring):
+    k, anchor, length = 5e4, np.array([0.01, 0.02]), 0.015
+    beside = of(laws.SlackCable, "environment", stiffness=k, slack_length=length, x=anchor[0], y=0.0, z=anchor[1])
+
+    def balance(u, force):
+        way = anchor - [u, 0.0]
+        far = np.hypot(*way)
+        return K * u - force - k * (far - length) * way[0] / far
+
+    forces = np.array([-300.0, 0.0, 80.0, 400.0])
+    expected = [brentq(balance, -0.01, 0.01, args=(force,), xtol=1e-14) for force in forces]
+    np.testing.assert_allclose(pulled(spring, forces, [beside])[:, 0], expected, rtol=1e-9)
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 A deed of a new kind: a final class in a file of its own, and one line in `DEEDS`. The contract is in `deed.py`.
 """
 
+from .cable import ToolCable
 from .deed import AGREED, BLOCK, RUN, Deed, History, Moment, Solved
 from .extra_tilt import ExtraTilt
 from .load import ScaledMass, ToolLoad, ToolSpring, Weight, WrenchReading
@@ -20,6 +21,7 @@ DEEDS: tuple[type[Deed], ...] = (
     WrenchReading,
     ToolLoad,
     ToolSpring,
+    ToolCable,
     Travel,
     ExtraStrain,
     ChangedValue,
@@ -59,6 +61,7 @@ __all__ = [
     "Solved",
     "Strain",
     "Strains",
+    "ToolCable",
     "ToolLoad",
     "ToolSpring",
     "Travel",

@@ -83,6 +83,12 @@ class ToolSpring(Deed):
     def enter(self, setup: Setup) -> None:
         setup.springs.append(self)
 
+    def force_at(self, point: Array) -> Array:
+        return np.asarray((np.array(self.slack) - point) @ np.array(self.stiffness).T)
+
+    def stiffness_at(self, point: Array) -> Array:
+        return np.array(self.stiffness)
+
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
         if setup.springs == at.setup.springs:
@@ -91,7 +97,7 @@ class ToolSpring(Deed):
         force = np.zeros_like(point)
         for sign, springs in ((1.0, setup.springs), (-1.0, at.setup.springs)):
             for spring in springs:
-                force += sign * (np.array(spring.slack) - point) @ np.array(spring.stiffness).T
+                force += sign * spring.force_at(point)
         yield (at.first.by_wrench[:, :, :3] @ force[..., None])[..., 0]
 
 
