@@ -25,7 +25,7 @@ _BESIDE, _SLACK, _FAR = 0.1, 0.12, 4.0
 class SlackCable(Law):
     """A cable pulls the tool point towards a fixed anchor by k (l - l0) where it is longer than l0, and never pushes.
 
-    It takes up its load over a millimetre about l0 (`deeds.cable.TAKE_UP`). It passes by the wrench sensor, and
+    It takes up its load over three millimetres about l0 (`deeds.cable.TAKE_UP`). It passes by the wrench sensor, and
     follows the tool as this gives way under load.
     """
 

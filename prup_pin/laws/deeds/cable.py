@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ..setup import Setup
 
 #: About its slack length a cable takes up its load over so much way [m], so that its stiffness has no jump for a fit.
-TAKE_UP = 1e-3
+TAKE_UP = 3e-3
 
 
 @dataclass(frozen=True)
