@@ -83,7 +83,7 @@ EXAMPLES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "joint_spring": ({"stiffness": 1e4}, {"stiffness": 2e4}),
     "compliance_matrix": ({"matrix": _matrix(1)}, {"matrix": _matrix(2), "scale": 1.5}),
     "cross_spring_hinge": (
-        {"leaf_length": 0.06, "leaf_width": 0.03, "leaf_thickness": 4e-4, "count": 2.0, **SPRING_STEEL},
+        {"leaf_length": 0.06, "leaf_width": 0.03, "leaf_thickness": 3e-3, "count": 2.0, **SPRING_STEEL},
         {"leaf_length": 0.04, "leaf_width": 0.02, "leaf_thickness": 5e-4, "youngs_modulus": 72e9, "count": 4.0},
     ),
     "beam_as_published": (
