@@ -212,25 +212,26 @@ def _all_over(drawn: Drawn, tell: Tell, spread: Spread | None = None) -> Account
         terms = begun.selection.last.terms
         if not terms:
             break
-        beside = [term.effect for term in terms]
-        again = drawn.spread_beside(beside)
+        again = drawn.spread_beside([term.effect for term in terms])
         most = chi2_isf(FALSE_ALARM / len(begun.prepared.library), sum(term.candidate.size for term in terms))
         if again is None or again.minus_2_log_noise >= spread.minus_2_log_noise - most:
             break
-        prepared = drawn.prepared(again.all_over(), beside)
-        if not prepared.kinds:
+        other = _beside(drawn, again, terms, tell)
+        if other is None:
             break
-        spread, begun = again, beside_laws(prepared, terms, tell)
+        spread, begun = again, other
     return begun
 
 
 def _all_over_beside(drawn: Drawn, terms: Sequence[Term], tell: Tell) -> Account | None:
     """Return what is off all over beside laws that hide it else; None where nothing is."""
-    beside = [term.effect for term in terms]
-    spread = drawn.spread_beside(beside) if beside else None
-    if spread is None:
-        return None
-    prepared = drawn.prepared(spread.all_over(), beside)
+    spread = drawn.spread_beside([term.effect for term in terms]) if terms else None
+    return None if spread is None else _beside(drawn, spread, terms, tell)
+
+
+def _beside(drawn: Drawn, spread: Spread, terms: Sequence[Term], tell: Tell) -> Account | None:
+    """Return what laws leave beside all of a spread that was asked beside them; None where nothing is off."""
+    prepared = drawn.prepared(spread.all_over(), [term.effect for term in terms])
     return beside_laws(prepared, terms, tell) if prepared.kinds else None
 
 
