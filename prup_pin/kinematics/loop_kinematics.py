@@ -597,6 +597,8 @@ class LoopKinematics:
                 name: float(number(value, _DIGITS)) if abs(value) > _ROUNDING else 0.0
                 for name, value in zip(nearest, moved, strict=True)
             }
+            if not tasks and any(not self._within(name, value) for name, value in told.items()):
+                continue  # rounded across a limit
             with suppress(UnreachablePoseError):
                 if tasks:
                     self.reach(np.array([*told.values()]), {}, self.task.goal)
@@ -653,6 +655,12 @@ class LoopKinematics:
     def outside_limits(self, q: Array) -> NDArray[np.bool_]:
         """Return which of the configurations (..., nq) leave the limits of a joint, (...)."""
         return np.asarray(((q < self._least) | (q > self._most)).any(axis=-1))
+
+    def _within(self, name: str, value: float) -> bool:
+        """Return whether a joint may stand at a position [m or rad]."""
+        joint = self.mechanism.joint(name)
+        index = joint.first_q  # one that turns round and round has two numbers there, and no limits
+        return joint.nq > 1 or bool(self._least[index] <= value <= self._most[index])
 
     def _outside(self, q: Array) -> tuple[str, float, float, float] | None:
         """Return (joint, value, lower, upper) of the joint farthest outside its limits, or None."""
