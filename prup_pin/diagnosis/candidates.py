@@ -13,7 +13,7 @@ from ..laws.deeds import Along, Deed, ExtraStrain, YieldingJoint
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
-from .criteria import BEYOND, LEAST_WARMING, TAIL, USUAL_MULTIPLE
+from .criteria import BEYOND, LEAST_WARMING, TAIL, USUAL_MULTIPLE, WIDEST_LOGARITHM
 from .influence import Influence
 
 __all__ = ["Candidate", "Term", "candidates", "under_load"]
@@ -177,6 +177,11 @@ class Candidate:
         rest = USUAL_MULTIPLE * self.scales()
         found = [own.get(q.name, (0.0, wide)) for q, wide in zip(self.quantities, rest.tolist(), strict=True)]
         return np.array([mean for mean, _ in found]), np.array([deviation for _, deviation in found])
+
+    @cached_property
+    def usual_spread(self) -> Array:
+        """The standard deviation of what is usual of each coordinate, (p,): of a logarithm hardly anything is known."""
+        return np.where(self.logarithmic, WIDEST_LOGARITHM, self._prior[1])
 
     def scales(self) -> Array:
         """Return a typical change of every coordinate, (p,)."""

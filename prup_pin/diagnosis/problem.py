@@ -299,18 +299,19 @@ class Problem:
     def deviations(self, fit: Fit) -> Array:
         """Return the standard deviations (p,) of the coordinates of all terms, widened where more than noise is left.
 
-        Infinite where the data do not depend on one.
+        Infinite where the data do not depend on one. Combinations that they do not tell are known as what is usual.
         """
-        firm = np.diag(np.concatenate([np.zeros(0), *(term.candidate.known for term in fit.terms)]))
+        candidates = [term.candidate for term in fit.terms]
+        firm = np.diag(np.concatenate([np.zeros(0), *(each.known for each in candidates)]))
         jacobian = np.vstack((self.without_tolerances(fit, self.jacobian(fit)), firm))
         scale = np.linalg.norm(jacobian, axis=0)
         unseen = scale < UNSEEN
-        scaled = jacobian / np.where(unseen, 1.0, scale)
-        variances = (
-            np.diag(np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True)) / np.where(unseen, 1.0, scale) ** 2
-        )
+        scale = np.where(unseen, 1.0, scale)
+        usual = np.concatenate([np.zeros(0), *(each.usual_spread for each in candidates)])
+        _, sizes, axes = np.linalg.svd(np.vstack((jacobian, np.diag(1 / usual))) / scale, full_matrices=False)
+        variances = ((axes / sizes[:, None]) ** 2).sum(axis=0) / scale**2
         left = max(1.0, fit.chi2 / max(self.count(fit), 1))
-        return np.where(unseen, np.inf, np.sqrt(np.maximum(variances * left, 0.0)))
+        return np.where(unseen, np.inf, np.sqrt(variances * left))
 
     # -- fits ----------------------------------------------------------------------------------------------------------
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import UnknownNameError
+from ..kernel import NEGLIGIBLE
 from ..mechanism import Frame, Link, MovedParts
 from ..spatial import Array, cross, motion_between, rotation_exp, skew
 from .border import left_solved
@@ -253,9 +254,13 @@ class FirstOrder:
         if not border.size:
             return np.zeros((len(change), change.shape[2]), bool)
         slack = self.once("slack", lambda: slack_of(self.matrix, border))
-        asked, terms = np.abs(slack @ change), np.abs(slack) @ np.abs(change)
-        rounding = _ROUNDING * np.abs(slack) @ np.abs(self.matrix).max(axis=2, keepdims=True)
-        return np.asarray((asked > _ASKEW * terms + rounding).any(axis=1))
+        # by equations of like size: what is zero is rounding beside the largest slack and the largest change, or a unit
+        rows = np.abs(self.matrix).max(axis=2)
+        rows = np.where(rows > 0, rows, 1.0)
+        sizes = np.abs(slack) * rows[:, None, :]
+        changes = (np.abs(change) / rows[..., None]).max(axis=1)[:, None, :]
+        rounding = NEGLIGIBLE * sizes.max(axis=2)[..., None] * changes + _ROUNDING * sizes.sum(axis=2)[..., None]
+        return np.asarray((np.abs(slack @ change) > rounding).any(axis=1))
 
     def by_residual(self, change: Array) -> Array:
         """Return what is watched, (n, R), per change (n, m) of the equations' residual."""
@@ -301,10 +306,8 @@ class FirstOrder:
 
 #: Numbers in the largest arrays by which joints are taken together.
 _TOGETHER = 4_000_000
-#: Step of differences at the present state [m, rad].
-_STEP = 1e-6
-#: Share of a change that the rest of the equations may miss, and what is rounding beside a unit of all unknowns.
-_ASKEW, _ROUNDING = 1e-4, 1e-12
+#: Step of differences at the present state [m, rad], and what is rounding beside a unit of all unknowns.
+_STEP, _ROUNDING = 1e-6, 1e-12
 
 
 def elastic_deformation(found: Equilibria, module: str) -> Array:
