@@ -79,10 +79,18 @@ def without(values: Array, nuisance: Nuisance | None) -> Array:
     return values if nuisance is None else nuisance.without(values)
 
 
-def least_step(jacobian: Array, residual: Array, held: Array, x: Array, reach: float) -> Array:
-    """Return the Gauss-Newton step of free parameters and of those held by tolerances, which stand at x."""
+def least_step(jacobian: Array, residual: Array, held: Array, x: Array, reach: float, damping: float = 0.0) -> Array:
+    """Return the Gauss-Newton step of free parameters and of those held by tolerances, which stand at x.
+
+    damping: a free parameter costs so large a share of what it does.
+    """
     scale = np.linalg.norm(jacobian, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
+    if damping:
+        count = len(scale)
+        jacobian = np.vstack((jacobian, damping * np.diag(scale)))
+        residual = np.concatenate((residual, np.zeros(count)))
+        held = np.vstack((held, np.zeros((count, len(x)))))
     if not len(x):
         return np.linalg.lstsq(jacobian / scale, residual, rcond=1e-8)[0] / scale
     count = jacobian.shape[1]

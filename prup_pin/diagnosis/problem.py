@@ -21,7 +21,7 @@ from ..laws import Effect, Setup
 from ..simulation import Run, Simulator
 from ..spatial import Array
 from .candidates import Candidate, Term
-from .criteria import CALIBRATION_STEP, LITTLE, MOST, NOTHING, SETTLED, UNSEEN, WIDEST_STEP
+from .criteria import CALIBRATION_STEP, GAIN, LITTLE, MOST, NOTHING, SETTLED, UNSEEN, WIDEST_STEP
 from .influence import Influence
 from .nuisance import Nuisance, least_step, without
 from .toleranced import Toleranced, changes_per_tolerance
@@ -426,15 +426,20 @@ class Problem:
                 return fit
             if np.abs(fit.x - taken_at).max(initial=0.0) > MOST:
                 fit, taken_at = self.relinearised(fit), fit.x
-            step = self._step(fit, reach)
-            tries = (self._moved(fit, share * step) for share in shortened(LITTLE))
-            better = next((each for each in tries if _objective(each) < _objective(fit)), None)
+            better = next((each for each in self._tries(fit, reach) if _objective(each) < _objective(fit)), None)
             if better is None:
                 return fit
             gained, fit = _objective(fit) - _objective(better), better
             if gained < max(SETTLED, 1e-5 * fit.chi2):
                 return fit
         return fit
+
+    def _tries(self, fit: Fit, reach: float) -> Iterator[Fit]:
+        """Yield fits a step further: the whole step, shorter ones, and those that leave what data hardly tell."""
+        step = self._step(fit, reach)
+        yield from (self._moved(fit, share * step) for share in shortened(LITTLE))
+        if fit.terms:
+            yield from (self._moved(fit, self._step(fit, reach, damping)) for damping in (UNSEEN, GAIN, MOST))
 
     def _begun(self, terms: Sequence[Term], start: Fit) -> Fit:
         """Return the fit from which terms are fitted: as they stand, or new ones at a share of what they do.
@@ -461,8 +466,10 @@ class Problem:
             place += candidate.size
         return self.fit_at(moved, fit.run, fit, fit.x + step[place:], near=True)
 
-    def _step(self, fit: Fit, reach: float) -> Array:
+    def _step(self, fit: Fit, reach: float, damping: float = 0.0) -> Array:
         """Return the Gauss-Newton step of a fit's coordinates and of its toleranced parameters.
+
+        damping: Levenberg's, of coordinates, as a share of what each of them does.
 
         Coordinates that it would take beyond their bounds go to these, and the others do what is best then. A logarithm
         is trusted for less than that.
@@ -475,7 +482,7 @@ class Problem:
         step, open_ = np.zeros(len(here)), np.ones(len(here), bool)
         while True:
             left = residual - jacobian[:, ~open_] @ step[~open_]
-            found = least_step(jacobian[:, open_], left, held, fit.x, reach)
+            found = least_step(jacobian[:, open_], left, held, fit.x, reach, damping)
             step[open_] = found[: open_.sum()]
             within = np.clip(here + step, low, high) - here
             beyond = open_ & ~logarithmic & (np.abs(step - within) > NOTHING * np.abs(within))

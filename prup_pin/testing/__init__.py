@@ -67,6 +67,7 @@ def _check_poses(law: Law, robot: Robot, actuators: ArrayLike | None) -> None:
     strongest = max(places, key=lambda place: poses.size_at_start(bench, law, place))
     poses.check_shows(bench, law, strongest)
     poses.check_refit(bench, law, strongest)
+    poses.check_interval(bench, law, strongest)
 
 
 def _check_efforts(law: EffortLaw, robot: Robot, closed_form: Callable[..., Any] | None) -> None:

@@ -10,11 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
+from ..channels import Noise, PoseChannel, Stack
+from ..diagnosis.candidates import Candidate
+from ..diagnosis.chances import WITHIN_95
+from ..diagnosis.intervals import Profile, parameters_of
+from ..diagnosis.problem import Problem
 from ..laws import Effect, Inputs, Place
 from ..mechanism import Mechanism
 from ..robot import Robot
 from ..simulation import Run, Simulator
-from ..spatial import Array, rotation_log
+from ..spatial import Array, rotation_exp, rotation_log
 from .contract import contract, near, require
 
 #: One load cycle in shares of a wrench: it ends where it began, so that what remembers shows.
@@ -22,6 +27,10 @@ CYCLE = (0.0, 1.0, 0.5, -1.0, 0.0)
 WRENCH = np.array([30.0, -20.0, 25.0, 4.0, 3.0, -2.0])
 #: Share by which parameters differ from where a fit starts, and how well they are found again.
 _OFF, _FOUND = 0.2, 1e-3
+#: A rotation counts as a length by this [m].
+_LENGTH = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
+#: Share of a law's effect that the sensors' noise has, and standard deviations by which a truth may be off.
+_NOISE, _SURE = 0.01, 4.5
 #: Singular value of the change per share of a parameter, over the largest, from which data tell it.
 _TOLD = 1e-3
 
@@ -176,29 +185,32 @@ def check_quantities(bench, law, place):
     require(list(law.neutral_at(place, mechanism)) == list(quantities), "Its neutral values are not all of them.")
 
 
+def _truth(bench, law, place):
+    """Return values where a fit starts, others, the scale of each, and their bounds, (p,) each."""
+    begun = np.array(list(start_of(law, bench, place).values()))
+    quantities = law.quantities_at(place, bench.mechanism)
+    low, high = (np.array([end(q) for q in quantities]) for end in (lambda q: q.lower, lambda q: q.upper))
+    scales = np.where(begun == 0, 1e-3, np.abs(begun))
+    # not all the same way: what is in proportion to a quotient of two would stay as it is
+    ways = np.where(np.arange(len(begun)) % 2, -0.5, 1.0)
+    return begun, np.clip(begun + _OFF * ways * scales, low, high - 1e-3 * (high - low)), scales, (low, high)
+
+
 @contract("law")
 def check_refit(bench, law, place):
     """What is simulated with other values is fitted from where a fit starts: poses, and all values that they tell."""
-    mechanism = bench.mechanism
     start = start_of(law, bench, place)
-    quantities = law.quantities_at(place, mechanism)
-    scales = np.array([abs(value) or 1e-3 for value in start.values()])
-    begun = np.array(list(start.values()))
-    low, high = (np.array([end(q) for q in quantities]) for end in (lambda q: q.lower, lambda q: q.upper))
-    # not all the same way: what is in proportion to a quotient of two would stay as it is
-    ways = np.where(np.arange(len(begun)) % 2, -0.5, 1.0)
-    truth = np.clip(begun + _OFF * ways * scales, low, high - 1e-3 * (high - low))
-    length = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
+    begun, truth, scales, (low, high) = _truth(bench, law, place)
 
     def poses(x):
         values = dict(zip(start, map(float, x), strict=True))
         return bench.simulator.run([Effect(law, place, values)], bench.nominal)
 
     seen = poses(truth)
-    apart = float(np.abs(change(poses(begun), seen) * length).max())
+    apart = float(np.abs(change(poses(begun), seen) * _LENGTH).max())
 
     def left(x):
-        return (change(poses(begun + x * scales), seen) * length / max(apart, 1e-15)).ravel()
+        return (change(poses(begun + x * scales), seen) * _LENGTH / max(apart, 1e-15)).ravel()
 
     bounds = (np.maximum((low - begun) / scales, -0.9), np.minimum((high - begun) / scales, 2.0) + 1e-9)
     found = least_squares(left, np.zeros(len(begun)), bounds=bounds, diff_step=1e-4, xtol=1e-12, ftol=1e-12)
@@ -207,3 +219,40 @@ def check_refit(bench, law, place):
     told = np.linalg.svd(found.jac)[1]
     if told.min() > _TOLD * told.max():
         near(found.x, (truth - begun) / scales, atol=10 * _FOUND)
+
+
+@contract("law")
+def check_interval(bench, law, place):
+    """Beside noise the diagnosis finds the best values from where a fit starts, and the truth is in their intervals."""
+    begun, truth, *_ = _truth(bench, law, place)
+    simulator, tool = bench.simulator, bench.mechanism.tool
+    candidate = Candidate(law, place, bench.mechanism, 1.0)
+    if candidate.known.any():
+        truth = candidate.values_of(candidate.coordinates_of(begun) + 0.5 / np.maximum(candidate.known, 1e-9))
+    term = candidate.term(candidate.coordinates_of(truth))
+    run = simulator.run([term.effect], bench.nominal)
+    moved, turned = (float(np.sqrt((part**2).mean())) for part in np.split(change(run, bench.nominal), 2, axis=1))
+    noise = Noise(_NOISE * max(moved, 1e-9), _NOISE * max(turned, moved, 1e-9), 0.0, 0.0, "declared")
+    scatter = np.random.default_rng(len(begun)).normal(size=(2, *run.position.shape))
+    pose = PoseChannel(
+        tool,
+        run.position + noise.position * scatter[0],
+        rotation_exp(noise.rotation * scatter[1]) @ run.rotation,
+        np.ones((len(run.position), 6), bool),
+    )
+    problem = Problem.of(simulator, Stack((pose,)), noise)
+    fit = problem.refine([candidate.term(candidate.coordinates_of(begun))], problem.first)
+    fit = problem.refine(fit.terms, fit)
+    best = problem.fit_at([term])
+    require(
+        fit.chi2 < best.chi2 + WITHIN_95**2,
+        f"It stops short: {fit.chi2:.1f} is left, and {best.chi2:.1f} at the truth.",
+    )
+    for place_of, (name, own) in enumerate(parameters_of(problem, fit, 0).items()):
+        profile = Profile.of(problem, fit, 0, place_of)
+        rise = profile.left(term.coordinates[place_of] - fit.terms[0].coordinates[place_of]) - profile.least
+        off = WITHIN_95 * np.sqrt(max(rise, 0.0) / profile.enough)
+        low, high = own.interval
+        inside = low * (1 - 1e-9) <= own.value <= high * (1 + 1e-9) if low >= 0 else low <= own.value <= high
+        require(inside, f"{name} is {own.value:g}, and not in its interval {low:g} to {high:g}.")
+        require(off < _SURE, f"{name} is {off:.1f} standard deviations off: {own.value:g} ({low:g} to {high:g}).")

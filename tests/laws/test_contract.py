@@ -16,6 +16,7 @@ from prup_pin.laws.thermal_growth import GrowthFromSupport
 from prup_pin.testing.poses import (
     change,
     check_derivatives,
+    check_interval,
     check_leaves_alone,
     check_neutral,
     check_quantities,
@@ -132,9 +133,8 @@ def test_neutral_values_change_nothing(name, law, place):
 
 @at_each_place
 def test_start_values_change_the_pose(name, law, place):
-    if name == "delta" and law.physics in ("coulomb_friction", "viscous_friction"):
-        return  # the delta's rods spin about themselves: nothing balances friction there
-    check_shows(bench(name), law, place, not (isinstance(law, HIDDEN) or (name, law.physics) in HIDDEN_ON))
+    if not idle(name, law):
+        check_shows(bench(name), law, place, shown(name, law))
 
 
 @at_each_place
@@ -153,6 +153,28 @@ def test_what_is_simulated_is_fitted_again(law):
         name = next(name for name in NAMES if law.places(robot(name).mechanism))
         places = unlike(law.places(robot(name).mechanism), robot(name).mechanism)
         check_refit(bench(name), law, max(places, key=lambda place: size_at_start(bench(name), law, place)))
+
+
+def idle(name, law):
+    """Return whether nothing balances a law: the delta's rods spin about themselves."""
+    return name == "delta" and law.physics in ("coulomb_friction", "viscous_friction")
+
+
+def shown(name, law):
+    return not (idle(name, law) or isinstance(law, HIDDEN) or (name, law.physics) in HIDDEN_ON)
+
+
+@EVERY_ROBOT
+def test_the_truth_lies_in_the_intervals_of_what_is_fitted(name, law, places):
+    if shown(name, law):
+        check_interval(bench(name), law, places[0])
+
+
+@pytest.mark.slow
+@at_each_place
+def test_the_truth_lies_in_the_intervals_at_every_place(name, law, place):
+    if shown(name, law):
+        check_interval(bench(name), law, place)
 
 
 @at_each_place

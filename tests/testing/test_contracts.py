@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from prup_pin import load
 from prup_pin.errors import UnreachablePoseError
 from prup_pin.imports.log import Log, Stream, frozen, reading
+from prup_pin.laws import Place
 from prup_pin.laws.coulomb_friction import CoulombFriction
 from prup_pin.laws.efforts.viscous_friction import Damping
 from prup_pin.laws.encoder import EncoderOffset
@@ -12,6 +14,7 @@ from prup_pin.laws.thermal_growth import ThermalGrowth
 from prup_pin.modules import Bearing
 from prup_pin.modules.hertzian_bearing import HertzianBearing
 from prup_pin.testing import check_law, check_module, check_reader
+from prup_pin.testing.poses import PoseBench, check_interval
 
 from ..modules.examples import EXAMPLES
 
@@ -81,6 +84,20 @@ class Curt(EncoderOffset):
 def test_a_wrong_law_is_told_by_what_it_breaks(law, given, said):
     with pytest.raises(AssertionError, match=f"(?s){said}"):
         check_law(law, **given)
+
+
+class Stepped(EncoderOffset):
+    """It moves by whole steps: no slope leads from one to the next."""
+
+    def deeds(self, place, values, setup):
+        yield from super().deeds(place, {"offset": 2e-5 * round(values["offset"] / 2e-5)}, setup)
+
+
+def test_a_law_whose_fit_stops_short_is_told():
+    bench, place = PoseBench.of(load("3prup")), Place("leg1/motor")
+    check_interval(bench, EncoderOffset(), place)
+    with pytest.raises(AssertionError, match=r"Stepped at leg1/motor breaks: Beside noise .* It stops short"):
+        check_interval(bench, Stepped(), place)
 
 
 def test_a_law_is_tried_where_it_is_asked():
