@@ -89,8 +89,8 @@ BOXES = {
     "export": Box(14, (3.08, 4.05), LEFT_OUT, ""),
     "channels": Box(13, RIGHT, LEFT_OUT, "residuals"),
     "diagnosis": Box(14, RIGHT, LEFT_OUT, "locate, compete, judge"),
-    "life": Box(15, (RIGHT[0], RIGHT[1] - 1.16), LEFT_OUT, "over time, over a fleet"),
-    "testing": Box(15, (RIGHT[1] - 1.0, RIGHT[1]), LEFT_OUT, ""),
+    "life": Box(15, (RIGHT[0], RIGHT[1] - 1.95), LEFT_OUT, "over time, over a fleet"),
+    "testing": Box(15, (RIGHT[1] - 1.8, RIGHT[1] - 0.8), LEFT_OUT, ""),
     "views": Box(16, (LEFT[0], RIGHT[1]), BOTH, "what people see: text, scene, drawing, meshcat, report"),
     "cli": Box(17, (LEFT[0], RIGHT[1]), BOTH, "the command prup-pin"),
 }
