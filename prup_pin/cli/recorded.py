@@ -14,7 +14,7 @@ from ..files import as_path, is_file, is_path
 from ..laws import Effect
 from ..numbers import some
 from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
-from ..recordings.reader import ROBOT
+from ..recordings.table import ROBOT
 from ..robot import Robot
 from ..simulation import CorrectedModel, foreign_joints
 from ..views.text import terminal

@@ -18,10 +18,10 @@ from ..errors import Problem, nearest_names
 from ..files import named_beside
 from ..mechanism import Mechanism
 from ..recordings import Noise, Tolerances
+from ..recordings.beside import noise_of, tolerances_of
 from ..recordings.columns import NOISE_KEYS, joint_of, marker_of
 from ..recordings.columns import UNITS as COLUMNS
 from ..recordings.problems import KeyProblem, KeyReader, Problems, is_number, json_kind, read_bytes, shown
-from ..recordings.reader import noise_of, tolerances_of
 from .log import Log
 from .units import Unit, unit_for, units_in_words
 

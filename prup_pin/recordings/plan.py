@@ -12,9 +12,9 @@ import numpy as np
 from ..errors import InputError, UnreachablePoseError
 from ..files import json_lines, named_beside, write_whole, written_beside
 from ..spatial import WRENCH_NAMES, Array, as_wrench
+from .beside import noise_of, tolerances_of
 from .columns import LARGEST_GRAVITY, LARGEST_NUMBER, NOISE_KEYS
 from .problems import KeyReader, Problems, is_number, joined, json_kind, read_json_object
-from .reader import noise_of, tolerances_of
 from .recording import Noise, Recording
 from .tolerances import Tolerances
 

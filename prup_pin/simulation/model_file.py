@@ -22,10 +22,10 @@ from ..loading import Reading
 from ..mechanism import Mechanism
 from ..plugins import Source
 from ..recordings import Noise
+from ..recordings.beside import conventions_of, noise_of, own_sensors_of
 from ..recordings.columns import NOISE_KEYS
 from ..recordings.conventions import Convention, as_json
 from ..recordings.problems import KeyReader, Problems, is_number, json_kind, read_json_object, shown
-from ..recordings.reader import conventions_of, noise_of, own_sensors_of
 from ..robot import Robot
 from .needs import as_json as needs_as_json
 from .needs import lacking, needs_of

@@ -14,8 +14,8 @@ from prup_pin.recordings import (
     Noise,
     TableProblem,
     read_recording,
-    reader,
     suspicions,
+    table,
     thinning,
     write_recording,
 )
@@ -486,7 +486,7 @@ def test_large_tables_in_pieces(write):
 @pytest.fixture
 def in_pieces(monkeypatch):
     """Have tables read in pieces of a few rows."""
-    monkeypatch.setattr(reader, "_BLOCK", 400)
+    monkeypatch.setattr(table, "_BLOCK", 400)
 
 
 def _long(change=lambda rows: None):
@@ -498,7 +498,7 @@ def _long(change=lambda rows: None):
 def test_a_table_read_in_pieces_is_the_table(write, monkeypatch):
     path = write(_long())
     whole = read_recording(path)
-    monkeypatch.setattr(reader, "_BLOCK", 400)
+    monkeypatch.setattr(table, "_BLOCK", 400)
     pieces = read_recording(path)
     assert np.array_equal(whole.efforts["a"], pieces.efforts["a"], equal_nan=True)
     assert np.array_equal(whole.positions["a"], pieces.positions["a"])
