@@ -102,16 +102,16 @@ def _of_channels(robot: Robot, given: Sequence[Recording], tell: Tell, propose: 
     mechanism = robot.mechanism
     if not given or not has_efforts(given, mechanism):
         return _diagnosed(robot, given, tell, propose)
-    poses = has_poses(given, mechanism)
+    poses = [item.with_measurements(efforts={}) for item in given] if has_poses(given, mechanism) else []
     positions = [name for name in mechanism.actuated if name in given[0].positions]
     if poses and is_standing(given[0], positions):
-        return with_efforts_at_rest(_diagnosed(robot, given, tell, propose), robot, given)
+        return with_efforts_at_rest(_diagnosed(robot, poses, tell, propose), robot, given)
     adapted = as_recorded(robot, given)
     efforts = diagnose_efforts(adapted.robot, together_in_time(given, adapted.robot.mechanism), tell, propose=propose)
     if not poses:
         found = diagnosis_of_efforts(efforts, given, mechanism)
         return replace(found, remarks=(*adapted.remarks, *found.remarks))
-    return joined(_diagnosed(robot, given, tell, propose), efforts)
+    return joined(_diagnosed(robot, poses, tell, propose), efforts)
 
 
 def _changed(robot: Robot, recordings: Sequence[Recording], earlier: Earlier, tell: Tell) -> Diagnosis:

@@ -93,7 +93,7 @@ def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, .
     mechanism = robot.mechanism
     band, below = band_of(mechanism, recording)
     at = in_motion(mechanism, recording, band)
-    doubts = check_efforts(at)
+    doubts = [doubt.text for doubt in check_efforts(at)]
     motion = at.motion
     efforts = PreparedEfforts(at, {}, below)
     remarks = [*doubts, *motion.remarks]

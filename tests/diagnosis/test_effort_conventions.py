@@ -43,7 +43,7 @@ def recording(ur5):
 
 
 def checked(ur5, recording):
-    return check_efforts(InMotion.of(ur5, motion_of(recording, ur5)))
+    return [doubt.text for doubt in check_efforts(InMotion.of(ur5, motion_of(recording, ur5)))]
 
 
 def told(ur5, recording):

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
@@ -43,6 +44,7 @@ from .noise import noise_of
 
 __all__ = [
     "CHECK_ROBOT",
+    "Doubt",
     "check_efforts",
     "conventions_of_efforts",
     "gains_apart",
@@ -675,7 +677,14 @@ CHECK_ROBOT = (
 )
 
 
-def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
+class Doubt(NamedTuple):
+    """A suspicion of how a log is meant, in words; of_robot: whether it is another robot's, before all else."""
+
+    text: str
+    of_robot: bool = False
+
+
+def check_efforts(at: InMotion, known: Array | None = None) -> list[Doubt]:
     """Return suspicions. Raises InputError where joints cannot be where they are said to be.
 
     known (k,): gains of the efforts, where those are in units of their own.
@@ -693,19 +702,21 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
     gains = {name: gain for name, gain in gains_of_efforts(motion, efforts, rigid).items() if gain > 0}
     if not in_units and gains_apart(gains) and not _held_would_do(at, gains):
         told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:MOST_LISTED])
-        return [
+        text = (
             "the efforts follow the rigid robot's, but are other multiples of them at each joint "
             f"({told}): are they in per cent or A? Expected N m or N; where gains are not known, declare "
             '"tolerances": {"effort_gain": 1} in the JSON file beside the log'
-        ]
+        )
+        return [Doubt(text)]
     shares = shares_of_efforts(motion, efforts / scale, rigid)
     # no robot at all would leave less, and of most drives: a few report next to nothing, or are counterbalanced
     if first > 1.0 and 2 * np.sum(shares < 1) < np.isfinite(shares).sum():
-        return [
+        text = (
             f"this log hardly fits this robot: the residual of the robot file is {number(100 * first, 3)} % of the "
             "recorded efforts, more than the efforts themselves, and no other way that was tried to read them makes "
             f"sense of them. Is it another robot's log? First {CHECK_ROBOT}."
-        ]
+        )
+        return [Doubt(text, of_robot=True)]
     return []
 
 

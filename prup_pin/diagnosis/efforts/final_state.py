@@ -18,7 +18,7 @@ from ...spatial import Array
 from ..chances import hotelling_sf, student_95, student_sf
 from ..criteria import FALSE_ALARM, GAIN, LITTLE, MOST, NO_MATTER, SURE
 from ..normal_equations import NormalEquations
-from .conventions import gains_apart
+from .conventions import Doubt, gains_apart
 from .evidence import CrossValidation, held_out, relative_gain
 from .gains import Gains, scale_of
 from .inertial import BaseParameters, consistent_fit
@@ -71,7 +71,7 @@ class FinalState:
         imitating: Sequence[EffortCandidate],
         gains: Gains | None = None,
         outliers: Sequence[OutlierInterval] = (),
-        doubts: Sequence[str] = (),
+        doubts: Sequence[Doubt] = (),
     ):
         self.robot, self.imitating = robot, imitating
         self.gains, self.outliers, self.doubts = gains, outliers, doubts

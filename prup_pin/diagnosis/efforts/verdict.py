@@ -51,7 +51,7 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
     unknown += [interval.finding() for interval in final.outliers]
     # how a log may be meant is a question where something is left alone, and then it comes before all else
     doubts = tuple(final.doubts) if unknown else ()
-    if any(CHECK_ROBOT in doubt for doubt in doubts):
+    if any(doubt.of_robot for doubt in doubts):
         findings = [replace(finding, advice=f"nothing before this is settled: {CHECK_ROBOT}") for finding in findings]
     return EffortDiagnosis(
         joints=driven,
@@ -81,7 +81,7 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
         rows=motion.rows[efforts.kept],
         standing=motion.standing,
         sliding=tuple(name for name in driven if final.mechanism.joint(name).slides),
-        premises=(*doubts, *_premises_of(final)),
+        premises=(*(doubt.text for doubt in doubts), *_premises_of(final)),
     )
 
 

@@ -202,7 +202,6 @@ def joined(poses: Diagnosis, efforts: EffortDiagnosis) -> Diagnosis:
     findings.sort(key=lambda finding: finding.physics == "unknown")
     verdict = max((poses.verdict, efforts.verdict), key=VERDICTS.index)
     why = " ".join(text for text in (str(poses.next_experiment.get("why", "")), efforts.advice) if text)
-    told = tuple(text for text in poses.remarks if "efforts are predicted, but not compared" not in text)
     return replace(
         poses,
         verdict=verdict,
@@ -212,7 +211,7 @@ def joined(poses: Diagnosis, efforts: EffortDiagnosis) -> Diagnosis:
         not_detectable=(*poses.not_detectable, *efforts.not_detectable),
         seen=(*poses.seen, *efforts.seen) if verdict == "nothing_missing" else (),
         next_experiment={**poses.next_experiment, "why": why},
-        remarks=tuple(dict.fromkeys((*told, *efforts.remarks))),
+        remarks=tuple(dict.fromkeys((*poses.remarks, *efforts.remarks))),
         unused_columns=tuple(name for name in poses.unused_columns if not name.startswith(_OWN)),
         effects=(*poses.effects, *efforts.effects),
         efforts=efforts,
@@ -247,7 +246,9 @@ def with_efforts_at_rest(poses: Diagnosis, robot: Robot, recordings: Sequence[Re
         held, told = _held(adapted.robot, recording, poses.effects)
         efforts = diagnose_efforts(adapted.robot, recording, held=held)
     except InputError as error:
-        return replace(poses, remarks=(*poses.remarks, f"the efforts were not compared: {error}"))
+        unused = (*poses.unused_columns, *(f"tau.{name}" for item in recordings for name in item.efforts))
+        remarks = (*poses.remarks, f"the efforts were not compared: {error}")
+        return replace(poses, unused_columns=tuple(dict.fromkeys(unused)), remarks=remarks)
     return _joined(poses, replace(efforts, remarks=(*told, *efforts.remarks)))
 
 
