@@ -54,9 +54,7 @@ def _finding(
     listed = ", ".join(places[:MOST_LISTED]) + more
     text = f"; sure of {listed}" if sure else "; these data tell them together, and none alone"
     if len(sure) == 1:  # the mean over all says little of the one that is off
-        amount, unit = sure[0].deviation.amount(sure[0].value), _unit_of_amount(sure[0])
-        size = f"{number(100 * amount, 3, signed=True)} %" if unit == "1" else quantity(amount, unit, signed=True)
-        text += f", with {size}"
+        text += f", with {_told(sure[0].deviation.amount(sure[0].value), _unit_of_amount(sure[0]), signed=True)}"
     finding = Finding(
         physics=told[0].deviation.physics,
         location=places[0] if len(places) == 1 else "robot",
@@ -82,8 +80,15 @@ def _sizes(items: Sequence[CalibratedParameter]) -> str:
     for unit in dict.fromkeys(_unit_of_amount(item) for item in items):
         here = [item for item in items if _unit_of_amount(item) == unit]
         size = float(np.sqrt(np.mean(np.square([item.deviation.amount(item.value) for item in here]))))
-        found.append(f"{number(100 * size, 3)} %" if unit == "1" else quantity(size, unit))
+        found.append(_told(size, unit))
     return f"{' and '.join(found)} in the root mean square of {len(items)}"
+
+
+def _told(amount: float, unit: str, signed: bool = False) -> str:
+    """Return by how much a parameter is off, for people: of a logarithm the share."""
+    if unit == "1":
+        return f"{number(100 * float(np.expm1(amount)), 3, signed=signed)} %"
+    return quantity(amount, unit, signed=signed)
 
 
 def _unit_of_amount(item: CalibratedParameter) -> str:

@@ -43,6 +43,8 @@ _ROUNDING = 1e-6
 _BEYOND = 1e-4
 #: Decimals [m, rad] of home's coordinates where a pose takes some of them.
 _HOME_DIGITS = 9
+#: A loop that is less open where home is given is closed as it was meant [m, rad].
+_LITTLE_OPEN = 0.05
 #: A solution is taken for the same assembly branch where no joint has moved farther than this [m, rad].
 NEAR = 0.7
 #: ... or where a polynomial told it as well as this.
@@ -261,6 +263,20 @@ class LoopKinematics:
     def _home(self) -> Configuration:
         """The evaluation at home, where every cold start begins."""
         return self.evaluate(self.home)
+
+    def _open_at_start(self) -> str:
+        """Return which loop is farthest open at the file's home, as a sentence and 'or give'; '' of closed ones."""
+        q = self.mechanism.home_configuration()
+        open_by = self._split(self.evaluate(q).residual) if self.mechanism.loops else (0.0, 0.0)
+        if max(open_by) < _LITTLE_OPEN:
+            return ""
+        sizes = [
+            f"{number(size, 3)} {unit}" for size, unit in zip(open_by, ("m", "rad"), strict=True) if size > _AT_LIMIT
+        ]
+        return (
+            f"The loops close nowhere near: as home is given, they are open by {' and '.join(sizes)}, loop "
+            f"'{self._worst_loop(q)}' the farthest. Check its frames and what it leaves free, or give"
+        )
 
     def _worst_loop(self, q: Array) -> str:
         residual = np.abs(self.evaluate(q).residual)
@@ -685,7 +701,8 @@ class LoopKinematics:
             text += f" ({number(np.degrees(lower), 4)} … {number(np.degrees(upper), 4)} deg)"
         if not requested and self.mechanism.description.described and np.array_equal(q, self.home):
             raise UnreachablePoseError(
-                f"'{self.mechanism.name}' cannot stand at its home: {text}. {self._far_homes() or 'Give'} a position "
+                f"'{self.mechanism.name}' cannot stand at its home: {text}. "
+                f"{self._far_homes() or self._open_at_start() or 'Give'} a position "
                 f'within them with <home {name}="value"/>{self._home_line()} (or home={{...}})'
             )
         if not self.mechanism.description.described:

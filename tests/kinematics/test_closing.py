@@ -10,6 +10,8 @@ import prup_pin
 from prup_pin.robot import random_poses
 from prup_pin.spatial import rotation_xyz
 
+from ..statics.build import RobotFile
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 BOX = {"z": (0.25, 0.5), "theta": (-0.6, 0.6), "phi": (-0.6, 0.6)}
@@ -250,3 +252,22 @@ def test_what_is_not_given_stays_at_a_home_that_the_file_declares(robot, tmp_pat
 def test_bad_input_says_what_and_what_was_expected(robot, call, message):
     with pytest.raises(prup_pin.InputError, match=message):
         call(robot)
+
+
+@pytest.mark.parametrize("off", [0.0, 9.0])
+def test_a_loop_that_closes_nowhere_near_home_is_told_with_its_gap(tmp_path, off):
+    """A ram whose foot is drawn off by 9 m closes the loop far beyond its limits of 3 m."""
+    file = RobotFile()
+    file.link("platform")
+    file.link("ram")
+    file.driven("lift", "prismatic", "base", "platform")
+    file.joint("leg", "prismatic", "base", "ram")
+    file.frame("foot", "platform", xyz=(0, 0, off))
+    file.loop("foot loop", "foot", "ram", free="x y rx ry rz")
+    robot = file.load(tmp_path, "platform")
+    if not off:
+        assert robot.home.joints["leg"] == pytest.approx(0.0)
+        return
+    with pytest.raises(prup_pin.UnreachablePoseError) as caught:
+        _ = robot.home
+    assert "as home is given, they are open by 9 m, loop 'foot loop' the farthest" in str(caught.value)
