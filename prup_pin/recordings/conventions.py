@@ -193,7 +193,7 @@ _EULER = tuple(
     Word(
         f"{kind}_{name}{'_deg' * in_degrees}",
         ("r",),
-        f"angles {'about x, y, z, turned' if kind == 'angles' else ''} in the order {name} "
+        f"angles {'about x, y, z, turned ' if kind == 'angles' else ''}in the order {name} "
         f"({'turned' if name.isupper() else 'fixed'} axes), {'deg' if in_degrees else 'rad'}",
         forth=_euler(name, kind == "angles", np.pi / 180 if in_degrees else 1.0)[0],
         back=_euler(name, kind == "angles", np.pi / 180 if in_degrees else 1.0)[1],

@@ -30,6 +30,7 @@ from prup_pin.views.text.diagnosis_words import (
     alternative_text,
     by_place,
     cost_text,
+    ends_of,
     hidden_rows,
     parameter_texts,
     places_text,
@@ -384,3 +385,16 @@ def test_the_band_of_a_response_holds_all_its_means_at_once():
     drawn = np.abs(np.random.default_rng(1).normal(size=(20_000, 13))).max(axis=1)
     assert np.mean(drawn < within_all_95(13)) == pytest.approx(0.95, abs=0.005)
     assert within_all_95(1) == pytest.approx(1.96, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        (104e3, 1691.0, ("104", "1.69", "mm")),
+        (9e3, 3.2, ("9000", "3.2", "µm")),
+        (20.0, 0.41, ("20", "0.41", "µm")),
+        (float("nan"), float("nan"), ("-", "-", "mm")),
+    ],
+)
+def test_a_residual_is_told_in_the_unit_that_suits_what_is_left(before, after, told):
+    assert ends_of({"before_um": before, "after_um": after}, "m") == told

@@ -64,8 +64,8 @@ def _facts(diagnosis: Diagnosis, begun: str) -> list[tuple[str, str, str]]:
     for name, unit, _ in diagnosis.columns:
         values = diagnosis.by_channel.get(name)
         if values is not None:
-            ends = (number(values[f"{key}_u{unit}"], 3) for key in ("before", "after"))
-            facts.append((f"{name.capitalize()} residual", _fell(*ends), f"µ{unit}, root mean square"))
+            first, last, shown = words.ends_of(values, unit)
+            facts.append((f"{name.capitalize()} residual", _fell(first, last), f"{shown}, root mean square"))
     if diagnosis.efforts is not None:
         shares = diagnosis.efforts.shares["all"]
         ends = (number(100 * shares[key], 3) for key in ("rigid", "heldout"))

@@ -509,10 +509,15 @@ def channel_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
         if "left_share" in values:
             continue
         rows.append((name, number(values["before"], 3), number(values["after"], 3), "× noise"))
-        for unit, shown in (("um", "µm"), ("urad", "µrad")):
-            if f"before_{unit}" in values:
-                rows.append(("", number(values[f"before_{unit}"], 3), number(values[f"after_{unit}"], 3), shown))
+        rows += [("", *ends_of(values, unit)) for unit in ("m", "rad") if f"before_u{unit}" in values]
     return rows
+
+
+def ends_of(values: Mapping[str, float], unit: str) -> tuple[str, str, str]:
+    """Return (before, after, unit) of a channel's residual, in the unit that suits what is left; none below µm."""
+    before, after = (1e-6 * values[f"{key}_u{unit}"] for key in ("before", "after"))
+    shown, factor = readable_unit(max(after, 1e-6) if math.isfinite(after) else before, unit)
+    return number(factor * before, 3), number(factor * after, 3), shown
 
 
 def only_after(rows: Sequence[tuple[str, str, str, str]]) -> list[tuple[str, str, str]]:
