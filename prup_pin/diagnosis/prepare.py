@@ -196,7 +196,7 @@ class Drawn:
             together=together,
             problem=problem,
             inputs=seen.inputs,
-            raw_linear=(seen.measured if seen.placed.found else stack).residual_of_start(seen.linear)[samples],
+            raw_linear=(seen.measured if seen.placed.undeclared else stack).residual_of_start(seen.linear)[samples],
             raw_registered=stack.residual_of_start(seen.linear)[samples],
             library=library,
             toleranced=toleranced,
@@ -225,7 +225,7 @@ def drawn_problem(
     motion = trajectory_of(together.recording, robot)  # before rows are left out
     seen = _seen(robot, _thinned(together, remarks), motion, () if earlier is None else earlier.effects)
     remarks += what_is_missing(seen.inputs, seen.measured, robot.mechanism)
-    remarks += seen.placed.remarks if earlier is None else earlier.remarks(seen.placed.found, robot.mechanism)
+    remarks += seen.placed.remarks if earlier is None else earlier.remarks(seen.placed.undeclared, robot.mechanism)
     try:
         _check_each(seen)
     except InputError as error:
