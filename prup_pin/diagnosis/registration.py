@@ -251,7 +251,9 @@ def _likely_motion(
         if motion is None or (not is_open and not motion.after < MOST * motion.before):
             continue
         reach = allowed[0] + motion.beside, allowed[1]
-        near = not _some_apart(_seen_from_base(stack, motion, here), linear, [here], reach, zeros=True)
+        # orientations that no one can read are told as such, where positions fit
+        seen = _seen_from_base(stack, motion, here)
+        near = not any(worlds_apart(each, linear, here, reach)[0] for each in seen.poses)
         if kept is not None and fits:
             near &= motion.after < FAR_LESS * kept.after
         if near or (is_open and kept is None):
@@ -296,10 +298,8 @@ def _parts_apart(placed: Registered, linear: Linear, together: Together, allowed
     return _some_apart(placed.stack, linear, parts, reach)
 
 
-def _some_apart(
-    stack: Stack, linear: Linear, parts: Sequence[np.ndarray], allowed: tuple[float, float], zeros: bool = False
-) -> bool:
-    return any(any(worlds_apart(each, linear, here, allowed, zeros)) for each in stack.poses for here in parts)
+def _some_apart(stack: Stack, linear: Linear, parts: Sequence[np.ndarray], allowed: tuple[float, float]) -> bool:
+    return any(any(worlds_apart(each, linear, here, allowed, zeros=False)) for each in stack.poses for here in parts)
 
 
 def _length(metres: float) -> str:
