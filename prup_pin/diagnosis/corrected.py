@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -37,7 +37,7 @@ def corrected_model(
     """
     effects, was = [], []
     for effect in diagnosis.effects:
-        for kept in lasting([effect], robot.mechanism):
+        for kept in (*lasting([effect], robot.mechanism), *_meanwhile(effect, diagnosis, robot.mechanism, recordings)):
             effects.append(_inside(kept, robot.mechanism))
             was.append(effect)
     efforts, read = diagnosis.efforts, reading or Reading()
@@ -55,6 +55,21 @@ def corrected_model(
         tuple(_known(effect, diagnosis) for effect in effects),
         _posterior(diagnosis, effects, was),
     )
+
+
+def _meanwhile(
+    effect: Effect, diagnosis: Diagnosis, mechanism: Mechanism, recordings: Sequence[Recording]
+) -> Iterator[Effect]:
+    """Yield where a sensor was on the average that stands just anywhere, and wandered while it measured.
+
+    Of one that stands where it should nothing is left: before another recording it is put there again.
+    """
+    if effect.law.lasts or len(recordings) != 1 or len(recordings[0].run_names) > 1:
+        return
+    time = recordings[0].time
+    stood = effect.law.meanwhile(effect.values, mechanism, float(np.mean(time - time[0])))
+    if stood is not None and any(other.law.physics == stood.law.physics for other in diagnosis.effects):
+        yield stood
 
 
 def _posterior(diagnosis: Diagnosis, effects: Sequence[Effect], was: Sequence[Effect]) -> Posterior | None:

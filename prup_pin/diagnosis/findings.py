@@ -37,6 +37,7 @@ __all__ = [
     "nothing_compared",
     "rms_of_sum",
     "sensor_displaced",
+    "target_turned",
     "too_few",
     "unknown_at",
     "unrecorded_load",
@@ -96,6 +97,52 @@ def sensor_displaced(
         heldout_gain=float(1 - (first.residual**2).sum() / max(float((before**2).sum()), 1e-300)),
         statement=f"{effect.law.statement(effect.place, values, robot.mechanism)}; where it just stands there, declare "
         "it (tolerances frame_position and frame_rotation)",
+        effect=effect,
+    )
+
+
+def target_turned(
+    effect: Effect,
+    deviation: Array,
+    first: Fit,
+    before: Array,
+    robot: Robot,
+    calibrated: Sequence[CalibratedParameter],
+) -> Finding:
+    """Return the finding that a target is mounted in another way than drawn, seen before anything was simulated.
+
+    deviation (3,) of its rotation vector; what was calibrated of it since is part of it.
+    """
+    group = effect.law.group.label if effect.law.group else ""
+    own = {
+        item.name.partition(" in ")[0].rpartition(".")[2]: item
+        for item in calibrated
+        if item.deviation.kind == "target_rotation"
+        and item.name.partition(" in ")[0].rpartition(".")[0] == (effect.place.aspect.partition(" in ")[0] or "target")
+        and (item.deviation.group.label if item.deviation.group else "") == group
+    }
+    names = ("rx", "ry", "rz")
+    turn = rotation_exp(np.array([effect.values[name] for name in names]))
+    vector = rotation_log(turn[None])[0]
+    if own.keys() == set(names):
+        steps = [(own[name].value - own[name].nominal) * unit for name, unit in zip(names, np.eye(3), strict=True)]
+        turn = rotation_exp(steps[0]) @ rotation_exp(steps[1]) @ rotation_exp(steps[2]) @ turn
+        vector = rotation_log(turn[None])[0]
+        small = 1e-6
+        by = (rotation_log(rotation_exp(small * np.eye(3)) @ turn) - vector).T / small
+        deviation = np.sqrt(by**2 @ np.array([own[name].sd for name in names]) ** 2)
+    values = dict(zip(names, map(float, vector), strict=True))
+    return Finding(
+        physics=effect.law.physics,
+        location=effect.place.name,
+        candidates=(effect.place.name, *effect.law.same_places(effect.place, robot.mechanism)),
+        parameters={
+            name: FittedParameter.about(value, "rad", WITHIN_95 * size)
+            for (name, value), size in zip(values.items(), deviation.tolist(), strict=True)
+        },
+        heldout_gain=float(1 - (first.residual**2).sum() / max(float((before**2).sum()), 1e-300)),
+        statement=f"{effect.law.statement(effect.place, {**effect.values, **values}, robot.mechanism)}; where it is "
+        "just mounted so, declare it (tolerance target_rotation)",
         effect=effect,
     )
 

@@ -196,7 +196,7 @@ class Drawn:
             together=together,
             problem=problem,
             inputs=seen.inputs,
-            raw_linear=(seen.measured if seen.placed.found else stack).residual_of_start(seen.linear)[samples],
+            raw_linear=(seen.measured if seen.placed.undeclared else stack).residual_of_start(seen.linear)[samples],
             raw_registered=stack.residual_of_start(seen.linear)[samples],
             library=library,
             toleranced=toleranced,
@@ -225,7 +225,7 @@ def drawn_problem(
     motion = trajectory_of(together.recording, robot)  # before rows are left out
     seen = _seen(robot, _thinned(together, remarks), motion, () if earlier is None else earlier.effects)
     remarks += what_is_missing(seen.inputs, seen.measured, robot.mechanism)
-    remarks += seen.placed.remarks if earlier is None else earlier.remarks(seen.placed.found, robot.mechanism)
+    remarks += seen.placed.remarks if earlier is None else earlier.remarks(seen.placed.undeclared, robot.mechanism)
     try:
         _check_each(seen)
     except InputError as error:
@@ -534,15 +534,21 @@ def _check_channel(
         seen = np.where(measured.exists[placed, :3], measured.position[placed], np.nan)
         raise _positions_apart(seen, position[placed], rows[placed], of or " of the tool", column)
     if askew:
-        raise _rotations_apart(measured.rotation[turned], rotation[turned], of, column)
+        raise _rotations_apart(measured.rotation[turned], rotation[turned], of, column, bool(placed.any()))
 
 
-def _rotations_apart(measured: Array, rigid: Array, of: str, column: str) -> InputError:
+def _rotations_apart(measured: Array, rigid: Array, of: str, column: str, placed: bool) -> InputError:
+    """placed: whether positions were measured too, and fit."""
+    beside = (
+        f" The positions fit: without the columns r{column}.x r{column}.y r{column}.z they are diagnosed by themselves"
+        if placed
+        else ""
+    )
     apart = float(np.median(np.linalg.norm(turn_between(rigid, measured), axis=1)))
     return InputError(
         f"measured and simulated orientations{of} are {number(apart, 3)} rad apart: expected r{column}.x r{column}.y "
         f"r{column}.z as a rotation vector in rad, in the base frame of the robot file, and no other way to write them "
-        "would do: is it another robot?"
+        f"would do: is it another robot?{beside}"
     )
 
 

@@ -2,7 +2,7 @@
 
 Calibration steps from what is nearly right; a tracker may stand anywhere: `spatial.rigid_motion` tells where. Where a
 marker sits beside its frame is looked for with it, where its tolerance leaves that open, nothing else fits, or far less
-is left. Points far off weigh little.
+is left. Points far off weigh little. A target is mounted any way round: how it is turned on its body is told first.
 """
 
 from __future__ import annotations
@@ -11,16 +11,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..channels import Channel, Linear, PoseChannel, Stack, Stations
-from ..laws import Effect, Sharing, stands_elsewhere
+from ..laws import Effect, Sharing, sits_turned, stands_elsewhere
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import ARM, Recording, Together
-from ..spatial import Array, skew, turn_between
+from ..spatial import Array, rotation_log, skew, turn_between
 from .criteria import (
     FAR_LESS,
     FEWEST_REGISTERED,
+    ITERATIONS,
     LEAST_REACH,
     LEVER,
     MOST,
@@ -41,30 +43,37 @@ OWN_STATIONS = 'where that is so, declare "own_sensors": {"by_run": ["pose_senso
 class Registered:
     """What was measured, seen from the robot's base; for each sensor that stands elsewhere an effect and a sentence.
 
-    `found` are those that nothing declared: findings. The others are what tolerances left open.
+    `found` and `turned` (targets) are those that nothing declared: findings. The others are what tolerances left open.
     """
 
     stack: Stack
     effects: tuple[Effect, ...] = ()
     found: tuple[Effect, ...] = ()
     deviations: tuple[Array, ...] = ()  # (6,) of each one found
+    turned: tuple[Effect, ...] = ()
+    turned_deviations: tuple[Array, ...] = ()  # (3,) of each one
     remarks: tuple[str, ...] = ()
     beside: float = 0.0  # how far a marker sits beside its frame at most, where that had to be found too [m]
 
     @property
     def every(self) -> tuple[Effect, ...]:
         """All effects, whether declared or found."""
-        return (*self.effects, *self.found)
+        return (*self.effects, *self.undeclared)
+
+    @property
+    def undeclared(self) -> tuple[Effect, ...]:
+        """The effects that nothing declared."""
+        return (*self.found, *self.turned)
 
     def open(self, recording: Recording) -> Recording:
         """Return a recording whose tolerances leave open where a sensor stands that was found elsewhere.
 
         What was left out has bent the closed form a little, and must not stay in it.
         """
-        if not self.found:
-            return recording
-        frame = {"frame_position": ARM.frame_position, "frame_rotation": ARM.frame_rotation}
-        return replace(recording, tolerances=replace(recording.tolerances, **frame))
+        kinds = {"frame_position": ARM.frame_position, "frame_rotation": ARM.frame_rotation} if self.found else {}
+        if self.turned and recording.tolerances.target_rotation is None:
+            kinds["target_rotation"] = ARM.target_rotation
+        return replace(recording, tolerances=replace(recording.tolerances, **kinds)) if kinds else recording
 
 
 def registered(
@@ -79,9 +88,10 @@ def registered(
     """
     stations = together.stations
     out = Registered(replace(stack, stations=Stations(together.recording.run)) if stations else stack)
+    out = _targets_upright(out, linear, together, mechanism)
     groups: Sequence[Sharing | None] = stations or together.groups.get("pose_sensor") or (None,)
     for group in groups:
-        here = np.ones(len(together.which), bool) if group is None else np.isin(together.setups, group.sources)
+        here = _of_group(group, together)
         kinds = together.recording.tolerances.declared if group is None else group.tolerances
         is_open = max(kinds.get("frame_position", 0.0), LEVER * kinds.get("frame_rotation", 0.0)) > OPEN_FRAME
         is_open |= bool(stations)
@@ -115,6 +125,117 @@ def registered(
     return out
 
 
+def _targets_upright(out: Registered, linear: Linear, together: Together, mechanism: Mechanism) -> Registered:
+    """Return what was measured with every target whose axes are others than its frame's turned into these.
+
+    Farther than `TURNED`, and one turn for all samples: smaller ones are calibrated. Where encoders that count from
+    elsewhere explain far more, they are.
+    """
+    sensors: Sequence[Sharing | None] = together.stations or together.groups.get("pose_sensor") or (None,)
+    from_base, shift, apart = np.tile(np.eye(3), (len(together.which), 1, 1)), np.zeros((len(together.which), 3)), 0.0
+    for group in sensors:
+        here = _of_group(group, together)
+        motion = _motion(out.stack.poses, linear, here, True)
+        if motion is not None:
+            from_base[here], shift[here], apart = motion.turn, motion.shift, max(apart, motion.after)
+    for group in together.groups.get("target") or (None,):
+        here, label = _of_group(group, together), group.label if group is not None else ""
+        declared = (together.recording.tolerances.declared if group is None else group.tolerances).get(
+            "target_rotation"
+        )
+        for channel in out.stack.poses:
+            rows = here & linear.samples & channel.exists[:, 3:].all(axis=1)
+            if rows.sum() < FEWEST_REGISTERED:
+                continue
+            drawn = linear.pose_of(channel.frame)[1]
+            seen = channel.rotation[rows]
+            ways = (_Mounted.of(drawn[rows], seen), _Mounted.of(drawn[rows], from_base[rows].mT @ seen))
+            best = min(ways, key=lambda way: way.left)
+            if not (best.size > TURNED and best.left < min(TURNED, MOST * best.before)):
+                continue
+            far, askew = _left_by_zeros(channel, linear, rows, from_base, shift)
+            if askew < MOST * best.left or (far < MOST * apart and MOST * askew < best.left):
+                continue
+            effect = sits_turned(best.turn, channel.frame.name, group, mechanism)
+            upright = np.where(here[:, None, None], channel.rotation @ best.turn.T, channel.rotation)
+            channels = [replace(channel, rotation=upright) if each is channel else each for each in out.stack.channels]
+            out = replace(out, stack=replace(out.stack, channels=tuple(channels)))
+            text = (
+                f"{label + ': ' if label else ''}all orientations of '{channel.frame.name}' are off by one turn of the "
+                f"target: {effect.statement(mechanism)}, so that measured and simulated orientations are "
+                f"{number(best.left, 3)} rad apart instead of {number(best.before, 3)} rad"
+            )
+            if (declared or 0.0) > TURNED:
+                text += ": within the tolerance target_rotation it is mounted any way round"
+                out = replace(out, effects=(*out.effects, effect), remarks=(*out.remarks, text))
+                continue
+            text += '. Where it is just mounted so, declare it: "tolerances": {"target_rotation": 3}'
+            out = replace(out, turned=(*out.turned, effect), remarks=(*out.remarks, text))
+            out = replace(out, turned_deviations=(*out.turned_deviations, best.deviation))
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Mounted:
+    """How a target is turned on its body (3, 3), and how far orientations are apart before and after, in the median.
+
+    deviation (3,): standard deviations of its rotation vector [rad].
+    """
+
+    turn: Array
+    deviation: Array
+    before: float
+    left: float
+
+    @property
+    def size(self) -> float:
+        return float(np.linalg.norm(rotation_log(self.turn)))
+
+    @classmethod
+    def of(cls, drawn: Array, seen: Array) -> _Mounted:
+        """drawn, seen (n, 3, 3): orientations of the frame, and of the target in the same axes."""
+        between, kept = drawn.mT @ seen, np.ones(len(drawn), bool)
+        for _ in range(ITERATIONS):  # without gross errors
+            turn = Rotation.from_matrix(between[kept]).mean().as_matrix()
+            angles = np.linalg.norm(rotation_log(between @ turn.T), axis=1)
+            again = angles <= 3 * np.median(angles)
+            if np.array_equal(again, kept):
+                break
+            kept = again
+        left = float(np.median(angles))
+        before = float(np.median(np.linalg.norm(rotation_log(between), axis=1)))
+        return cls(turn, np.full(3, left / np.sqrt(kept.sum())), before, left)
+
+
+def _left_by_zeros(
+    measured: PoseChannel, linear: Linear, rows: np.ndarray, turn: Array, shift: Array
+) -> tuple[float, float]:
+    """Return how far positions [m] and orientations [rad] are apart beside other zeros of the encoders: RMS and median.
+
+    turn (N, 3, 3), shift (N, 3): about where the sensor stands.
+    """
+    position, rotation = (value[rows] for value in linear.pose_of(measured.frame))
+    by, still = linear.by_actuators(measured.frame)[rows], np.zeros((int(rows.sum()), 3, 3))
+    seen = turn_between(rotation, turn[rows].mT @ measured.rotation[rows])
+    at = np.einsum("nji,nj->ni", turn[rows], measured.position[rows] - shift[rows]) - position
+    told = measured.exists[rows, :3].all(axis=1)
+    reach = max(float(np.median(np.linalg.norm(position, axis=1))), LEAST_REACH)
+    whole = np.broadcast_to(np.eye(3), still.shape)
+    moves = np.concatenate((by[:, :3], -skew(position), whole), axis=2)[told] / reach
+    turns = np.concatenate((by[:, 3:], whole, still), axis=2)
+    table = np.concatenate([part.reshape(-1, by.shape[2] + 6) for part in (moves, turns)])
+    left = np.concatenate((at[told].ravel() / reach, seen.ravel()))
+    left = (left - table @ np.linalg.lstsq(table, left, rcond=None)[0]).reshape(-1, 3)
+    sizes = np.linalg.norm(left, axis=1)
+    placed = int(told.sum())
+    return float(reach * np.sqrt(np.mean(sizes[:placed] ** 2))) if placed else 0.0, float(np.median(sizes[placed:]))
+
+
+def _of_group(group: Sharing | None, together: Together) -> np.ndarray:
+    """Return the samples (N,) of the recordings that share a sensor; all without a group."""
+    return np.ones(len(together.which), bool) if group is None else np.isin(together.setups, group.sources)
+
+
 def _likely_motion(
     stack: Stack, linear: Linear, here: np.ndarray, aside: float | None, is_open: bool, allowed: tuple[float, float]
 ) -> RigidFit | None:
@@ -130,7 +251,9 @@ def _likely_motion(
         if motion is None or (not is_open and not motion.after < MOST * motion.before):
             continue
         reach = allowed[0] + motion.beside, allowed[1]
-        near = not _some_apart(_seen_from_base(stack, motion, here), linear, [here], reach, zeros=True)
+        # orientations that no one can read are told as such, where positions fit
+        seen = _seen_from_base(stack, motion, here)
+        near = not any(worlds_apart(each, linear, here, reach)[0] for each in seen.poses)
         if kept is not None and fits:
             near &= motion.after < FAR_LESS * kept.after
         if near or (is_open and kept is None):
@@ -175,10 +298,8 @@ def _parts_apart(placed: Registered, linear: Linear, together: Together, allowed
     return _some_apart(placed.stack, linear, parts, reach)
 
 
-def _some_apart(
-    stack: Stack, linear: Linear, parts: Sequence[np.ndarray], allowed: tuple[float, float], zeros: bool = False
-) -> bool:
-    return any(any(worlds_apart(each, linear, here, allowed, zeros)) for each in stack.poses for here in parts)
+def _some_apart(stack: Stack, linear: Linear, parts: Sequence[np.ndarray], allowed: tuple[float, float]) -> bool:
+    return any(any(worlds_apart(each, linear, here, allowed, zeros=False)) for each in stack.poses for here in parts)
 
 
 def _length(metres: float) -> str:

@@ -63,6 +63,10 @@ from .variance_components import (
 __all__ = ["Spread", "spread_of"]
 
 
+#: Combinations of parameters that do less than this share of the strongest one do nothing of their own.
+_APART = 1e-6
+
+
 @dataclass(frozen=True, eq=False)
 class Spread:
     """What parts of a kind scatter by where that is more than was declared, and how much the sensor does.
@@ -206,7 +210,7 @@ def spread_of(
     if stations:
         parameters = parameters.with_stations(together.recording.run)
     exists, least = problem.stack.exists, 0.0 if problem.noise.source == "assumed" else 1.0
-    seen = _Seen(problem, parameters, (), least).told_by(exists)
+    seen = _Seen(problem, parameters, tuple(weights[0]), least).told_by(exists)
     if seen is None:
         return None
     ways = [replace(seen, weight=tuple(weight)) for weight in weights]
@@ -429,13 +433,25 @@ class _Seen:
         return np.where(np.isin(kinds, (*SENSORS["pose_sensor"], *STATIONS)), kinds, "").astype(object)
 
     def told_by(self, exists: np.ndarray) -> _Seen | None:
-        """Return the question with as many kinds as what was measured can tell, the finest left out first; or None."""
-        parameters = self.parameters
+        """Return the question with as many kinds as what was measured can tell, the finest left out first; or None.
+
+        Many parameters do the same: where a joint sits along its axis, and where the next one does. What a third of the
+        numbers would do without is told, however many parameters share it.
+        """
+        seen, count = self, int(exists.sum())
         for name in (None, *FINEST):
-            parameters = parameters if name is None else parameters.without(name)
-            if exists.sum() > len(parameters.kinds):
-                return replace(self, parameters=parameters)
+            seen = seen if name is None else replace(seen, parameters=seen.parameters.without(name))
+            if count > len(seen.parameters.kinds) or (1 - FAR_LESS) * count > seen.apart(exists):
+                return seen
         return None
+
+    def apart(self, exists: np.ndarray) -> float:
+        """Return how many combinations of the parameters do different things to what exists (N, K)."""
+        here = self.at(np.zeros(len(self.parameters.kinds)), exists)
+        if here is None:
+            return np.inf
+        columns, _ = self.about(here)
+        return float(np.linalg.matrix_rank(columns.reshape(-1, columns.shape[2]), rtol=_APART))
 
     def settled(self, x: Array, exists: np.ndarray, robust: bool) -> _Settled | None:
         """Return the fit after Gauss-Newton steps from x (p,), each shortened until less is left.

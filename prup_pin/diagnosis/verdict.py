@@ -26,6 +26,7 @@ from .findings import (
     finite_deflection,
     rms_of_sum,
     sensor_displaced,
+    target_turned,
     with_neutral_values,
 )
 from .identify import not_detectable, visible
@@ -62,12 +63,14 @@ def verdict_of(
     laws = sorted((*final.laws, *([deflection] if deflection else [])), key=lambda finding: -finding.heldout_gain)
     # what acts was left out of the simulation that one starts from, be it without a parameter; the loaded equilibrium
     # is a matter of how one simulates
-    named = bool(final.laws or (acting and prepared.earlier is None) or prepared.kinds or prepared.placed.found)
+    named = bool(final.laws or (acting and prepared.earlier is None) or prepared.kinds or prepared.placed.undeclared)
     verdict = "unexplained" if final.unknown is not None else "explained" if named else "nothing_missing"
     if final.unknown is not None and count and not len(prepared.toleranced) and not robot.mechanism.loops:
         remarks.append(_UNCALIBRATED)
     moved_sensor = zip(prepared.placed.found, prepared.placed.deviations, strict=True)
     findings = [sensor_displaced(*each, first, before, robot, calibrated) for each in moved_sensor]
+    turned = zip(prepared.placed.turned, prepared.placed.turned_deviations, strict=True)
+    findings += [target_turned(*each, first, before, robot, calibrated) for each in turned]
     findings += laws
     beyond = [item for item in calibrated if item.is_beyond(len(calibrated))]
     if beyond and (final.unknown is not None or not is_clean(problem, fit)):
@@ -80,13 +83,15 @@ def verdict_of(
     if beyond and prepared.earlier is not None:
         verdict = "explained"  # what was known to be elsewhere has changed
     findings = [with_neutral_values(finding, robot) for finding in findings]
-    kinds = [kind for kind in prepared.kinds if not (prepared.placed.found and kind in SENSORS["pose_sensor"])]
+    told = {*SENSORS["pose_sensor"]} if prepared.placed.found else set()
+    told |= {"target_rotation"} if prepared.placed.turned else set()
+    kinds = [kind for kind in prepared.kinds if kind not in told]
     findings += all_over(problem, fit, calibrated, kinds, blocks)
     findings += [final.unknown] if final.unknown is not None else []
     found = [*(finding.effect for finding in findings if finding.effect is not None), *final.stand_ins]
     changed = [effect for effect in found if effect.law.instead_of is not None]
     # a sensor reports what all the others have left
-    effects = tuple(effect for effect in found if effect not in (*changed, *prepared.placed.found))
+    effects = tuple(effect for effect in found if effect not in (*changed, *prepared.placed.undeclared))
     effects = (*effects, *prepared.placed.every)
     standing = _standing(problem, fit, changed)
     if problem.tolerances is not None:

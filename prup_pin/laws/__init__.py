@@ -35,7 +35,7 @@ from .setup import Setup
 from .shear import Shear, Torsion
 from .slack_cable import SlackCable
 from .stiffness_changed import StiffnessChanged
-from .target import TargetMisalignment, of_markers
+from .target import TargetMisalignment, of_markers, sits_turned
 from .thermal_growth import GrowthFromSupport, ThermalGrowth
 from .viscous_friction import ViscousFriction
 from .wrench_sensor import (
@@ -141,6 +141,7 @@ __all__ = [
     "lasting",
     "law_at",
     "laws_of",
+    "sits_turned",
     "stands_elsewhere",
 ]
 

@@ -124,6 +124,13 @@ class Law(ABC):
         """
         return ()
 
+    def meanwhile(self, values: Mapping[str, float], mechanism: Mechanism, elapsed: float) -> Effect | None:
+        """Return what another recording finds of what went on in one: as it was `elapsed` [s] after that began.
+
+        None where that tells nothing of another recording, and of what lasts.
+        """
+        return None
+
     def written(self, place: Place, values: Mapping[str, float], setup: Setup, changes: Changes) -> Sequence[str]:
         """Write into a robot file's changes what a file can say of it; return what is left out, in words.
 

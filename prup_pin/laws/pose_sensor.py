@@ -87,6 +87,10 @@ class PoseSensorDrift(Law):
         speed = np.array([values[f"v{axis}"] for axis in "xyz"])
         yield PoseReport(Wandering(setup.inputs.elapsed[:, None] * speed))
 
+    def meanwhile(self, values: Mapping[str, float], mechanism: Mechanism, elapsed: float) -> Effect | None:
+        shift = elapsed * np.array([values[f"v{axis}"] for axis in "xyz"])
+        return stands_elsewhere(np.eye(3), shift, None, mechanism)
+
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         by = quantity(60 * float(np.linalg.norm(list(values.values()))), "m")
         return f"the pose sensor's frame wanders by {by} a minute"

@@ -10,9 +10,10 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..numbers import quantity
 from ..parameters import Quantity
-from ..spatial import rotation_exp
+from ..spatial import Array, rotation_exp, rotation_log
 from .deeds import Deed, Moved, PoseReport
-from .law import Law, Place
+from .in_recording import InRecording
+from .law import Effect, Law, Place, Sharing
 from .setup import Setup
 
 
@@ -28,7 +29,7 @@ class TargetMisalignment(Law):
     )
     quantities = (
         *(Quantity(name, "m", f"shift along {name}", 1e-4, lower=-1.0, upper=1.0) for name in ("x", "y", "z")),
-        *(Quantity(name, "rad", f"turn about {name[1]}", 1e-3, lower=-0.5, upper=0.5) for name in ("rx", "ry", "rz")),
+        *(Quantity(name, "rad", f"turn about {name[1]}", 1e-3, lower=-3.2, upper=3.2) for name in ("rx", "ry", "rz")),
     )
     neutral: ClassVar = {quantity.name: 0.0 for quantity in quantities}
 
@@ -89,3 +90,12 @@ def of_markers(mechanism: Mechanism, names: Iterable[str] | None = None) -> tupl
     tool = None if mechanism.tool is None else mechanism.tool.name
     known = mechanism.frame_names if names is None else [name for name in names if name in mechanism.frame_names]
     return tuple(MarkerMisalignment(name) for name in known if name != tool)
+
+
+def sits_turned(turn: Array, frame: str, group: Sharing | None, mechanism: Mechanism) -> Effect:
+    """Return the effect of a target whose axes are turned (3, 3) against its frame's; group: in which recordings."""
+    is_tool = mechanism.tool is not None and mechanism.tool.name == frame
+    target: Law = TargetMisalignment() if is_tool else MarkerMisalignment(frame)
+    law = target if group is None else InRecording(target, group)
+    angles = zip(("rx", "ry", "rz"), map(float, rotation_log(turn[None])[0]), strict=True)
+    return Effect(law, law.places(mechanism)[0], {"x": 0.0, "y": 0.0, "z": 0.0, **dict(angles)})

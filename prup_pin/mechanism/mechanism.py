@@ -251,6 +251,14 @@ class Mechanism:
         return [f.name for f in self.model.frames if f.parentJoint in ends and f.type == pin.FrameType.BODY]
 
     @cached_property
+    def only_end(self) -> str | None:
+        """Name of the one link at the end of the robot's one chain; None where there are several, or none moves."""
+        parents = {frame.parentFrame for frame in self.model.frames if frame.name != "universe"}
+        ends = [frame for index, frame in enumerate(self.model.frames) if index not in parents]
+        links = [frame.name for frame in ends if frame.type == pin.FrameType.BODY]
+        return links[0] if len(links) == 1 and links[0] in self._tips and self.model.njoints > 1 else None
+
+    @cached_property
     def fingerprint(self) -> str:
         """A text that is the same for mechanisms of the same robot file, read in the same way with the same values."""
         said = [

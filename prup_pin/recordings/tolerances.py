@@ -45,7 +45,7 @@ class KindOfTolerance:
 
 _RELATIVE, _METRES, _RADIANS, _LOADS = 1.0, 0.1, 0.5, 1000.0
 _SECONDS = 0.2
-#: A tracker may stand anywhere in a hall and be turned anyhow, a marker sit anywhere on a link.
+#: A tracker may stand anywhere in a hall and be turned anyhow, a marker sit anywhere on a link and any way round.
 _ANYWHERE, _ANY_WAY, _ON_A_LINK = 100.0, 3.2, 1.0
 
 #: Every key, in the order of the documentation. Each member of a kind is off for itself.
@@ -76,7 +76,7 @@ KINDS_OF_TOLERANCE = (
                     "the pose sensor stands elsewhere"),
     KindOfTolerance("target_position", "m", "measured target against the tool frame, and each marker against its frame",
                     _ON_A_LINK, "markers are off their frames"),
-    KindOfTolerance("target_rotation", "rad", "axes of the measured target against the tool frame", _RADIANS,
+    KindOfTolerance("target_rotation", "rad", "axes of the measured target against the tool frame", _ANY_WAY,
                     "markers are off their frames"),
     KindOfTolerance("wrench_gain", "relative", "scale of each component of the wrench sensor", _RELATIVE,
                     "the wrench sensor tells another load than acts"),

@@ -54,9 +54,10 @@ class AsRecorded:
 def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> AsRecorded:
     """Return a robot as recordings of it ask for, itself where they ask for nothing.
 
-    A tree without a tool has the first marker's frame for one. A joint of a tree whose position was not recorded is
-    held where the robot file has it: off the way from the base to what was measured it makes no difference but for the
-    weight of what it carries. A base that floats stands still.
+    A tree without a tool has the first marker's frame for one, or the end of its one chain where poses of a tool were
+    measured. A joint of a tree whose position was not recorded is held where the robot file has it: off the way from
+    the base to what was measured it makes no difference but for the weight of what it carries. A base that floats
+    stands still.
 
     Raises InputError for a column whose joint is misspelt: it would be left out, and its joint held instead.
     """
@@ -73,6 +74,12 @@ def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> As
         tool = next((name for name in frames if not _is_loose(robot.mechanism, name)), frames[0])
         robot = robot.with_tool(tool)
         remarks.append(f"no tool frame was given: taken at '{tool}', a marker (--tool FRAME says another one)")
+    elif robot.mechanism.tool is None and robot.mechanism.only_end and any(map(_needs_tool, given)):
+        tool = robot.mechanism.only_end
+        robot = robot.with_tool(tool)
+        remarks.append(
+            f"no tool frame was given: taken at '{tool}', where the robot ends (--tool FRAME says another one)"
+        )
     held = _held(robot.mechanism, given, frames)
     remarks += _told(robot.mechanism, held)
     unknown = {name for name in held if name in robot.mechanism.actuated}

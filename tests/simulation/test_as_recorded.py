@@ -47,6 +47,30 @@ def test_a_tree_without_a_tool_has_the_first_marker_for_one():
     assert any("no tool frame" in text and "left_fore" in text for text in adapted.remarks)
 
 
+def test_a_chain_without_a_tool_ends_in_one_link(tmp_path):
+    """What was measured without a name is of the one link that nothing follows; of two branches it may be either."""
+    joint = (
+        '<link name="{child}"/><joint name="to_{child}" type="{type}"><parent link="{parent}"/><child link="{child}"/>'
+        '<origin xyz="0 0 0.4"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>'
+    )
+    chain = joint.format(child="arm", parent="base", type="revolute") + joint.format(
+        child="hand", parent="arm", type="fixed"
+    )
+    path = tmp_path / "chain.urdf"
+    path.write_text(f'<robot name="chain"><link name="base"/>{chain}</robot>')
+    q = {"to_arm": np.linspace(-1, 1, 3)}
+    recording = Recording(np.arange(3.0), positions=q, position=np.zeros((3, 3)))
+    adapted = as_recorded(prup_pin.load(path), recording)
+    assert adapted.tool == adapted.robot.mechanism.tool.name == "hand"
+    assert any("no tool frame" in text and "hand" in text for text in adapted.remarks)
+    assert adapted.robot.home.base_from_tool[2, 3] == pytest.approx(0.8)
+    assert as_recorded(prup_pin.load(path), replace(recording, position=None)).tool is None
+    path.write_text(
+        f'<robot name="chain"><link name="base"/>{chain}{joint.format(child="eye", parent="arm", type="fixed")}</robot>'
+    )
+    assert as_recorded(prup_pin.load(path), recording).tool is None
+
+
 def test_joints_off_the_way_are_held_and_named():
     adapted = as_recorded(prup_pin.load(TORSO), bench(PosedTree(TORSO)))
     assert set(adapted.robot.mechanism.actuated) == set(JOINTS)
