@@ -48,7 +48,7 @@ class LowPass:
 
     Beyond the ends of a piece values are those before them turned about the end itself: it is kept with all its noise,
     and bends by nothing there. of_motion: they go on as they went, along a cubic that is fitted to the last two periods
-    of the cut-off, so that accelerations at the ends are no worse than elsewhere.
+    of the cut-off, if the piece lasts as long, so that accelerations at the ends are no worse than elsewhere.
     """
 
     cutoff: float
@@ -85,13 +85,13 @@ class LowPass:
 
     def _beyond(self, rows: Array, many: int) -> Array:
         """Return what values (r, n) are taken to be before the first one, `many` of them, the nearest one first."""
-        if not self.of_motion:
+        window = round(_CONTINUED * self.rate / self.cutoff)
+        if not self.of_motion or rows.shape[1] < max(window, _DEGREE + 2):
             return 2 * rows[:, :1] - rows[:, 1 : many + 1]
-        last = rows[:, : max(round(_CONTINUED * self.rate / self.cutoff), _DEGREE + 2)]
-        at = np.arange(-many, last.shape[1]) / last.shape[1]
-        powers = np.polynomial.legendre.legvander(2 * at - 1, min(_DEGREE, last.shape[1] - 1))
-        fitted = np.linalg.lstsq(powers[many:], last.T, rcond=None)[0]
-        return (powers[many - 1 :: -1] @ fitted).T if many else rows[:, :0]
+        at = np.arange(-many, window) / window
+        powers = np.polynomial.legendre.legvander(2 * at - 1, _DEGREE)
+        fitted = np.linalg.lstsq(powers[many:], rows[:, :window].T, rcond=None)[0]
+        return (powers[:many][::-1] @ fitted).T
 
     def settled(self, piece: np.ndarray) -> np.ndarray:
         """Return the samples (N,) away from ends of pieces, where filters and rates have no other side; else all.
