@@ -22,7 +22,7 @@ _WINDOW = 4096
 #: Periods of a cut-off that lie between an end of a piece and where its filter has settled.
 _SETTLES = 1.5
 #: What a motion does beyond an end of a piece is a polynomial through the last periods of a cut-off before it.
-_CONTINUED, _DEGREE = 2.0, 3
+_CONTINUED, _DEGREE = 2.0, 4
 
 
 def pieces(piece: np.ndarray) -> Iterator[slice]:
@@ -47,8 +47,9 @@ class LowPass:
     """A Butterworth filter run forwards and backwards, so that it delays nothing; `cutoff` and `rate` in Hz.
 
     Beyond the ends of a piece values are those before them turned about the end itself: it is kept with all its noise,
-    and bends by nothing there. of_motion: they go on as they went, along a cubic that is fitted to the last two periods
-    of the cut-off, if the piece lasts as long, so that accelerations at the ends are no worse than elsewhere.
+    and bends by nothing there. of_motion: they go on as they went, along a polynomial of degree four through
+    the last two periods of the cut-off, if the piece lasts as long, so that accelerations there are hardly worse than
+    elsewhere.
     """
 
     cutoff: float
