@@ -17,7 +17,6 @@ from scipy.signal import butter, sosfiltfilt
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.proposal import Proposal, proposed_files
-from prup_pin.dynamics import LowPass
 from prup_pin.errors import InputError
 from prup_pin.laws.formulas import KNOWN
 from prup_pin.plugins import along
@@ -52,7 +51,6 @@ joint where they show most. The library of terms was written down before the dev
   true variables. Where the laws of the library explain a device down to the noise no formula is asked for: that counts
   as not found.
 - *Held out*: another motion of the device; what the formula's model leaves below 8 Hz at the joint, over the noise.
-  At either end of a log 0.2 s are left out here and below: accelerations have no other side there.
 - *Beyond*: the same motion, 20 % wider and faster; the error where a variable is outside its recorded range, over that
   of the curve of no law, which ends there. Both are right where what is strange ends inside the range.
 - *Confirmed*: the other motion of the same device, diagnosed with the proposed file. *Refuted*: a motion of another
@@ -65,10 +63,20 @@ joint where they show most. The library of terms was written down before the dev
 
 
 def devices(count: int, first: int) -> list[tuple[int, str, str]]:
-    """Return seed, robot and kind of strange arms, of a quarter as many without anything, and of 3-PRUPs."""
-    kinds = [*(list(KINDS)[index % len(KINDS)] for index in range(count)), *[CLEAN] * (count // 4)]
-    arms = [(first + index, list(ROBOTS)[index % len(ROBOTS)], kind) for index, kind in enumerate(kinds)]
-    return [*arms, *((first + index, PRUP, list(STRAINS)[index % len(STRAINS)]) for index in range(count // 5))]
+    """Return seed, robot and kind of strange arms, with a quarter as many without anything and a fifth of 3-PRUPs.
+
+    They are told in an order of which every beginning has all of them: so far as they were answered, they are a page.
+    """
+    kinds, strained, robots = list(KINDS), list(STRAINS), list(ROBOTS)
+    out = []
+    for index in range(count):
+        out.append((first + index, robots[index % len(robots)], kinds[index % len(kinds)]))
+        if index % 4 == 3:
+            own = count + index // 4
+            out.append((first + own, robots[own % len(robots)], CLEAN))
+        if index % 5 == 4:
+            out.append((first + index // 5, PRUP, strained[index // 5 % len(strained)]))
+    return out
 
 
 def trial(seed: int, robot: str, what: str) -> dict[str, Any]:
@@ -167,19 +175,10 @@ def _low(drawn: Mapping[str, Any], k: int, values: np.ndarray) -> np.ndarray:
     return sosfiltfilt(butter(4, CUT, fs=1 / np.median(np.diff(time)), output="sos"), filled)
 
 
-def _inside(time: np.ndarray) -> np.ndarray:
-    """Return the times (N,) away from both ends of a log: there an acceleration has no other side.
-
-    Without speeds in the log, it is nothing there.
-    """
-    return LowPass(CUT, 1 / np.median(np.diff(time))).settled(np.zeros(len(time), int))
-
-
 def _left(drawn: Mapping[str, Any], k: int, joint: str, predicted: np.ndarray) -> float:
     """Return what a prediction (N,) leaves of a joint's effort below 8 Hz over the noise there, where it moves."""
     column, log = drawn["joints"].index(joint), drawn["logs"][k]
     moves = np.abs(np.gradient(log["q"][:, column], log["time"])) > STANDING
-    moves &= _inside(log["time"])
     left = _low(drawn, k, log["tau"][:, column] - predicted)[moves]
     noise = _low(drawn, k, log["tau"][:, column] - drawn["clean"][k][:, column])[moves]
     return float(np.sqrt(np.mean(left**2) / np.mean(noise**2)))
@@ -198,7 +197,7 @@ def _beyond(
         outside |= (values < low) | (values > high)
     rows = at.motion.time[outside]
     time, column = drawn["logs"][2]["time"], drawn["joints"].index(joint)
-    there = (np.interp(time, at.motion.time, outside) > 0.5) & _inside(time)
+    there = np.interp(time, at.motion.time, outside) > 0.5
     out = {"outside": float(there.mean()) if len(rows) else 0.0}
     for key, effects in (("beyond", mine.effects), ("beyond_by_curve", curve)):
         predicted = _low(drawn, 2, simulate(robot, log, effects).efforts[joint])

@@ -245,9 +245,9 @@ def motion_of(
     smooth, speed, acceleration, path = (np.empty_like(position) for _ in range(4))
     noise = np.empty(len(names))
     for column, name in enumerate(names):
-        wide = LowPass(min(wider * told.get(name, cutoff), 0.45 * rate), rate)
+        wide = LowPass(min(wider * told.get(name, cutoff), 0.45 * rate), rate, of_motion=True)
         smooth[:, column] = wide(position[:, column], clock.piece)
-        fine = LowPass(min(of_position[column], 0.45 * rate), rate)
+        fine = LowPass(min(of_position[column], 0.45 * rate), rate, of_motion=True)
         path[:, column] = smooth[:, column] if fine.cutoff <= wide.cutoff else fine(position[:, column], clock.piece)
         if name in logged_speed:
             speed[:, column] = wide(logged_speed[name], clock.piece)

@@ -21,6 +21,8 @@ _NOISE_BAND = (0.25, 0.6)
 _WINDOW = 4096
 #: Periods of a cut-off that lie between an end of a piece and where its filter has settled.
 _SETTLES = 1.5
+#: What a motion does beyond an end of a piece is a polynomial through the last periods of a cut-off before it.
+_CONTINUED, _DEGREE = 2.0, 4
 
 
 def pieces(piece: np.ndarray) -> Iterator[slice]:
@@ -42,10 +44,17 @@ def _of_alike_length(piece: np.ndarray) -> Iterator[list[slice]]:
 
 @dataclass(frozen=True)
 class LowPass:
-    """A Butterworth filter run forwards and backwards, so that it delays nothing; `cutoff` and `rate` in Hz."""
+    """A Butterworth filter run forwards and backwards, so that it delays nothing; `cutoff` and `rate` in Hz.
+
+    Beyond the ends of a piece values are those before them turned about the end itself: it is kept with all its noise,
+    and bends by nothing there. of_motion: they go on as they went, along a polynomial of degree four through
+    the last two periods of the cut-off, if the piece lasts as long, so that accelerations there are hardly worse than
+    elsewhere.
+    """
 
     cutoff: float
     rate: float
+    of_motion: bool = False
 
     def __call__(self, values: Array, piece: np.ndarray) -> Array:
         """Return values (N, ...) without what is faster than the cut-off, each piece for itself."""
@@ -61,10 +70,8 @@ class LowPass:
             parts = []
             for where in together:
                 here, padding = rows[:, where], min(longest, where.stop - where.start - 1)
-                # both ends turned about themselves, and settled there
-                before = 2 * here[:, :1] - here[:, padding:0:-1]
-                after = 2 * here[:, -1:] - here[:, -2 : -padding - 2 : -1]
-                parts.append(np.concatenate((before, here, after), axis=1))
+                before, after = (self._beyond(own, padding) for own in (here, here[:, ::-1]))
+                parts.append(np.concatenate((before[:, ::-1], here, after), axis=1))
             for _ in range(2):
                 table = np.zeros((len(parts), len(rows), max(part.shape[1] for part in parts)))
                 for row, part in zip(table, parts, strict=True):
@@ -76,6 +83,16 @@ class LowPass:
                 padding = (part.shape[1] - length) // 2
                 out[:, where] = part[:, padding : padding + length]
         return out.T.reshape(np.shape(values))
+
+    def _beyond(self, rows: Array, many: int) -> Array:
+        """Return what values (r, n) are taken to be before the first one, `many` of them, the nearest one first."""
+        window = round(_CONTINUED * self.rate / self.cutoff)
+        if not self.of_motion or rows.shape[1] < max(window, _DEGREE + 2):
+            return 2 * rows[:, :1] - rows[:, 1 : many + 1]
+        at = np.arange(-many, window) / window
+        powers = np.polynomial.legendre.legvander(2 * at - 1, _DEGREE)
+        fitted = np.linalg.lstsq(powers[many:], rows[:, :window].T, rcond=None)[0]
+        return (powers[:many][::-1] @ fitted).T
 
     def settled(self, piece: np.ndarray) -> np.ndarray:
         """Return the samples (N,) away from ends of pieces, where filters and rates have no other side; else all.
@@ -134,7 +151,8 @@ def differences(values: Array, piece: np.ndarray, step: float) -> Array:
     """Return the rates of change of values (N, ...) by central differences, each piece for itself."""
     out = np.empty(np.shape(values))
     for where in pieces(piece):
-        out[where] = np.gradient(values[where], step, axis=0)
+        # twice by straight lines, and the acceleration at an end would be half of what it is
+        out[where] = np.gradient(values[where], step, axis=0, edge_order=2 if where.stop - where.start > 2 else 1)
     return out
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from prup_pin import load
 from prup_pin.errors import InputError
-from prup_pin.laws import LAWS
-from prup_pin.laws.efforts import EFFORT_LAWS
+from prup_pin.laws import LAWS, Place
+from prup_pin.laws.efforts import EFFORT_LAWS, FINE_CURVES
 from prup_pin.laws.formulas import KNOWN, SHAPES, Factor, Formula, JointFormula, Term, law_file, library, tried, word_of
 from prup_pin.laws.formulas.strain_formula import StrainFormula, strain_library
 from prup_pin.plugins import along
@@ -94,6 +94,21 @@ def test_shapes_are_what_they_say():
     peak = SHAPES["detent"].of(x, 0.25, 0.5)
     assert x[np.argmax(peak)] == pytest.approx(0.25 + 0.5 / np.sqrt(2), abs=0.006)
     assert SHAPES["wave"].of(x, 1.6)[:, 1] == pytest.approx(np.sin(2 * np.pi * x / 1.6))
+
+
+def test_the_curve_beside_a_formula_bends_between_its_knots_and_stays_beyond_them(at):
+    (curve,) = (one for one in FINE_CURVES if one.variant == "effort against position, finely")
+    place, q = Place(JOINT, curve.variant), at.position(JOINT)
+    values = curve.scanned(place, at)[0]
+    knots = np.array([values[f"at {index}"] for index in range(curve.count)])
+    waves = 2 * np.pi * 5 / np.ptp(q)
+    drawn = at.effort_of(JOINT, curve.efforts_per(place, values, at) @ np.sin(waves * knots))
+    assert drawn == pytest.approx(np.sin(waves * q), abs=0.012)
+    assert np.abs(np.interp(q, knots, np.sin(waves * knots)) - np.sin(waves * q)).max() > 0.04  # by straight lines
+    half = {name: 0.5 * value for name, value in values.items()}
+    beyond = q > 0.5 * knots[-1]
+    drawn = at.effort_of(JOINT, curve.efforts_per(place, half, at) @ np.arange(curve.count))
+    assert drawn[beyond] == pytest.approx(curve.count - 1)
 
 
 def test_a_spring_that_slips_gives_back_what_it_took_and_no_more(at):

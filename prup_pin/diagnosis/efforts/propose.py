@@ -144,19 +144,21 @@ def _in_place_of(
 
     beside: these laws, with a formula that they need; each with what its shape leaves.
 
-    Laws may imitate what is none of them. A formula has their place where it is likelier and surely leaves less; or,
-    where they need one beside them, where the data cannot tell it from all of these and it has fewer numbers. Chance
-    had as many goes at each of its terms as the library has.
+    Laws may imitate what is none of them. A formula has their place where it surely leaves less and is likelier: by
+    much, or with fewer numbers than they have; or, where they need one beside them, where the data cannot tell it from
+    all of these and it has fewer numbers. Chance had as many goes at each of its terms as the library has.
     """
     goes = 2 * float(np.log(len(list(library(efforts.at, joint)))))
     names = " and ".join(dict.fromkeys(term.law.physics.replace("_", " ") for term in laws))
     for one in _searched(efforts, base, joint, 0)[1]:
         whole = _with_remainder(efforts, one)
         worse = whole.total - beside.total + goes * (len(one.formula.terms) - len(beside.formula.terms))
-        if beside.formula.terms and worse < INDISTINCT and whole.numbers < beside.numbers:
+        fewer = beside.numbers - whole.numbers
+        if beside.formula.terms and worse < INDISTINCT and fewer > 0:
             return one, f"it is in the place of {names}, beside which a formula is needed too"
-        if worse < -INDISTINCT and relative_gain(beside.left, whole.left)[1] > SURE:
-            return one, f"it is in the place of {names}, with which chi squared is larger by {number(-worse, 3)}"
+        if worse < (0 if fewer > 0 else -INDISTINCT) and relative_gain(beside.left, whole.left)[1] > SURE:
+            told = f"it is in the place of {names}, with which chi squared is larger by {number(-worse, 3)}"
+            return one, f"{told} and more numbers are fitted, {fewer} of them" if fewer > 0 else told
     return None
 
 

@@ -28,8 +28,9 @@ class FreeCurve(EffortLaw):
 
     Once as it is and once turning round with the motion, so that friction of any kind is among it; or as friction
     alone, through more knots. Between two knots it is straight, and beyond the last ones it stays what it is there.
-    fine: beside a formula, what the shape of that leaves, anywhere alike: one of the two, through more knots; precision
-    (p, p): the inverse covariance of its heights, where that was learned.
+    fine: beside a formula, what the shape of that leaves, anywhere alike: one of the two, through more knots, and bent
+    between them as a natural cubic spline: two smooth shapes differ by a smooth one; precision (p, p): the inverse
+    covariance of its heights, where that was learned.
     """
 
     variable: str
@@ -126,11 +127,19 @@ class FreeCurve(EffortLaw):
         knots = np.array([values[f"at {index}"] for index in range(self.count)])
         if self.variable == SINCE_TURNING:
             return columns_along(at, place.name, *(at.dragged(place.name, way) for way in knots.tolist()))
-        hats = np.array([np.interp(x, knots, row) for row in np.eye(len(knots))]).T
+        hats = self._between(knots, x)
         turning = at.dragged(place.name, usual_way(at, place.name))
         either = {"effort": hats, "friction": hats * turning[:, None]}
         words = dict.fromkeys(name.split()[0] for name in self.linear)
         return columns_along(at, place.name, *np.concatenate([either[word] for word in words], axis=1).T)
+
+    def _between(self, knots: Array, x: Array) -> Array:
+        """Return what each height adds to the curve (N, p) at values x (N,) of its variable."""
+        if not self.fine:
+            return np.array([np.interp(x, knots, row) for row in np.eye(len(knots))]).T
+        from scipy.interpolate import CubicSpline  # heavy; only what no law explains needs it
+
+        return CubicSpline(knots, np.eye(len(knots)), bc_type="natural")(np.clip(x, knots[0], knots[-1]))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the {self.word} at {place.name} follows the joint's {self.variable} by no law known here"
