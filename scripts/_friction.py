@@ -12,7 +12,7 @@ from _scattered import LARGE, OURS, told
 from prup_pin.numbers import counted
 
 #: Robots whose simulator knows dry friction; what is drawn, seed by seed in turn; the sensors' noise as there.
-ROBOTS = ("3prup",)
+ROBOTS = ("3prup", "six_ups")
 EFFECTS = (("coulomb_friction",), ("coulomb_friction", "backlash"))
 #: What a prediction may leave, in multiples of the noise.
 ALLOWED = 1.1

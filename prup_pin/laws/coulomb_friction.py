@@ -10,7 +10,7 @@ from ..numbers import number
 from ..parameters import Quantity
 from .deeds import Deed, JointResistance
 from .law import Law, Place
-from .modules_at import bush_of, joint_at, joint_places, twisting_beams
+from .modules_at import bush_of, driven_slides, joint_at, joint_places, twisting_beams
 from .setup import Setup
 
 
@@ -25,7 +25,9 @@ class FreeJointLaw(Law):
 
 
 class CoulombFriction(FreeJointLaw):
-    """A spring that yields at the friction limit, in a joint that should be free (Prandtl's elastoplastic element).
+    """A spring that yields at the friction limit (Prandtl's elastoplastic element), in a joint that should be free.
+
+    Or in the guide of a driven slide, beside its drive: where that gives way, the guide holds.
 
     The joint sticks, giving a little before it slides; it remembers where it slid to. A move of the actuators
     relaxes it: it starts to resist after the first sample there. Its torque twists the beams, which nothing else does;
@@ -43,6 +45,9 @@ class CoulombFriction(FreeJointLaw):
     )
     neutral: ClassVar = {"limit": 0.0}
     strong = 5.0
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [*super().places(mechanism), *(Place(name) for name in driven_slides(mechanism))]
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         if not joint_at(place.name, mechanism).slides:
