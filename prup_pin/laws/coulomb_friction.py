@@ -40,8 +40,8 @@ class CoulombFriction(FreeJointLaw):
     remedy = "check lubricant, seals and preload at {place}; until then approach every pose from the same side"
     source = "Prandtl (1928); Jenkins (1962)"
     quantities = (
-        Quantity("limit", "N m", "torque (force, in a slide) at which it slides", 0.3, upper=1e3),
-        Quantity("presliding_stiffness", "N m/rad", "of the joint while it sticks", 2000.0, lower=1.0, upper=1e7),
+        Quantity("limit", "N m", "torque (force, in a slide) at which it slides", 0.3, upper=1e5),
+        Quantity("presliding_stiffness", "N m/rad", "of the joint while it sticks", 2000.0, lower=1.0, upper=1e10),
     )
     neutral: ClassVar = {"limit": 0.0}
     strong = 5.0
@@ -53,8 +53,8 @@ class CoulombFriction(FreeJointLaw):
         if not joint_at(place.name, mechanism).slides:
             return self.quantities
         return (
-            Quantity("limit", "N", "force at which it slides", 5.0, upper=1e4),
-            Quantity("presliding_stiffness", "N/m", "of the slide while it sticks", 1e5, lower=100.0, upper=1e9),
+            Quantity("limit", "N", "force at which it slides", 5.0, upper=1e6),
+            Quantity("presliding_stiffness", "N/m", "of the slide while it sticks", 1e5, lower=100.0, upper=1e12),
         )
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 _SWEEPS = 60
 #: A round shrinks the change of a torque by this factor; where it does not, its derivative is not that of its pose.
 _SHRINKS = 0.5
+#: A sample whose torques would move by less than this share of what agrees is left as it is.
+_STAYS = 0.1
 #: Rounds in which joints that slide are guessed before sweeps look for them, and those in which all may change.
 _GUESSES, _TOGETHER = 30, 6
 
@@ -125,6 +127,10 @@ class _Resisting(History):
             out[:, place] += torques[:, column]
         return out
 
+    def begin(self, found: Equilibria) -> None:
+        if found.conditions.torques is not None and len(set(self.places)) == len(self.places):
+            self.torques = found.conditions.torques[:, self.places]
+
     def act(self, now: Conditions) -> Conditions:
         return replace(now, torques=self.on_joints(self.torques))
 
@@ -163,7 +169,9 @@ class _Resisting(History):
         back = ~beyond & (change * self._change < 0) & (np.abs(change) > _SHRINKS * np.abs(self._change))
         step = np.where(back, change / 2, change)
         step[beyond] = (low[beyond] + high[beyond]) / 2 - self.torques[beyond]
-        self.torques, self._change = self.torques + step, step
+        self._change = step.copy()
+        step[(np.abs(step) <= _STAYS * AGREED * scale).all(axis=1)] = 0.0
+        self.torques = self.torques + step
         self._begin, self._between = begin, (low, high)
 
     def _influence(self, found: Equilibria) -> Array:
