@@ -51,7 +51,7 @@ class Equilibria:
     evaluation: Evaluation
     converged: np.ndarray
     steps: Array  # last step of every sample
-    inverses: tuple[Array, Array] | None  # shared inverse matrices and which one belongs to each sample
+    inverses: tuple[Array, np.ndarray] | None  # shared inverse matrices and which one belongs to each sample
 
     @property
     def tool(self) -> Array:

@@ -282,8 +282,9 @@ class Simulator:
     ) -> Equilibria:
         """Return the equilibria with which all histories agree."""
         found = begin
-        for history in histories if begin is not None else ():
-            history.begin(begin)
+        if begin is not None:
+            for history in histories:
+                history.begin(begin)
         for turn in range(_MEMORY_ROUNDS):
             now = conditions
             for history in histories:
