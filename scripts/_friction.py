@@ -7,9 +7,11 @@ from typing import Any
 
 import _scattered
 import numpy as np
+from _benchmark import left_over
 from _scattered import LARGE, OURS, told
 
 from prup_pin.numbers import counted
+from tests.reference.concealed.scattered import draw_scattered
 
 #: Robots whose simulator knows dry friction; what is drawn, seed by seed in turn; the sensors' noise as there.
 ROBOTS = ("3prup", "six_ups")
@@ -31,7 +33,9 @@ each joint slid to.
   friction of a tight joint: 60 N m or more in a universal joint, 60 N or more in a slide.
 - Friction starts relaxed at every pose, where an unloaded robot stands, in the simulators as in the package's law.
 - *Place and physics*: both in one finding. Effects that stay below 3 are not counted.
-- *Held out*: another bench test of the same device by the corrected model, in multiples of the noise.
+- *Held out*: another bench test of the same device by the corrected model, in multiples of the noise. *By the device
+  itself*: the same by the simulator that drew it, from the wrenches as they were recorded: where a leg's load is near
+  zero, the noise of the wrench sensor decides on which side of a gap it stands.
 
 All answers are those first given. The 3-PRUPs were answered before driven slides were places of dry friction.
 One robot after the other into one `--out` makes this page again: `python scripts/concealed_trials.py --count 0 --robot
@@ -47,7 +51,18 @@ def how(seed: int, robot: str) -> dict[str, Any]:
 
 def trial(seed: int, robot: str) -> dict[str, Any]:
     """Draw, seal, diagnose, predict the held-out recording, and only then open the answer."""
-    return _scattered.trial(seed, robot, drawn=how)
+    return _scattered.trial(seed, robot, drawn=how) | {"at_best": at_best(seed, robot)}
+
+
+def at_best(seed: int, robot: str) -> float:
+    """Return what the device itself leaves of its held-out recording [noise], from wrenches as they were recorded.
+
+    Where a load is near zero, the noise of its sensor decides on which side of a gap a leg stands.
+    """
+    drawn = draw_scattered(**how(seed, robot))
+    held, device = drawn["heldout"], drawn["device"]
+    seen = device.simulate(held["q"], device.true_wrench(held["w"]), held["temperature"], held["time"])
+    return left_over({"p": held["p"], "r": held["r"]}, {"p": seen.p, "r": seen.r}, drawn["noise"])
 
 
 def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str]) -> str:
@@ -86,6 +101,10 @@ def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str
         row("held out [noise]: median (nine of ten; worst)", quantiles),
         row(f"… no more than {ALLOWED}", lambda mine: share(sum(x <= ALLOWED for x in after(mine)), len(mine))),
         row(
+            f"… no more than {ALLOWED} times what the device itself leaves",
+            lambda mine: share(sum(_well(t) for t in mine), len(mine)),
+        ),
+        row(
             "`unknown` beside",
             lambda mine: str(sum(any(f["physics"] == "unknown" for f in t["tools"][OURS]["findings"]) for t in mine)),
         ),
@@ -94,13 +113,18 @@ def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str
     wrong += [t for t in trials if t not in wrong and t["tools"][OURS]["after"] > ALLOWED]
     if wrong:
         lines += ["", f"{counted(len(wrong), 'device')} missed or predicted worse:", ""]
-        lines += ["| device | truth (size) | verdict | held out |", "|---|---|---|---|"]
+        lines += ["| device | truth (size) | verdict | held out | … by the device itself |", "|---|---|---|---|---|"]
     for t in wrong:
         ours = t["tools"][OURS]
         true = "; ".join(f"{e['physics']} at {e['location']} ({e['size']:.1f})" for e in ours["effects"])
         named = "; ".join(f"{item['physics']} at {item['location']}" for item in ours["findings"]) or "nothing missing"
-        lines.append(f"| {t['robot']} {t['seed']} | {true} | {named} | {ours['after']:.2f} |")
+        best = f"{t['at_best']:.2f}" if "at_best" in t else "-"
+        lines.append(f"| {t['robot']} {t['seed']} | {true} | {named} | {ours['after']:.2f} | {best} |")
     return "\n".join(lines) + "\n"
+
+
+def _well(trial: Mapping[str, Any]) -> bool:
+    return trial["tools"][OURS]["after"] <= ALLOWED * max(1.0, trial.get("at_best", 1.0))
 
 
 __all__ = ["CALLED", "HEAD", "ROBOTS", "how", "summary", "told", "trial"]

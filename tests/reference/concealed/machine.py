@@ -249,6 +249,12 @@ class Machine:
         rot = matrix(self.turn)
         return np.hstack([w[:, :3] @ rot.T, w[:, 3:] @ rot.T]) * self.gain + self.bias
 
+    def true_wrench(self, reported):
+        """Inverse of `report_wrench`."""
+        rot = matrix(self.turn)
+        w = (reported - self.bias) / self.gain
+        return np.hstack([w[:, :3] @ rot, w[:, 3:] @ rot])
+
     def simulate(self, q, w, temperature=None, time=None) -> Seen:
         """Equilibria at encoder readings q (N, n) under true wrenches w [N, N m] (N, 6) on the tool, base frame."""
         q, w = np.atleast_2d(np.asarray(q, float)), np.atleast_2d(np.asarray(w, float))
