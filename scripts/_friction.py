@@ -7,26 +7,40 @@ from typing import Any
 
 import _scattered
 import numpy as np
+from _benchmark import left_over
 from _scattered import LARGE, OURS, told
 
 from prup_pin.numbers import counted
+from tests.reference.concealed.scattered import draw_scattered
 
 #: Robots whose simulator knows dry friction; what is drawn, seed by seed in turn; the sensors' noise as there.
-ROBOTS = ("3prup",)
+ROBOTS = ("3prup", "six_ups")
 EFFECTS = (("coulomb_friction",), ("coulomb_friction", "backlash"))
+CALLED = {"3prup": "3-PRUP", "six_ups": "6-UPS"}
 #: What a prediction may leave, in multiples of the noise.
 ALLOWED = 1.1
 HEAD = """# Concealed trials on scattered devices with dry friction
 
-3-PRUPs of which every part is a little off, as on the page of [scattered devices](scattered_trials.md), and one joint
-has dry friction: a bearing or a slide. Every second one has a gap besides, in a bearing, a nut or a belt. Sizes are
-drawn from 3 to 40, beside the tolerances as there; the simulator (`tests/reference/concealed/device.py`) integrates
-each leg and remembers where each joint slid to.
+3-PRUPs and 6-UPS platforms of which every part is a little off, as on the page of [scattered
+devices](scattered_trials.md), and one joint has dry friction. Every second device has a gap besides: of 3-PRUPs in a
+bearing, a nut or a belt, of platforms in a drive. Sizes are drawn from 3 to 40, beside the tolerances as there. Neither
+simulator (`tests/reference/concealed/device.py` and `platform.py`) shares code with the package; both remember where
+each joint slid to.
 
+- *3-PRUPs* rub in a bearing or a slide. Each leg is integrated.
+- *Platforms* rub in the slide of a leg, beside its drive, or about an axis of its universal joint. Loads grow in small
+  steps. Ball joints that close a loop are not drawn: no law of the package acts there. This platform shows friction of
+  tight joints alone: from some 70 N m on in a universal joint, and some 500 N, little of it overcome, in a slide.
+- Friction starts relaxed at every pose, where an unloaded robot stands, in the simulators as in the package's law.
 - *Place and physics*: both in one finding. Effects that stay below 3 are not counted.
-- *Held out*: another bench test of the same device by the corrected model, in multiples of the noise.
+- *Held out*: another bench test of the same device by the corrected model, in multiples of the noise. *By the device
+  itself*: the same by the simulator that drew it, from the wrenches as they were recorded: where a leg's load is near
+  zero, the noise of the wrench sensor decides on which side of a gap it stands.
 
-`{command}` makes this page again.
+All answers are those first given, each robot's by one code: the 3-PRUPs' before driven slides were places of dry
+friction. One robot after the other into one `--out` makes this page again: `python scripts/concealed_trials.py --count
+0 --robot 3prup --friction 27 --first-seed 595000`, then `{command}`. What the device itself leaves was added later, and
+to some platforms alone. A 24th platform, 599023 with a gap, had no answer yet when the page was made.
 
 """
 
@@ -38,14 +52,26 @@ def how(seed: int, robot: str) -> dict[str, Any]:
 
 def trial(seed: int, robot: str) -> dict[str, Any]:
     """Draw, seal, diagnose, predict the held-out recording, and only then open the answer."""
-    return _scattered.trial(seed, robot, drawn=how)
+    return _scattered.trial(seed, robot, drawn=how) | {"at_best": at_best(seed, robot)}
+
+
+def at_best(seed: int, robot: str) -> float:
+    """Return what the device itself leaves of its held-out recording [noise], from wrenches as they were recorded.
+
+    Where a load is near zero, the noise of its sensor decides on which side of a gap a leg stands.
+    """
+    drawn = draw_scattered(**how(seed, robot))
+    held, device = drawn["heldout"], drawn["device"]
+    seen = device.simulate(held["q"], device.true_wrench(held["w"]), held["temperature"], held["time"])
+    return left_over({"p": held["p"], "r": held["r"]}, {"p": seen.p, "r": seen.r}, drawn["noise"])
 
 
 def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str]) -> str:
     """Return the tables as Markdown; `share(hits, total)` writes a share."""
     groups = {"all": list(trials)}
     groups |= {
-        name: [t for t in trials if len(t["tools"][OURS]["effects"]) == count]
+        f"{called}, {name}": [t for t in trials if t["robot"] == robot and len(t["tools"][OURS]["effects"]) == count]
+        for robot, called in CALLED.items()
         for count, name in ((1, "friction alone"), (2, "beside a gap"))
     }
     groups = {name: mine for name, mine in groups.items() if mine}
@@ -76,6 +102,10 @@ def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str
         row("held out [noise]: median (nine of ten; worst)", quantiles),
         row(f"… no more than {ALLOWED}", lambda mine: share(sum(x <= ALLOWED for x in after(mine)), len(mine))),
         row(
+            f"… no more than {ALLOWED} times what the device itself leaves",
+            lambda mine: share(sum(_well(t) for t in mine), len(mine)),
+        ),
+        row(
             "`unknown` beside",
             lambda mine: str(sum(any(f["physics"] == "unknown" for f in t["tools"][OURS]["findings"]) for t in mine)),
         ),
@@ -84,13 +114,18 @@ def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str
     wrong += [t for t in trials if t not in wrong and t["tools"][OURS]["after"] > ALLOWED]
     if wrong:
         lines += ["", f"{counted(len(wrong), 'device')} missed or predicted worse:", ""]
-        lines += ["| device | truth (size) | verdict | held out |", "|---|---|---|---|"]
+        lines += ["| device | truth (size) | verdict | held out | … by the device itself |", "|---|---|---|---|---|"]
     for t in wrong:
         ours = t["tools"][OURS]
         true = "; ".join(f"{e['physics']} at {e['location']} ({e['size']:.1f})" for e in ours["effects"])
         named = "; ".join(f"{item['physics']} at {item['location']}" for item in ours["findings"]) or "nothing missing"
-        lines.append(f"| {t['robot']} {t['seed']} | {true} | {named} | {ours['after']:.2f} |")
+        best = f"{t['at_best']:.2f}" if "at_best" in t else "-"
+        lines.append(f"| {t['robot']} {t['seed']} | {true} | {named} | {ours['after']:.2f} | {best} |")
     return "\n".join(lines) + "\n"
 
 
-__all__ = ["HEAD", "ROBOTS", "how", "summary", "told", "trial"]
+def _well(trial: Mapping[str, Any]) -> bool:
+    return trial["tools"][OURS]["after"] <= ALLOWED * max(1.0, trial.get("at_best", 1.0))
+
+
+__all__ = ["CALLED", "HEAD", "ROBOTS", "how", "summary", "told", "trial"]

@@ -476,10 +476,18 @@ def main() -> None:
         summarise, asked = partial(_tracked.summary, share=wilson), f"--count 0 --tracked {options.tracked}"
         page("tracked", _tracked.HEAD, jobs, _tracked.told, summarise, asked)
     if options.friction:
-        devices = _turns(_friction.ROBOTS, options.friction, first)
+        devices = _turns([name for name in _friction.ROBOTS if name in robots], options.friction, first)
         jobs = {(robot, seed): (_friction.trial, seed, robot) for robot, seed in devices}
-        summarise, asked = partial(_friction.summary, share=wilson), f"--count 0 --friction {options.friction}"
-        page("friction", _friction.HEAD, jobs, _friction.told, summarise, asked)
+        asked = f"--count 0 --friction {options.friction}"
+
+        def of_all(done: list[dict]) -> str:
+            """Return the summary of these devices and of those that lie beside them in OUT."""
+            lines = (options.out / "friction.jsonl").read_text().splitlines()
+            beside = [item for item in map(json.loads, lines) if key_of(item) not in jobs]
+            return _friction.summary(sorted([*beside, *done], key=key_of), share=wilson)
+
+        asked += "".join(f" --robot {name}" for name in options.robot or ())
+        page("friction", _friction.HEAD, jobs, _friction.told, of_all, asked)
     if options.since:
         devices = [(robot, first + index) for robot in options.robot or () for index in range(options.since)]
         devices = devices or _since.devices(options.since, first)

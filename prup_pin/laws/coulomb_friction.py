@@ -10,7 +10,7 @@ from ..numbers import number
 from ..parameters import Quantity
 from .deeds import Deed, JointResistance
 from .law import Law, Place
-from .modules_at import bush_of, joint_at, joint_places, twisting_beams
+from .modules_at import bush_of, driven_slides, joint_at, joint_places, twisting_beams
 from .setup import Setup
 
 
@@ -25,7 +25,9 @@ class FreeJointLaw(Law):
 
 
 class CoulombFriction(FreeJointLaw):
-    """A spring that yields at the friction limit, in a joint that should be free (Prandtl's elastoplastic element).
+    """A spring that yields at the friction limit (Prandtl's elastoplastic element), in a joint that should be free.
+
+    Or in the guide of a driven slide, beside its drive: where that gives way, the guide holds.
 
     The joint sticks, giving a little before it slides; it remembers where it slid to. A move of the actuators
     relaxes it: it starts to resist after the first sample there. Its torque twists the beams, which nothing else does;
@@ -38,18 +40,21 @@ class CoulombFriction(FreeJointLaw):
     remedy = "check lubricant, seals and preload at {place}; until then approach every pose from the same side"
     source = "Prandtl (1928); Jenkins (1962)"
     quantities = (
-        Quantity("limit", "N m", "torque (force, in a slide) at which it slides", 0.3, upper=1e3),
-        Quantity("presliding_stiffness", "N m/rad", "of the joint while it sticks", 2000.0, lower=1.0, upper=1e7),
+        Quantity("limit", "N m", "torque (force, in a slide) at which it slides", 0.3, upper=1e5),
+        Quantity("presliding_stiffness", "N m/rad", "of the joint while it sticks", 2000.0, lower=1.0, upper=1e10),
     )
     neutral: ClassVar = {"limit": 0.0}
     strong = 5.0
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [*super().places(mechanism), *(Place(name) for name in driven_slides(mechanism))]
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         if not joint_at(place.name, mechanism).slides:
             return self.quantities
         return (
-            Quantity("limit", "N", "force at which it slides", 5.0, upper=1e4),
-            Quantity("presliding_stiffness", "N/m", "of the slide while it sticks", 1e5, lower=100.0, upper=1e9),
+            Quantity("limit", "N", "force at which it slides", 5.0, upper=1e6),
+            Quantity("presliding_stiffness", "N/m", "of the slide while it sticks", 1e5, lower=100.0, upper=1e12),
         )
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:

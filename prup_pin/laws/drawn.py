@@ -71,13 +71,13 @@ def against_load(at: Solved, module: str, motion: slice, path: bool = False) -> 
 
 
 def against_motion(at: Solved, joint: str) -> Drawn | None:
-    """Return what resists a joint against the joint's motion; None where the joint is not free."""
+    """Return what resists a joint against the joint's motion; None where it has none under load."""
     item = at.setup.mechanism.joint(joint)
-    free = {int(dof): place for place, dof in enumerate(at.first.chain.free)}
-    if item.first_v not in free:
+    moving = {int(dof): place for place, dof in enumerate(at.first.chain.moving)}
+    if item.first_v not in moving:
         return None
     motion = at.first.found.state.travel[:, item.first_v]
-    direction = at.first.by_resistance([free[item.first_v]])[:, :, 0]
+    direction = at.first.by_resistance([moving[item.first_v]])[:, :, 0]
     if item.slides:
         return Drawn(motion, direction, ("travel of the joint", "resisting force"), ("m", "N"), True)
     return Drawn(motion, direction, ("turn of the joint", "resisting torque"), ("rad", "N m"), True)

@@ -118,9 +118,16 @@ def joint_places(mechanism: Mechanism) -> dict[str, str]:
     return found
 
 
+def driven_slides(mechanism: Mechanism) -> dict[str, str]:
+    """Return the actuated slides that give way along themselves, by their own names: their guides rub beside drives."""
+    moving = {module.joint for module in mechanism.modules if isinstance(module.kind, DriveModule)}
+    slides = [joint.name for joint in map(mechanism.joint, mechanism.actuated) if joint.slides and joint.id in moving]
+    return {name: name for name in slides}
+
+
 def joint_at(place: str, mechanism: Mechanism) -> Joint:
-    """Return the free joint of a place."""
-    return mechanism.joint(joint_places(mechanism)[place])
+    """Return the joint of a place, free or a driven slide."""
+    return mechanism.joint((joint_places(mechanism) | driven_slides(mechanism))[place])
 
 
 def actuator_places(mechanism: Mechanism) -> dict[str, int]:

@@ -1,7 +1,7 @@
 """The robot under load: equilibrium in the deformed position."""
 
 from .chain import Chain, chain_of, with_values
-from .equilibrium import Equilibria, find_equilibria
+from .equilibrium import Equilibria, find_equilibria, with_torques
 from .first_order import FirstOrder, elastic_deformation
 from .loaded_pose import Energy, LoadedPose, find_loaded_pose
 from .other_values import deformation_of_law
@@ -28,5 +28,6 @@ __all__ = [
     "find_loaded_pose",
     "loaded_rod",
     "loads_on_bodies",
+    "with_torques",
     "with_values",
 ]

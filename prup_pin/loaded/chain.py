@@ -66,6 +66,11 @@ class Chain:
         """Velocity indices of the free joints."""
         return self.structure.free
 
+    @property
+    def moving(self) -> np.ndarray:
+        """Velocity indices of the free joints, then of the driven ones."""
+        return self.structure.moving
+
     # -- states ------------------------------------------------------------------------------------------------------
 
     def rigid_samples(self, poses: list[ClosedPose], rows: Array, strains: Conditions | None = None) -> RigidSamples:
@@ -123,6 +128,11 @@ class Chain:
     def wrench_columns(self, at: Evaluation, bodies: np.ndarray, wrenches: Array) -> Array:
         """Return d(residual) of base wrenches (N, 6, c) on the bodies of joints (c,), (N, m, c)."""
         return derivative.wrench_columns(self.structure, at, bodies, wrenches)
+
+    def by_torque(self, at: Evaluation) -> Array:
+        """Return d(residual)/d(resisting torque) of free and driven joints, (N, j), each in its own row."""
+        free = np.full((len(at.residual), self.sizes[0]), -1.0)
+        return np.concatenate((free, at.drives.slope), axis=1)
 
     def mass_columns(self, at: Evaluation, gravity: Array, links: Sequence[Link]) -> Array:
         """Return d(residual)/d(mass of links), (N, m, c), under gravity (3,) or (N, 3)."""

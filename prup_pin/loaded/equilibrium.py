@@ -19,7 +19,7 @@ from .residual import Evaluation
 from .rigid_samples import RigidSamples
 from .state import Conditions, State
 
-__all__ = ["Equilibria", "find_equilibria"]
+__all__ = ["Equilibria", "find_equilibria", "with_torques"]
 
 _ITERATIONS, _FEW = 40, 12
 #: Converged when no unknown displacement moves farther than this [m, rad].
@@ -51,7 +51,7 @@ class Equilibria:
     evaluation: Evaluation
     converged: np.ndarray
     steps: Array  # last step of every sample
-    inverses: tuple[Array, Array] | None  # shared inverse matrices and which one belongs to each sample
+    inverses: tuple[Array, np.ndarray] | None  # shared inverse matrices and which one belongs to each sample
 
     @property
     def tool(self) -> Array:
@@ -142,6 +142,33 @@ def find_equilibria(
         state, converged, steps = _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps)
         evaluation = chain.evaluate(rigid, state, conditions)
     return Equilibria(chain, rigid, conditions, state, evaluation, converged, steps, shared)
+
+
+def with_torques(found: Equilibria, poses: list[ClosedPose], rows: Array, torques: Array, near: bool) -> Equilibria:
+    """Return the equilibria where the joints resist by other torques (N, j) and all else is as it was.
+
+    Samples whose torques stay are at rest already. `poses`, `rows` and `near` as in `find_equilibria`.
+    """
+    now = replace(found.conditions, torques=torques)
+    before = found.conditions.torques
+    changed = np.ones(len(rows), bool) if before is None else (torques != before).any(axis=1)
+    if changed.all() or found.rigid.border.size or found.inverses is None or not found.converged.all():
+        return find_equilibria(found.chain, poses, rows, now, found, near=near)
+    inverses, which = found.inverses
+    used, own = np.unique(which[changed], return_inverse=True)
+    part = replace(
+        found,
+        rigid=found.rigid.take(changed),
+        conditions=found.conditions.take(changed),
+        state=found.state.take(changed),
+        inverses=(inverses[used], own),
+    )
+    part = find_equilibria(found.chain, poses, rows[changed], now.take(changed), part, near=near)
+    state = found.state.with_rows(changed, part.state)
+    converged, steps = found.converged.copy(), found.steps.copy()
+    converged[changed], steps[changed] = part.converged, part.steps
+    evaluation = found.chain.evaluate(found.rigid, state, now)
+    return replace(found, conditions=now, state=state, evaluation=evaluation, converged=converged, steps=steps)
 
 
 @np.errstate(over="ignore", invalid="ignore")

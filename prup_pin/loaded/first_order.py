@@ -99,21 +99,31 @@ class FirstOrder:
         return self.by_row[:, :, self.rows[module]] * self.ratio.get(module, 1.0)
 
     def by_resistance(self, places: Sequence[int]) -> Array:
-        """Return what is watched per resisting torque in free joints, by their places among these, (n, R, r)."""
-        return self.by_row[:, :, list(places)]
+        """Return what is watched per resisting torque in free or driven joints, (n, R, r).
+
+        places: among the chain's moving joints, as in all that is told of them here.
+        """
+        return self.by_torque[:, :, list(places)]
+
+    @cached_property
+    def by_torque(self) -> Array:
+        """What is watched per resisting torque in each free and driven joint, (n, R, j)."""
+        torque = self.chain.by_torque(self.found.evaluation)
+        return -self.by_row[:, :, : torque.shape[1]] * torque[:, None]
 
     def joints_by_resistance(self, places: tuple[int, ...]) -> Array:
-        """Return d(displacement)/d(resisting torque) of free joints, (n, r, r)."""
+        """Return d(displacement)/d(resisting torque) of joints, (n, r, r)."""
 
         return self._joints_by_torque[:, list(places)][:, :, list(places)]
 
     @cached_property
     def _joints_by_torque(self) -> Array:
-        """d(displacement)/d(torque) of all free joints, (n, free, free)."""
-        count = len(self.chain.free)
+        """d(displacement)/d(torque) of all free and driven joints, (n, j, j)."""
+        torque = self.chain.by_torque(self.found.evaluation)
+        count = torque.shape[1]
         rows = np.zeros((len(self), count, self.matrix.shape[-1]))
         rows[:, np.arange(count), np.arange(count)] = 1.0
-        return left_solved(self.matrix, self.found.rigid.border, rows)[:, :, :count]
+        return -left_solved(self.matrix, self.found.rigid.border, rows)[:, :, :count] * torque[:, None]
 
     def by_joint(self, joint: int) -> Array:
         """Return what is watched per displacement of a joint's drawn place, (n, R, 6), as in `Conditions.offsets`."""

@@ -436,14 +436,15 @@ class _LoadPath:
         inverse = found.own_inverses()[0]
         more = chain.load_columns(found.evaluation)[0] @ self.conditions.wrench[0]
         if self.conditions.torques is not None:
-            more[: len(chain.structure.free)] -= self.conditions.torques[0]
+            resisting = chain.by_torque(found.evaluation)[0] * self.conditions.torques[0]
+            more[: len(resisting)] += resisting
         return -chain.tool_columns(found.evaluation)[0] @ (inverse @ more)
 
     def resisted(self, at: _Point) -> float:
-        """Return what resists in the free joints times their travel [J]."""
+        """Return what resists in the joints times their travel [J]."""
         if self.conditions.torques is None:
             return 0.0
-        return float(self.conditions.torques[0] @ at.equilibria.state.travel[0, self.chain.structure.free])
+        return float(self.conditions.torques[0] @ at.equilibria.state.travel[0, self.chain.moving])
 
     # -- stability -------------------------------------------------------------------------------------------------
 

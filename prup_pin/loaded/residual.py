@@ -1,6 +1,6 @@
 """The equations at a state: where everything is, what it carries, and what is left over.
 
-    the free joints carry nothing along themselves and what follows them,
+    the free joints carry nothing along themselves and what follows them but what resists them,
     every drive and module deforms by its own law under what it carries,
     the loops close.
 
@@ -71,7 +71,7 @@ class Evaluation:
     tool: Array  # (N, 4, 4)
     screws: Array  # (N, k, 6), twists of unit rates of all coordinates, about the base's origin
     carried: Array  # (N, joints, 6), base wrench that every joint carries
-    drive_loads: Array  # (N, d)
+    drive_loads: Array  # (N, d), without what resists the driven joints beside their drives
     frames: ModuleFrames
     seen: ModuleLoads
     gaps: LoopGaps
@@ -103,11 +103,11 @@ def evaluated(
     for sliding in structure.sliding_beams:
         along[:, sliding.place] = sliding_force(structure, sliding, modules, seen.wrench)
     along = structure.borne(along)
+    if conditions.torques is not None:
+        along = along - conditions.torques
     drives = drive_deformations(structure, values, rigid, along[:, nq:], conditions)
     residual = np.zeros((len(placements), sum(structure.sizes)))
     residual[:, :nq] = along[:, :nq]
-    if conditions.torques is not None:
-        residual[:, :nq] -= conditions.torques
     residual[:, nq : nq + nd] = structure.yielded(state.travel, state.drive) - drives.displacement
     residual[:, nq + nd : nq + nd + ne] = (state.strain - modules.strain).reshape(len(placements), -1)
     residual[:, nq + nd + ne :] = gaps.gap - rigid.gaps

@@ -31,8 +31,9 @@ class Conditions:
     """What acts on the mechanism, sample by sample.
 
     wrench (N, 6) on the tool, base axes, dead; `gravity` (3,), or (N, 3) where it differs, or None; `spread_weight`:
-    beams carry their own weight along their length (else links are weighed as rigid bodies); `torques` (N, free
-    joints), resisting force or torque along each free joint (friction); `strains` gives a module's deformation beyond
+    beams carry their own weight along their length (else links are weighed as rigid bodies); `torques` (N, moving
+    joints), resisting force or torque along each free and then each driven joint (friction), which a drive need not
+    bear; `strains` gives a module's deformation beyond
     its own law: by its name a function of its load (N, k) that returns the deformation (N, k) and its derivative
     (N, k, k); `actuators` (N, actuated joints) is added to the positions of the pose; `offsets` moves the place of
     joints, by joint id: (6,), a translation in the axes of the parent's frame and a rotation vector in the joint's own;

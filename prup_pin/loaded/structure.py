@@ -99,6 +99,11 @@ class Structure:
         return self.layout.wrench_names
 
     @property
+    def moving(self) -> np.ndarray:
+        """Velocity indices of the free joints, then of the driven ones: of all that something may resist."""
+        return np.concatenate((self.free, self.layout.drive_dofs))
+
+    @property
     def closure_count(self) -> int:
         return self.sizes[3]
 

@@ -13,7 +13,7 @@ from ..errors import PrupPinError
 from ..kinematics import ClosedPose
 from ..laws import Effect, Inputs, Setup
 from ..laws.deeds import AGREED, DEEDS, Deed, History, base_motion, carried_along, yielding_values
-from ..loaded import Chain, Conditions, Equilibria, chain_of, find_equilibria, with_values
+from ..loaded import Chain, Conditions, Equilibria, chain_of, find_equilibria, with_torques, with_values
 from ..mechanism import Frame
 from ..robot import Robot
 from ..spatial import Array
@@ -282,11 +282,17 @@ class Simulator:
     ) -> Equilibria:
         """Return the equilibria with which all histories agree."""
         found = begin
-        for _ in range(_MEMORY_ROUNDS):
+        if begin is not None:
+            for history in histories:
+                history.begin(begin)
+        for turn in range(_MEMORY_ROUNDS):
             now = conditions
             for history in histories:
                 now = history.act(now)
-            found = find_equilibria(chain, geometry.poses, rows, now, found, near=near)
+            if turn and found is not None and now.torques is not None and now.strains is found.conditions.strains:
+                found = with_torques(found, geometry.poses, rows, now.torques, near)
+            else:
+                found = find_equilibria(chain, geometry.poses, rows, now, found, near=near)
             if near and not found.converged.all():
                 return found
             if max((history.follow(found) for history in histories), default=0.0) < AGREED:

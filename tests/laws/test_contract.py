@@ -38,6 +38,7 @@ PARTS = (
 )
 PLACES = {f"leg{leg}/{part}" for leg in (1, 2, 3) for part in PARTS}
 PLACES |= {"moving_star", "target", "wrench_sensor", "pose_sensor", "environment", "base", "robot"}
+PLACES |= {f"leg{leg}_slide" for leg in (1, 2, 3)}  # guides, beside the drives that are parts
 #: Laws that no pose shows alone: torsion, since no torque reaches the beams unless a joint resists.
 HIDDEN = (Torsion,)
 #: Robots that are there for what no other one has: slides without a screw, a slide in a tree.

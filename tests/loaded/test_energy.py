@@ -67,13 +67,15 @@ def test_a_dead_moment_works_on_spins_not_on_rotation_vectors(tmp_path):
 
 
 def test_friction_dissipates():
+    """In the free joints, and in the guides of the driven slides."""
     robot = prup_pin.load("3prup")
     pose = robot.pose(z=0.4, theta=0.2, phi=-0.1)
     wrench = np.array([300.0, -200.0, 500.0, 30.0, 40.0, -35.0])
     plain = robot.equilibrium(pose, wrench)
     chain = robot._chain
-    free = plain._equilibria.state.travel[0, chain.free]
-    torques = 0.2 * np.sign(free) * (np.abs(free) > 1e-4)
+    travel = plain._equilibria.state.travel[0, chain.moving]
+    torques = 0.2 * np.sign(travel) * (np.abs(travel) > 1e-4)
+    torques[len(chain.free) :] = 40.0 * np.sign(travel[len(chain.free) :])  # N, in slides beside their drives
     conditions = Conditions(wrench[None], torques=torques[None])
     found = find_equilibria(chain, [pose], np.zeros(1, int), conditions)
     resisted = replace(plain, _equilibria=found)

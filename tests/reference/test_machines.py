@@ -15,6 +15,7 @@ from prup_pin.laws.deeds import (
     Along,
     ChangedValue,
     ExtraStrain,
+    JointResistance,
     MovedJoint,
     MovedLoopEnd,
     PoseReport,
@@ -118,6 +119,40 @@ def test_a_scattered_platform(seed):
     scatter = {name: amount for name, amount in scatter.items() if "seat" not in name}
     assert PLATFORM.apart([], scatter=scatter) > 50
     assert PLATFORM.apart(platform_deeds(scatter), scatter=scatter) < 1e-4
+
+
+def rubs(location, limit=90.0, way=3e-6):
+    """Return an effect of the machine and the deeds that are the same."""
+    effect = {"physics": "coulomb_friction", "location": location, "limit": limit, "presliding": way}
+    return effect, JointResistance(location, limit, limit / way)
+
+
+@pytest.mark.parametrize(("location", "way"), [("leg2_slide", 3e-6), ("leg1_u1", 3e-5), ("leg4_u2", 3e-5)])
+def test_a_rubbing_joint_of_a_platform(location, way):
+    """In a free joint, and in a slide beside its drive; the limit tells at one per cent."""
+    effect, deed = rubs(location, way=way)
+    assert PLATFORM.apart([], [effect]) > 0.5
+    assert PLATFORM.apart([deed], [effect]) < 1e-3
+    assert PLATFORM.apart([JointResistance(location, 1.01 * deed.limit, deed.stiffness)], [effect]) > 3e-3
+
+
+@pytest.mark.parametrize("beside", ["leg2", "leg5"])
+def test_a_rubbing_slide_beside_a_gap(beside):
+    """Friction in the guide of a leg with play holds its rod within the play."""
+    effect, deed = rubs("leg2_slide")
+    gap = {"physics": "backlash", "location": f"{beside}/drive", "half_gap": 2e-5, "smooth": 20.0}
+    play = ExtraStrain(f"{beside}/drive", Strain(Along(slice(0, 1), partial(_play, gap=2e-5, load=20.0))))
+    assert PLATFORM.apart([play], [gap]) < 1e-3
+    assert PLATFORM.apart([play], [gap, effect]) > 1
+    assert PLATFORM.apart([play, deed], [gap, effect]) < 1e-3
+
+
+def test_friction_without_limit_is_none():
+    effect, _ = rubs("leg3_u1", 1e-12)
+    seen, other = (
+        platform.Platform(effects).simulate(PLATFORM.q, PLATFORM.w) for effects in ([WEIGHT, effect], [WEIGHT])
+    )
+    assert np.abs(np.hstack([seen.p - other.p, seen.r - other.r])).max() < 1e-13
 
 
 DELTA = Bench(delta.Delta, delta.poses, 60.0, prup_pin.load(ROBOTS / "clavel_delta/clavel_delta.urdf"))

@@ -62,6 +62,13 @@ class History(ABC):
     """
 
     @abstractmethod
+    def begin(self, found: Equilibria) -> None:
+        """Hold at first what is held at equilibria of the same samples in which a similar history was followed.
+
+        Only how many rounds it takes depends on it: a history may as well begin with nothing.
+        """
+
+    @abstractmethod
     def act(self, now: Conditions) -> Conditions:
         """Return the conditions with what is held so far."""
 

@@ -71,6 +71,9 @@ class _Remembering(History):
         self._before = (None,) * len(self.deeds) if before is None else before
         self._after = self._before
 
+    def begin(self, found: Equilibria) -> None:
+        """Begin with nothing: what is remembered follows the loads in one round or two."""
+
     def act(self, now: Conditions) -> Conditions:
         strains = dict(now.strains)
         for deed, strain in zip(self.deeds, self.strains, strict=False):

@@ -1,4 +1,4 @@
-"""Free joints that resist their motion: dry friction and dampers.
+"""Joints that resist their motion: dry friction and dampers, in free joints and beside the drives of driven ones.
 
 The equilibrium is solved for all samples at once with given torques; the joints' histories are then followed in time
 with the equilibria's own derivatives, and both are repeated until they agree.
@@ -24,13 +24,15 @@ if TYPE_CHECKING:
 _SWEEPS = 60
 #: A round shrinks the change of a torque by this factor; where it does not, its derivative is not that of its pose.
 _SHRINKS = 0.5
+#: A sample whose torques would move by less than this share of what agrees is left as it is.
+_STAYS = 0.1
 #: Rounds in which joints that slide are guessed before sweeps look for them, and those in which all may change.
 _GUESSES, _TOGETHER = 30, 6
 
 
 @dataclass(frozen=True)
 class JointResistance(Deed):
-    """What resists a free joint along itself: an elastoplastic spring (Prandtl-Ishlinskii) and a damper.
+    """What resists a joint along itself: an elastoplastic spring (Prandtl-Ishlinskii) and a damper.
 
     `limit` [N m or N], `stiffness` before sliding [N m/rad or N/m], `damping` [N m s/rad or N s/m]. A move of
     the actuators leaves it relaxed where the joint stands without any load, weight included.
@@ -67,7 +69,7 @@ class JointResistance(Deed):
         if setup.resistances == at.setup.resistances:
             return
         first, chain = at.first, at.first.chain
-        before = np.zeros((len(at.samples), len(chain.free)))
+        before = np.zeros((len(at.samples), len(chain.moving)))
         solved = at.histories.get(cls)
         if isinstance(solved, _Resisting):
             before = solved.on_joints(solved.torques)
@@ -85,7 +87,7 @@ class JointResistance(Deed):
                 first.once("relaxed", lambda: _relaxed(first.found, at.moment.blocks))[:, new.dofs],
             )
             after = new.on_joints(torques)
-        yield (first.by_row[:, :, : before.shape[1]] @ (after - before)[..., None])[..., 0]
+        yield (first.by_torque @ (after - before)[..., None])[..., 0]
 
 
 class Slid(NamedTuple):
@@ -105,9 +107,9 @@ class _Resisting(History):
         self.resistances = setup.resistances
         mechanism = chain.mechanism
         self.dofs = [mechanism.joint(item.joint).first_v for item in self.resistances]
-        free = {int(dof): place for place, dof in enumerate(chain.free)}
-        self.places = [free[dof] for dof in self.dofs]
-        self.free_count = len(chain.free)
+        moving = {int(dof): place for place, dof in enumerate(chain.moving)}
+        self.places = [moving[dof] for dof in self.dofs]
+        self.count = len(moving)
         self.moment = setup.moment(samples)
         self.torques = np.zeros((len(samples), len(self.places)))
         self._change = np.zeros(self.torques.shape)  # in the last round
@@ -119,11 +121,15 @@ class _Resisting(History):
         self._relaxed: Array | None = None
 
     def on_joints(self, torques: Array) -> Array:
-        """Return torques (n, r) of the resistances as those of all free joints, (n, free joints)."""
-        out = np.zeros((len(torques), self.free_count))
+        """Return torques (n, r) of the resistances as those of all free and driven joints, (n, j)."""
+        out = np.zeros((len(torques), self.count))
         for column, place in enumerate(self.places):
             out[:, place] += torques[:, column]
         return out
+
+    def begin(self, found: Equilibria) -> None:
+        if found.conditions.torques is not None and len(set(self.places)) == len(self.places):
+            self.torques = found.conditions.torques[:, self.places]
 
     def act(self, now: Conditions) -> Conditions:
         return replace(now, torques=self.on_joints(self.torques))
@@ -163,7 +169,9 @@ class _Resisting(History):
         back = ~beyond & (change * self._change < 0) & (np.abs(change) > _SHRINKS * np.abs(self._change))
         step = np.where(back, change / 2, change)
         step[beyond] = (low[beyond] + high[beyond]) / 2 - self.torques[beyond]
-        self.torques, self._change = self.torques + step, step
+        self._change = step.copy()
+        step[(np.abs(step) <= _STAYS * AGREED * scale).all(axis=1)] = 0.0
+        self.torques = self.torques + step
         self._begin, self._between = begin, (low, high)
 
     def _influence(self, found: Equilibria) -> Array:
@@ -175,7 +183,7 @@ class _Resisting(History):
         influence = np.asarray(inverses[:, self.places][:, :, self.places][which])
         if self._misled.any():
             influence[self._misled] = found.own_inverses(self._misled)[:, self.places][:, :, self.places]
-        return influence
+        return -influence * found.chain.by_torque(found.evaluation)[:, None, self.places]
 
     @property
     def after(self) -> Slid | None:

@@ -17,6 +17,7 @@ from .rotations import matrix, vector
 
 G = 9.80665  # m/s^2, along -z
 T_REF = 20.0  # degC
+MOVES = 1e-6  # m, rad, that an encoder reports as a move
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 SENSOR_PARAMETERS: dict[str, str] = {
     **{f"wrench_sensor.gain_{name}": "wrench_gain" for name in WRENCH},
@@ -77,6 +78,7 @@ class Machine:
         self.gain, self.bias, self.turn = np.ones(6), np.zeros(6), np.zeros(3)
         self.frame = Frame(np.zeros(3), np.zeros(3))
         self.target = Frame(np.zeros(3), np.zeros(3))
+        self.moved = np.zeros(0, bool)  # samples of the present run before which the drives moved
         for name, amount in (scatter or {}).items():
             self._take(name, float(amount))
         for effect in effects:
@@ -247,10 +249,17 @@ class Machine:
         rot = matrix(self.turn)
         return np.hstack([w[:, :3] @ rot.T, w[:, 3:] @ rot.T]) * self.gain + self.bias
 
+    def true_wrench(self, reported):
+        """Inverse of `report_wrench`."""
+        rot = matrix(self.turn)
+        w = (reported - self.bias) / self.gain
+        return np.hstack([w[:, :3] @ rot, w[:, 3:] @ rot])
+
     def simulate(self, q, w, temperature=None, time=None) -> Seen:
         """Equilibria at encoder readings q (N, n) under true wrenches w [N, N m] (N, 6) on the tool, base frame."""
         q, w = np.atleast_2d(np.asarray(q, float)), np.atleast_2d(np.asarray(w, float))
         temperature = np.full(len(q), T_REF) if temperature is None else np.asarray(temperature, float)
+        self.moved = np.append(True, np.abs(np.diff(q, axis=0)).max(axis=1) > MOVES)
         standing = self._standing(q, temperature)
         p, rot, residual = self._leaning(standing, w) if self.ground.is_soft else self._equilibrium(standing, w)
         p = p + rot @ self.target.shift

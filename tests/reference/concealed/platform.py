@@ -5,6 +5,10 @@ balance gives all but one component of the force on the platform: across the leg
 demands, along the leg what the drive pushes and the rod weighs. The six drives' forces and the platform's pose are the
 twelve unknowns; that each leg is as long as its yielding drive makes it, and the platform's balance, are the equations.
 
+Dry friction is Prandtl's element in a slide, beside its drive, or about an axis of a universal joint: a force or torque
+in proportion to the way since where it slid to last, held within a limit. It starts relaxed where an unloaded robot
+stands after a move; then loads grow in small steps from sample to sample, and every step drags along where it slid to.
+
 SI units and radians; gravity along -z. Legs count from 1 in names such as "leg1/drive".
 """
 
@@ -35,6 +39,19 @@ PLATFORM_MASS, CYLINDER_MASS, ROD_MASS = 28.0, 5.5, 2.5  # kg
 CYLINDER_CENTRE, ROD_CENTRE = 0.18, 0.22  # m, from A_i outwards; from B_i inwards
 
 
+def _mounted():
+    """Axes (6, 3, 3) of the universal joints on the base: x turns first, y second, z along the leg at home."""
+    z = (HOME + SEATS - BASE) / LENGTHS[:, None]
+    y = np.cross(z, [1.0, 0.0, 0.0])
+    y /= np.linalg.norm(y, axis=-1, keepdims=True)
+    return np.stack([np.cross(y, z), y, z], -1)
+
+
+MOUNTS = _mounted()
+#: Steps in which a load grows from one sample to the next where something rubs.
+STEPS = 4
+
+
 class Platform(Machine):
     """The 6-UPS platform of tests/robots/six_ups/six_ups.urdf."""
 
@@ -51,9 +68,17 @@ class Platform(Machine):
         **SENSOR_PARAMETERS,
     }  # fmt: skip
 
-    def __init__(self, effects=(), scatter=None):
-        self.base, self.seats = BASE.copy(), SEATS.copy()
+    def __init__(self, effects=(), scatter=None, steps=STEPS):
+        self.base, self.seats, self.steps = BASE.copy(), SEATS.copy(), steps
+        # of the slide and of both axes of the universal joint: N and N m; m and rad
+        self.rubs, self.presliding = np.zeros((6, 3)), np.ones((6, 3))
         super().__init__(effects, scatter)
+
+    def _effect_coulomb_friction(self, e):
+        """location (legN_slide, legN_u1 or legN_u2), limit (N; N m), presliding (m; rad): at which way it slides."""
+        leg, joint = e["location"].split("_")
+        at = int(leg[3]) - 1, ("slide", "u1", "u2").index(joint)
+        self.rubs[at], self.presliding[at] = e["limit"], e["presliding"]
 
     def _misplace(self, place, turned, axis, amount):
         """u1: the base joint, along the base's axes; seat: the ball joint's centre, along the platform's."""
@@ -78,15 +103,60 @@ class Platform(Machine):
         return [(np.array([0.0, 0.0, -G * mass * self._factor(name)]), centre) for name, mass, centre in bodies]
 
     def _equilibrium(self, standing, w):
+        x = np.zeros((len(w), 12))
+        x[:, :6] = self.rigid(standing)
+        if not self.rubs.any():
+            x, residual = self._balanced(standing, w, x)
+        else:
+            x, residual = self._dragged(standing, w, x)
+        return x[:, :3], matrix(x[:, 3:6]), residual
+
+    def _dragged(self, standing, w, start):
+        """The same in order within each pose, poses side by side, because dry friction remembers."""
+        begins = np.flatnonzero(self.moved)
+        ends = np.append(begins[1:], len(w))
+        found, residual = start.copy(), np.zeros(len(w))
+        x, left = self._balanced(standing[begins], 0 * w[begins], start[begins], load=0.0)
+        residual[begins] = left
+        slid = self._ways(standing[begins], x)
+        before, stood, load = w[begins], standing[begins], 0.0
+        for step in range((ends - begins).max()):
+            live = begins + step < ends
+            at = (begins + step)[live]
+            x, slid, before, stood, begins, ends = (v[live] for v in (x, slid, before, stood, begins, ends))
+            for share in np.arange(1, self.steps + 1) / self.steps:
+                now, there = before + share * (w[at] - before), stood + share * (standing[at] - stood)
+                x, left = self._balanced(there, now, x, slid, max(load, share))
+                way = self._ways(there, x)
+                slid = np.clip(slid, way - self.presliding, way + self.presliding)
+                residual[at] = np.maximum(residual[at], left)
+            found[at], before, stood, load = x, w[at], standing[at], 1.0
+        return found, residual
+
+    def _ways(self, standing, x):
+        """What the slides gave (..., 0) and how far both axes of the universal joints turned (..., 1:), (..., 6, 3)."""
+        legs = x[..., None, :3] + np.einsum("...jk,ik->...ij", matrix(x[..., 3:6]), self.seats) - self.base
+        length = np.sqrt((legs * legs).sum(-1))
+        return self._joints(legs / length[..., None], length, standing)
+
+    @staticmethod
+    def _joints(along, length, standing):
+        seen = np.einsum("ijk,...ij->...ik", MOUNTS, along)
+        turns = np.arctan2(-seen[..., 1], seen[..., 2]), np.arcsin(seen[..., 0])
+        return np.stack([length - LENGTHS - standing, *turns], -1)
+
+    def _balanced(self, standing, w, start, slid=None, load=1.0):
+        """Unknowns (N, 12) and what is left (N,), where friction slid to (N, 6, 3) and a share of all loads acts."""
+        weighs = self.weighs * load
         cylinder, rod = (
-            np.array([self._factor(f"leg{i}_{part}") * mass * self.weighs for i in LEGS])
+            np.array([self._factor(f"leg{i}_{part}") * mass * weighs for i in LEGS])
             for part, mass in (("cylinder", CYLINDER_MASS), ("rod", ROD_MASS))
         )
         down = np.array([0.0, 0.0, -G])
-        own = np.r_[self._factor("platform") * PLATFORM_MASS * self.weighs * down, 0.0, 0.0, 0.0]
+        own = np.r_[self._factor("platform") * PLATFORM_MASS * weighs * down, 0.0, 0.0, 0.0]
 
         def left(x):
-            """x (..., N, 12): position, rotation vector, drive forces / 1e7 N, pushing outwards positive."""
+            """x (..., N, 12): position, rotation vector, forces / 1e7 N along the legs, pushing outwards positive."""
             p, rot, push = x[..., :3], matrix(x[..., 3:6]), 1e7 * x[..., 6:]
             arms = np.einsum("...jk,ik->...ij", rot, self.seats)
             legs = p[..., None, :] + arms - self.base
@@ -96,16 +166,34 @@ class Platform(Machine):
             across = down - pull[..., None] * along
             share = (cylinder * CYLINDER_CENTRE + rod * (length - ROD_CENTRE)) / length
             force = (push + rod * pull)[..., None] * along + share[..., None] * across
-            total = self._on_tool(w, p, rot) + own
+            spring = -push
+            if slid is not None:
+                way = self._joints(along, length, standing)
+                held = np.clip(self.rubs / self.presliding * (way - slid), -self.rubs, self.rubs)
+                spring = spring - held[..., 0]
+                force = force - self._across(along, length, way, held)
+            total = load * self._on_tool(w, p, rot) + own
             total[..., :3] += force.sum(-2)
             total[..., 3:] += np.cross(arms, force).sum(-2)
-            gaps = length - LENGTHS - standing - self._yields(-push)
+            gaps = length - LENGTHS - standing - self._yields(spring)
             return np.concatenate([gaps, 1e-7 * total], -1)
 
-        start = np.zeros((len(w), 12))
-        start[:, :6] = self.rigid(standing)
-        x, residual = newton(left, start, np.r_[np.full(6, 1e-6), np.full(6, 1e-7)])
-        return x[:, :3], matrix(x[:, 3:6]), residual
+        fine, rounds = (1.0, 40) if slid is None else (1e-3, 200)  # what slides has corners
+        return newton(left, start, fine * np.r_[np.full(6, 1e-6), np.full(6, 1e-7)], rounds)
+
+    @staticmethod
+    def _across(along, length, way, held):
+        """Forces (..., 6, 3) across the legs by which the platform must turn universal joints that hold (..., 6, 3).
+
+        A turn about either axis moves the leg's end by (axis x leg); the two ways are at right angles to each other.
+        """
+        turn = way[..., 1]
+        second = np.cos(turn)[..., None] * MOUNTS[..., 1] + np.sin(turn)[..., None] * MOUNTS[..., 2]
+        out = np.zeros(np.broadcast_shapes(along.shape, second.shape))
+        for axis, torque in ((MOUNTS[..., 0], held[..., 1]), (second, held[..., 2])):
+            moves = np.cross(axis, along)
+            out = out + (torque / (length * (moves * moves).sum(-1)))[..., None] * moves
+        return out
 
     @staticmethod
     def rigid(q):
@@ -170,10 +258,7 @@ def robot_file() -> str:
     ]
     for i in LEGS:
         leg, a, seat, length = f"leg{i}", BASE[i - 1], SEATS[i - 1], LENGTHS[i - 1]
-        z = (HOME + seat - a) / length
-        y = np.cross(z, [1.0, 0.0, 0.0])
-        y /= np.linalg.norm(y)
-        rot = np.stack([np.cross(y, z), y, z], -1)
+        rot = MOUNTS[i - 1]
         lines += [
             link(f"{leg}_yoke"),
             joint(f"{leg}_u1", "revolute", "base", f"{leg}_yoke", origin(a, rpy(rot)), "1 0 0"),

@@ -131,6 +131,11 @@ def _machine_candidate(rng, physics: str, robot: str) -> Candidate:
     if physics == "backlash":
         smooth = float(unit * rng.uniform(0.2, 0.8))
         return Candidate(lambda x: place | {"half_gap": x, "smooth": smooth}, 1e-3 * soft, 1e3 * soft)
+    if physics == "coulomb_friction" and not serial:
+        rubs = draw.pick(rng, ["slide", "slide", "u1", "u2"])
+        way = float(np.exp(rng.uniform(np.log(1e-6), np.log(1e-5)))) * (1.0 if rubs == "slide" else 10.0)  # m, rad
+        place = {"physics": physics, "location": f"leg{i + 1}_{rubs}"}
+        return Candidate(lambda x: place | {"limit": x, "presliding": way}, 1.0, 500.0)
     if physics == "hertzian_contact":
         f0 = float(0.02 * typical * rng.uniform(0.5, 2.0))
         return Candidate(lambda x: place | {"f0": f0, "f_ref": x}, 0.02 * typical, 1e9 * typical)
