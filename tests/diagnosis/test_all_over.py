@@ -21,7 +21,7 @@ def off(deviation, amount):
 def test_sizes_of_a_kind(kind, told):
     every = [item for item in deviations_of(load("3prup").mechanism, {kind: 0.1}) if item.kind == kind][:4]
     signs = np.resize([1.0, -1.0], len(every))
-    amount = 0.5 if kind == "stiffness" else 2e-3
+    amount = np.log(1.5) if kind == "stiffness" else 2e-3
     items = [off(item, sign * amount) for item, sign in zip(every, signs, strict=True)]
     assert _sizes(items) == f"{told} in the root mean square of {len(items)}"
 
