@@ -544,7 +544,9 @@ def length_of(diagnosis: Diagnosis, recording: Recording) -> str:
     poses = len(set(recording.blocks().tolist())) if len(recording) else 0
     if diagnosis.efforts is None or 2 * poses <= len(recording):
         return counted(poses, "pose")
-    lasted = sum(float(np.ptp(recording.time[run])) for run in pieces(recording.run))
+    read = (*recording.conventions, *(item for own in diagnosis.conventions for item in own))
+    second = math.prod(item.meaning.factor or 1.0 for item in read if item.group == "time")
+    lasted = second * sum(float(np.ptp(recording.time[run])) for run in pieces(recording.run))
     return f"{number(lasted, 3)} s of motion"
 
 
