@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,17 +12,18 @@ from ...numbers import number
 from ...recordings import Convention
 from ...spatial import Array
 from ..chances import WITHIN_95, student_95
-from ..criteria import ALIKE, EFFORT_GAINS, FALSE_ALARM, GAIN, MOST, MOST_COMBINATIONS, SURE, beyond_tolerance
+from ..criteria import EFFORT_GAINS, FALSE_ALARM, MOST, MOST_COMBINATIONS, beyond_tolerance
 from ..diagnosis import Finding, FittedParameter, heldout_gain
 from ..findings import beyond_its_tolerance
 from ..normal_equations import NormalEquations
-from .evidence import CrossValidation, held_out, relative_gain
+from .evidence import held_out
+from .few_bodies import FewBodies, nearest_body
 from .final_state import FinalState
 from .gains import law_of_gains
 from .identify import alternatives_to
 from .noise import encoder_step
 from .nonlinear import profile_intervals
-from .problem import EffortCandidate, EffortModel, fit
+from .problem import EffortCandidate, fit
 from .search import cost_of, kinds_of_most_drives, squared_strain
 
 __all__ = ["beyond_found", "gains_found", "laws_found", "parameters_of"]
@@ -170,19 +170,15 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
         )
         for i in differ[np.argsort(chance[differ], kind="stable")][:MOST_COMBINATIONS]
     }
-    few = _few_of_all(final, term, without)
-    told, taken = few.told(final), f"{100 * min(few.share, 1.0):.0f} %"
     whole = (
         f"the links' masses, centres and inertias are not those of the robot file: of {len(change)} combinations that "
         f"this motion tells, {len(differ)} surely have other values"
     )
-    if told and few.do:
-        alone = "that alone takes" if len(few.terms) == 1 else "these two alone take"
-        whole = f"{told}: {alone} away {taken} of what other masses, centres and inertias of all links would"
-    elif told:
+    few = nearest_body(final.model, term)
+    if few is not None and (told := _told_alone(final, few)):
         whole += (
-            f"; no single body does, nor do two: the one that comes nearest would take away {taken} of that, and leave "
-            f"{number(few.times, 3)} times the residual ({told})"
+            f"; no single body does, nor do two: the one that comes nearest would take away "
+            f"{100 * min(few.share, 1.0):.0f} % of that, and leave {number(few.times, 3)} times the residual ({told})"
         )
     return Finding(
         physics=law.physics,
@@ -191,94 +187,31 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
         parameters=parameters,
         heldout_gain=heldout_gain(final.held_out.sum(), without.sum()),
         statement=whole + _IN_PROPORTION * (final.gains is not None),
-        advice=few.advice if told and few.do else "",
         law=law,
         times=final.times_without("robot", term),
     )
 
 
-class _FewBodies(NamedTuple):
-    """One body, or two, in the place of all links; `with_them`: the model.
+def _told_alone(final: FinalState, few: FewBodies) -> str:
+    """Return one body in the place of all links in words; nothing where it takes away little, or could be none.
 
-    share: of the held-out squares that all links take away; times: by how much what is left is larger (RMS); do:
-    whether it is not surely larger, or by a trace.
+    A robot file without masses lacks more than one.
     """
-
-    terms: tuple[EffortCandidate, ...]
-    with_them: EffortModel
-    share: float
-    times: float
-    do: bool
-
-    @property
-    def values(self) -> list[tuple[EffortCandidate, Array, Mapping[str, float], Array]]:
-        """Each body with its change (p,), its values, and half the 95 % intervals of the change by white noise."""
-        x, normal = fit(self.with_them)
-        white = NormalEquations.of(normal).solve(np.eye(len(normal)))
-        out = []
-        for term in self.terms:
-            here = self.with_them.slice_of(term)
-            reach = WITHIN_95 * np.sqrt(np.diag(white)[here])
-            out.append((term, x[here], term.law.fitted(term.place, x[here], term.values), reach))
-        return out
-
-    @property
-    def advice(self) -> str:
-        """What to do about them."""
-        return "; ".join(term.law.advice(term.place, values) for term, _, values, _ in self.values)
-
-    def told(self, final: FinalState) -> str:
-        """Return them in words; nothing where they could be none: a robot file without masses lacks more than one."""
-        drawn, texts = sum(float(inertia.mass) for inertia in final.mechanism.model.inertias), []
-        for term, change, values, reach in self.values:
-            law, place = term.law, term.place
-            if self.share < MOST or abs(values.get("mass", 0.0)) > drawn:
-                return ""
-            if not law.plausible(place, values, final.mechanism):
-                return ""
-            if law.impossible(place, change, np.zeros_like(change), final.mechanism):
-                return ""
-            spread = _spread(term, change, values, reach)
-            intervals = {name: (value - spread[name], value + spread[name]) for name, value in values.items()}
-            texts.append(law.statement(place, law.as_known(values, intervals, final.mechanism), final.mechanism))
-        return "; ".join(texts)
-
-
-def _few_of_all(final: FinalState, term: EffortCandidate, without: Array) -> _FewBodies:
-    """Return the one body that does what all links do, else the two that do, else the one that comes nearest.
-
-    A body does where held-out blocks are not surely foretold worse, by more than a trace: of what a wrong one leaves,
-    nearly all may be a small share of what it takes away.
-    """
-    rest, saving = final.model.without(term), float((without - final.held_out).sum())
-    single = [other for other in final.problem.candidates if other.is_body]
-
-    def few(terms: tuple[EffortCandidate, ...], left: Array) -> _FewBodies:
-        more, sure = relative_gain(left, final.held_out)
-        share = float((without - left).sum()) / max(saving, np.finfo(float).tiny)
-        times = float(np.sqrt(left.sum() / max(final.held_out.sum(), np.finfo(float).tiny)))
-        return _FewBodies(terms, rest.with_term(*terms), share, times, not (sure > SURE and more > GAIN))
-
-    alone = CrossValidation(rest).with_each(single)
-    saved_by = (without - alone).sum(axis=1)
-    near = [index for index, own in enumerate(saved_by) if own > ALIKE * saved_by.max()]
-    if not near:
-        return _FewBodies((), rest, 0.0, 1.0, False)
-    # the tool's load comes before the link that would be as good
-    found = [few((single[index],), alone[index]) for index in near]
-    first = min((one for one in found if one.do), key=lambda one: one.terms[0].where.start, default=None)
-    if first is not None:
-        return first
-    pairs = []
-    for index, one in enumerate(single):
-        others = [other for other in single[index + 1 :] if other.place.name != one.place.name]
-        for other, left in zip(others, CrossValidation(rest.with_term(one)).with_each(others), strict=True):
-            pair = few((one, other), left)
-            if pair.do and pair.told(final):
-                pairs.append((one.size + other.size, float(left.sum()), pair))
-    # of what does as well the fewest numbers
-    best = min(pairs, key=lambda item: item[:2], default=None)
-    return found[int(np.argmin([one.times for one in found]))] if best is None else best[2]
+    drawn, mechanism = sum(float(inertia.mass) for inertia in final.mechanism.model.inertias), final.mechanism
+    (x, normal), texts = fit(few.model), []
+    white = NormalEquations.of(normal).solve(np.eye(len(normal)))
+    for term in few.terms:
+        here = few.model.slice_of(term)
+        change, values = x[here], term.law.fitted(term.place, x[here], term.values)
+        possible = term.law.plausible(term.place, values, mechanism) and abs(values.get("mass", 0.0)) <= drawn
+        if few.share < MOST or not possible:
+            return ""
+        if term.law.impossible(term.place, change, np.zeros_like(change), mechanism):
+            return ""
+        spread = _spread(term, change, values, WITHIN_95 * np.sqrt(np.diag(white)[here]))
+        intervals = {name: (value - spread[name], value + spread[name]) for name, value in values.items()}
+        texts.append(term.law.statement(term.place, term.law.as_known(values, intervals, mechanism), mechanism))
+    return "; ".join(texts)
 
 
 def _spread(
