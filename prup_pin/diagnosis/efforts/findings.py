@@ -270,7 +270,11 @@ def parameters_of(
         # by as much more than white noise would scatter them
         rise = reach**2 * float(np.median(deviation**2 / np.diag(white)[own]))
         profiled = profile_intervals(final.efforts, final.model, term, rise)
+    scanned = [*term.law.scanned(term.place, final.at)]
+    fitted = {*term.law.linear, *term.law.settled}
     for name, quantity in quantities.items():
+        if name not in fitted and len({item[name] for item in scanned if name in item}) == 1:
+            continue  # when the recording begins, and the like: given, and nothing that was found
         low, high = profiled.get(name, (values[name] - spread[name], values[name] + spread[name]))
         seen = 0.0
         if name in term.law.settled and quantity.unit in ("rad", "m") and term.place.name in final.recording.positions:

@@ -520,6 +520,10 @@ def only_after(rows: Sequence[tuple[str, str, str, str]]) -> list[tuple[str, str
     return [(what, after, unit) for what, _, after, unit in rows]
 
 
+#: Columns of `effort_rows`.
+EFFORT_COLUMNS = ("joint", ">noise", ">× noise, fitted", ">% of the effort, held out")
+
+
 def effort_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
     """Return a row for each joint: its name, noise, residual in multiples of it and in percent of its effort."""
     efforts = diagnosis.efforts
