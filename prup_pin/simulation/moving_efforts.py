@@ -72,8 +72,8 @@ def efforts_in_motion(
     laws = (effect.law for effect in effects if isinstance(effect.law, EffortLaw))
     beyond = [text for law in laws for text in law.left_range(at)]
     found = dict(zip(driven, out.T, strict=True))
-    own = {effect.place.name for effect in effects if isinstance(effect.law, EffortUnit)}
-    units = {name: AS_LOGGED if name in own else mechanism.joint(name).effort_unit for name in driven}
+    logged = {effect.place.name for effect in effects if isinstance(effect.law, EffortUnit)}
+    units = {name: AS_LOGGED if name in logged else mechanism.joint(name).effort_unit for name in driven}
     return found, (*motion.remarks, *beyond, *_missed_at_turns(recording, found, motion, units, band or {}))
 
 

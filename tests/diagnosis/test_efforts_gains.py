@@ -130,10 +130,11 @@ def test_a_gain_is_told_in_one_form_and_no_effort_of_a_drive_in_its_own_unit_in_
         assert "--convention" not in told.statement  # how it is declared stands in what to do
         assert f"--convention tau.{name}=gain:{gain:g}" in told.remedy
     # a declared gain is taken for exact: how well all of them are known is declared with it
-    spread = float(told.remedy.partition('"effort_gain": ')[2].partition("}")[0])
+    spread = float(told.remedy.partition('"effort_gain": ')[2].partition(",")[0])
     widest = max(np.log(told.parameters[f"{name}.reported"].interval[1] / told.parameters[f"{name}.reported"].value)
                  for name in declared)  # fmt: skip
     assert spread == pytest.approx(widest / WITHIN_95, rel=0.05)
+    assert '"mass": 0.3, "inertia": 0.3}' in told.remedy  # within which they are known so well
     assert {*found.efforts.units, *(curve.y_unit for curve in found.efforts.curves)} == {AS_LOGGED}
     assert not any("N m" in text for text in noise_text(found))
     # the robot file is held against the log as it is read: not newton metres against amperes

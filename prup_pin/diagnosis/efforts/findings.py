@@ -12,7 +12,7 @@ from ...numbers import number
 from ...recordings import Convention
 from ...spatial import Array
 from ..chances import WITHIN_95, student_95
-from ..criteria import EFFORT_GAINS, FALSE_ALARM, MOST, MOST_COMBINATIONS, beyond_tolerance
+from ..criteria import EFFORT_GAINS, EFFORT_MASSES, FALSE_ALARM, MOST, MOST_COMBINATIONS, beyond_tolerance
 from ..diagnosis import Finding, FittedParameter, heldout_gain
 from ..findings import beyond_its_tolerance
 from ..normal_equations import NormalEquations
@@ -140,13 +140,23 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
 
 
 def _declared(final: FinalState, conventions: Sequence[Convention]) -> str:
-    """Return how gains of drives are declared: with how well they are known, for a declared one is taken for exact."""
+    """Return how gains of drives are declared, with how well they are known: a declared one is taken for exact.
+
+    They are known by the masses of the robot file, within their tolerances; so these are declared with them.
+    """
     names = [convention.joint for convention in conventions]
     known = [deviation for name, deviation in zip(final.at.driven, final.gain_deviations, strict=True) if name in names]
+    within, declared = float(f"{max(known):.2g}"), final.recording.tolerances.declared
+    spreads = {law_of_gains().physics: within} | {
+        kind: float(declared.get(kind, EFFORT_MASSES)) for kind in ("mass", "inertia")
+    }
+    tolerances = ", ".join(f'"{kind}": {number(value, 2)}' for kind, value in spreads.items())
     return (
-        f"where that is right, declare it: {' '.join(f'--convention {item}' for item in conventions)}; and, since the "
-        f'masses tell all of them together no better, "tolerances": {{"{law_of_gains().physics}": '
-        f"{number(max(known), 2)}}} in the JSON file beside the log, unless a data sheet tells the torque constants"
+        f"where that is right, declare it: {' '.join(f'--convention {item}' for item in conventions)}; a declared gain "
+        "is taken for exact, and masses tell all of them together only within a factor of "
+        f'{number(float(np.exp(WITHIN_95 * within)), 3)}: with "tolerances": {{{tolerances}}} in the JSON file beside '
+        "the log friction keeps intervals that hold that; torque constants of a data sheet, or a known weight on the "
+        "tool, tell them better"
     )
 
 

@@ -175,7 +175,7 @@ def load_change(final: FinalState) -> LoadChange | None:
     size = columns.shape[2]
 
     def taken(gram: Array) -> tuple[float, Array]:
-        x = np.linalg.lstsq(gram[:size, :size], gram[:size, size], rcond=ROUNDING)[0]
+        x = np.asarray(np.linalg.lstsq(gram[:size, :size], gram[:size, size], rcond=ROUNDING)[0], float)
         return float(x @ gram[:size, size]), x
 
     moments = np.arange(FEWEST_NUMBERS, len(table) - FEWEST_NUMBERS)
