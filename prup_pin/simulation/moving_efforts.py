@@ -11,9 +11,11 @@ from ..dynamics import InMotion, Motion, is_standing, motion_of
 from ..errors import InputError
 from ..laws import Effect
 from ..laws.efforts import EffortLaw
+from ..laws.efforts.effort_sensor import EffortUnit
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import Recording
+from ..recordings.columns import AS_LOGGED
 from ..robot import Robot
 from ..spatial import Array
 
@@ -70,14 +72,16 @@ def efforts_in_motion(
     laws = (effect.law for effect in effects if isinstance(effect.law, EffortLaw))
     beyond = [text for law in laws for text in law.left_range(at)]
     found = dict(zip(driven, out.T, strict=True))
-    return found, (*motion.remarks, *beyond, *_missed_at_turns(recording, found, motion, mechanism, band or {}))
+    logged = {effect.place.name for effect in effects if isinstance(effect.law, EffortUnit)}
+    units = {name: AS_LOGGED if name in logged else mechanism.joint(name).effort_unit for name in driven}
+    return found, (*motion.remarks, *beyond, *_missed_at_turns(recording, found, motion, units, band or {}))
 
 
 def _missed_at_turns(
     recording: Recording,
     predicted: Mapping[str, Array],
     motion: Motion,
-    mechanism: Mechanism,
+    units: Mapping[str, str],
     band: Mapping[str, float],
 ) -> Iterator[str]:
     """Yield joints that miss most where they turn round: dry friction goes over there within less than the band.
@@ -102,9 +106,8 @@ def _missed_at_turns(
             continue
         sizes = [float(np.sqrt(np.mean(part**2))) for part in (there, elsewhere)]
         if sizes[0] > _MUCH_MORE * sizes[1]:
-            unit = "N" if mechanism.joint(name).slides else "N m"
-            share = number(100 * turns.mean(), 2)
-            told.append(f"{name} {number(sizes[1], 3)} instead of {number(sizes[0], 3)} {unit} ({share} % of the rows)")
+            size, share = f"{number(sizes[0], 3)} {units[name]}", number(100 * turns.mean(), 2)
+            told.append(f"{name} {number(sizes[1], 3)} instead of {size} ({share} % of the rows)")
     if told:
         yield (
             "most of what is left is where joints turn round, within half a period of the band: dry friction goes over "

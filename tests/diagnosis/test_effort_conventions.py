@@ -14,6 +14,7 @@ from prup_pin.diagnosis.efforts.conventions import (
     conventions_of_efforts,
     gains_of_efforts,
 )
+from prup_pin.diagnosis.efforts.gains import gains_of
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.dynamics.inertial import point_mass
 from prup_pin.errors import InputError
@@ -94,6 +95,11 @@ OPPOSITE = "wrist_3_joint,wrist_2_joint,wrist_1_joint,elbow_joint,shoulder_lift_
         pytest.param(("tau=kgf_m",), marks=pytest.mark.slow),
         ("q=gear:100", "tau=gear:100"),
         ("time=ms",),
+        ("time=ms", "q=deg"),
+        pytest.param(
+            ("time=ms", "q=deg", "q.shoulder_lift_joint=reversed", "tau.shoulder_lift_joint=reversed"),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_what_is_written_otherwise_is_told_as_it_is_declared(ur5, recording, said):
@@ -156,9 +162,28 @@ def test_noise_of_positions_is_not_less_motion_in_another_unit(ur5):
     assert told(ur5, slow_log(ur5, "elbow_joint", friction=1.0)) == ["tau.elbow_joint=reversed"]
 
 
-def test_nearly_equal_gains_of_all_drives_are_a_unit(ur5, recording):
-    (said,) = told(ur5, written(recording, "tau=gain:0.09"))
-    assert float(said.removeprefix("tau=gain:")) == pytest.approx(0.09, rel=0.05)
+def searched(ur5, recording):
+    """What a search reads otherwise, gains that are told beside masses included."""
+    return _Search(InMotion.of(ur5, motion_of(recording, ur5)), recording).found()
+
+
+def test_nearly_equal_gains_of_all_drives_are_a_unit_that_is_told_once(ur5, recording):
+    """A gain that was read as exact was told again as six other ones, and neither was what the log reports."""
+    log = written(recording, "tau=gain:0.09")
+    (found,) = searched(ur5, log).conventions
+    assert str(found).startswith("tau=gain:")
+    assert found.argument[0] == pytest.approx(0.09, rel=0.05)
+    assert told(ur5, log) == []
+    assert gains_of(InMotion.of(ur5, motion_of(log, ur5)), {}).gains[:3] == pytest.approx(np.full(3, 0.09), rel=0.05)
+
+
+def test_what_else_is_read_otherwise_is_told_without_the_gain_beside_it(ur5, recording):
+    log = written(recording, "tau=gain:0.09", "tau.elbow_joint=reversed")
+    assert {item.word for item in searched(ur5, log).conventions} == {"gain", "reversed"}
+    found = conventions_of_efforts(ur5, log)
+    assert [str(item) for item in found.conventions] == ["tau.elbow_joint=reversed"]
+    plain = conventions_of_efforts(ur5, written(recording, "tau.elbow_joint=reversed"))
+    assert found.written == pytest.approx(plain.written, rel=0.05)  # both as they are read in N m
 
 
 def test_how_far_it_is_off_is_told_with_how_to_declare_it(recording):
@@ -293,6 +318,6 @@ def test_a_load_in_the_tool_is_no_other_unit_of_all_efforts(ur5, loaded_log):
 
 def test_no_unit_is_looked_for_where_one_is_declared(ur5, recording):
     log = written(recording, "tau=gain:0.09")
-    assert [said.partition(":")[0] for said in told(ur5, log)] == ["tau=gain"]
+    assert [item.word for item in searched(ur5, log).conventions] == ["gain"]
     declared = replace(log, conventions=(convention_of("tau", "gain:1", joints_of(log)),))
-    assert told(ur5, declared) == []
+    assert searched(ur5, declared) is None

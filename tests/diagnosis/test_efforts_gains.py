@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from prup_pin import diagnose, load
+from prup_pin.diagnosis.chances import WITHIN_95
 from prup_pin.diagnosis.diagnosis import FittedParameter
 from prup_pin.diagnosis.efforts.conventions import gains_apart
 from prup_pin.diagnosis.efforts.gains import gains_of, in_newtons, likeliest_logs
@@ -128,6 +129,12 @@ def test_a_gain_is_told_in_one_form_and_no_effort_of_a_drive_in_its_own_unit_in_
         assert reported.unit == "per N m"
         assert "--convention" not in told.statement  # how it is declared stands in what to do
         assert f"--convention tau.{name}=gain:{gain:g}" in told.remedy
+    # a declared gain is taken for exact: how well all of them are known is declared with it
+    spread = float(told.remedy.partition('"effort_gain": ')[2].partition(",")[0])
+    widest = max(np.log(told.parameters[f"{name}.reported"].interval[1] / told.parameters[f"{name}.reported"].value)
+                 for name in declared)  # fmt: skip
+    assert spread == pytest.approx(widest / WITHIN_95, rel=0.05)
+    assert '"mass": 0.3, "inertia": 0.3}' in told.remedy  # within which they are known so well
     assert {*found.efforts.units, *(curve.y_unit for curve in found.efforts.curves)} == {AS_LOGGED}
     assert not any("N m" in text for text in noise_text(found))
     # the robot file is held against the log as it is read: not newton metres against amperes
@@ -250,6 +257,19 @@ def test_a_load_is_no_scale_of_all_gains(robot, moving, tolerance, apart):
     for name in moving.motion.driven[:5]:
         low, high = friction.parameters[f"{name}.limit"].interval
         assert low < 0.8 < high
+
+
+@pytest.mark.slow
+def test_a_load_on_drives_in_amperes_leaves_one_statement_of_their_gains_in_the_logs_own_unit(robot, moving):
+    """One gain of all was read, and six of what that left were told: none was what the drives report."""
+    gains = np.array([0.085, 0.085, 0.11, 0.35, 0.36, 0.33])
+    found = diagnose(robot, rubbing(moving, gains))
+    assert not any(found.conventions)
+    (told,) = (finding for finding in found.findings if finding.conventions)
+    for name, gain in zip(moving.motion.driven[:5], gains, strict=False):
+        assert told.parameters[f"{name}.reported"].value == pytest.approx(gain, rel=0.1)
+    reported = rubbing(moving, gains).efforts["shoulder_pan_joint"]
+    assert np.std(found.efforts.measured[:, 0]) == pytest.approx(np.std(reported), rel=0.05)
 
 
 @pytest.mark.slow

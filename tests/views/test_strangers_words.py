@@ -337,8 +337,14 @@ def test_runs_whose_clocks_begin_anew_last_as_long_as_all_of_them():
         def __len__(self):
             return len(self.time)
 
-    recording = Log(time=time, run=run, blocks=lambda: np.arange(303))
-    assert length_of(SimpleNamespace(efforts=object()), recording) == "30 s of motion"
+    recording = Log(time=time, run=run, conventions=(), blocks=lambda: np.arange(303))
+    assert length_of(SimpleNamespace(efforts=object(), conventions=()), recording) == "30 s of motion"
+    # by a clock of milliseconds that is declared, or found
+    ms, slow = (Convention("time", "ms"),), 1000 * time
+    declared = Log(time=slow, run=run, conventions=ms, blocks=lambda: np.arange(303))
+    assert length_of(SimpleNamespace(efforts=object(), conventions=()), declared) == "30 s of motion"
+    found = Log(time=slow, run=run, conventions=(), blocks=lambda: np.arange(303))
+    assert length_of(SimpleNamespace(efforts=object(), conventions=(ms,)), found) == "30 s of motion"
 
 
 def test_a_value_at_the_least_of_its_law_is_a_bound():

@@ -39,7 +39,7 @@ from ..criteria import (
     ROUGHLY,
 )
 from ..quarter_turns import quarter_turns
-from .gains import in_any_unit
+from .gains import gains_of, in_any_unit
 from .noise import noise_of
 
 __all__ = [
@@ -73,21 +73,73 @@ _SHORT_WAY = 0.02
 def conventions_of_efforts(mechanism: Mechanism, recording: Recording) -> Evidence | None:
     """Return other ways in which a log of efforts seems to be written; None where none does far better.
 
-    Raises InputError where the motion cannot be told at all.
+    Where the clock seems to count in another unit, all else is looked for by either clock: in degrees and
+    milliseconds together, neither alone makes sense. Raises InputError where the motion cannot be told at all.
     """
     clock = _clock(mechanism, recording)
-    read = recording if clock is None else read_as(recording, clock.conventions, Drawn())
-    at = InMotion.of(mechanism, motion_of(read, mechanism))
-    if not at.driven or (any(name not in at.motion.names for name in at.driven) and not mechanism.loops):
-        return clock
-    found = _Search(at, read).found()
-    if clock is None or found is None:
-        return clock or found
-    return replace(found, conventions=(*clock.conventions, *found.conventions))
+    if clock is None:
+        return _by_clock(mechanism, recording).told()
+    try:
+        other = _by_clock(mechanism, read_as(recording, [clock], Drawn()))
+    except PrupPinError:
+        return _by_clock(mechanism, recording).told()
+    plain = _by_clock(mechanism, recording)
+    if _rate(recording) is None and not other.unlike < plain.unlike:
+        return plain.told()
+    told = other.told()
+    if told is None:
+        return Evidence((clock,), "efforts", "", plain.written, other.written, _held(plain.written, other.written))
+    return replace(
+        told,
+        conventions=(clock, *told.conventions),
+        others=tuple((clock, *reading) for reading in told.others),
+    )
 
 
-def _clock(mechanism: Mechanism, recording: Recording) -> Evidence | None:
-    """Return that the clock counts in another unit: joints would hardly move from one row to the next."""
+class _ByClock(NamedTuple):
+    """What is read otherwise by one clock: the search and all that it found, where joints could be compared.
+
+    written: what the log leaves as it is written, a share; unlike: what is left of it as it is read where each drive
+    may report in a unit of its own.
+    """
+
+    search: _Search | None
+    found: Evidence | None
+    written: float
+    unlike: float
+
+    def told(self) -> Evidence | None:
+        """Return what is read otherwise."""
+        return None if self.search is None or self.found is None else self.search.without_gain(self.found)
+
+
+def _by_clock(mechanism: Mechanism, recording: Recording) -> _ByClock:
+    at = InMotion.of(mechanism, motion_of(recording, mechanism))
+    rows, motion, efforts = sampled(at)
+    written = left_of_efforts(motion, efforts, at.rigid[rows])
+    unseen = any(name not in at.motion.names for name in at.driven)
+    if not at.driven or (unseen and not mechanism.loops):
+        return _ByClock(None, None, written, written)
+    search = _Search(at, recording)
+    found = search.found()
+    moved, read, _ = search.read(read_as(search.written, found.conventions if found else (), search.drawn))
+    try:
+        unlike = _unlike(moved, read, at.rigid_of(moved))
+    except InputError:  # loops that do not close
+        unlike = 1.0
+    return _ByClock(search, found, written, unlike)
+
+
+def _held(written: float, read: float) -> float:
+    """Return the share of the squares that a reading takes away of what a log leaves as it is written."""
+    return 1 - min(1.0, (read / written) ** 2) if written > 0 else 0.0
+
+
+def _clock(mechanism: Mechanism, recording: Recording) -> Convention | None:
+    """Return the unit in which a clock may count that is none of seconds: joints would hardly move from row to row.
+
+    Logged speeds may tell that it does not.
+    """
     steps = np.diff(recording.time)[np.diff(recording.run) == 0]
     step = float(np.median(steps)) if len(steps) else 0.0
     unit = next((word for low, high, word in _CLOCKS if low < step <= high), None)
@@ -96,24 +148,11 @@ def _clock(mechanism: Mechanism, recording: Recording) -> Evidence | None:
     if unit is None or not moving:
         return None
     ways = [float(np.median(np.abs(np.diff(q)))) / float(np.ptp(q)) for q in moving]
-    if not (0 < max(ways) < _SHORT_WAY):
-        return None
-    convention = Convention("time", unit)
-    shares = []
-    for read in (recording, read_as(recording, [convention], Drawn())):
-        try:
-            at = InMotion.of(mechanism, motion_of(read, mechanism))
-        except PrupPinError:
-            return None
-        rows, motion, efforts = sampled(at)
-        shares.append(left_of_efforts(motion, efforts, at.rigid[rows]))
-    rate = _rate(recording)
-    if rate is not None:
-        if abs(np.log(rate * convention.meaning.factor)) > np.log(2):  # type: ignore[operator]
-            return None
-    elif not shares[1] < shares[0]:
-        return None
-    return Evidence((convention,), "efforts", "", shares[0], shares[1], 1 - min(1.0, (shares[1] / shares[0]) ** 2))
+    convention, rate = Convention("time", unit), _rate(recording)
+    factor = convention.meaning.factor
+    assert factor is not None
+    told_otherwise = rate is not None and abs(np.log(rate * factor)) > np.log(2)
+    return convention if 0 < max(ways) < _SHORT_WAY and not told_otherwise else None
 
 
 def _rate(recording: Recording) -> float | None:
@@ -195,6 +234,28 @@ class _Search:
             return self._geared(first)
         return min(found, key=lambda item: item.read * (1 + 0.05 * len(item.conventions)))
 
+    def without_gain(self, found: Evidence) -> Evidence | None:
+        """Return what is read otherwise but for a gain that all drives have; None where that is all.
+
+        What drives report per N m is told beside all masses, with how well it is known, which no reading has: read
+        here, it would be taken for exact, and told again as what each drive differs by. Where nothing tells gains
+        beside masses, as at rest, it is a reading.
+        """
+        gain = next((item for item in found.conventions if item.word == "gain"), None)
+        if gain is None:
+            return found
+        rest, *others = (
+            tuple(item for item in reading if item != gain) for reading in (found.conventions, *found.others)
+        )
+        read = read_as(self.recording, rest, self.drawn)
+        at = InMotion.of(self.mechanism, motion_of(read, self.mechanism)) if rest else self.at
+        if gains_of(at, {key: float(value) for key, value in read.tolerances.declared.items()}) is None:
+            return found
+        if not rest:
+            return None
+        written = self.left(read_as(self.written, [gain], self.drawn))
+        return replace(found, conventions=rest, written=written, held=_held(written, found.read), others=tuple(others))
+
     def _turned(self, signed: Mapping[str, float]) -> Evidence | None:
         """Return drives whose efforts are minus the rigid robot's and its friction's, each by itself.
 
@@ -247,7 +308,7 @@ class _Search:
                 least = self.left(read_as(begin, taken, self.drawn)) if taken else now
         written = self.left(self.written) if start else now
         conventions = merged((*start, *taken), list(self.written.positions), list(self.written.efforts))
-        held = 1 - min(1.0, (least / written) ** 2) if written > 0 else 0.0
+        held = _held(written, least)
         equal = tuple((*start, *other) for other in others)
         return Evidence(conventions, "efforts", "", written, least, held, equal)
 
@@ -396,6 +457,7 @@ class _Search:
             cost = [_rms(shares) * (1 + GAIN * len(step)) for shares, step, _ in tried]
             best = int(np.argmin(cost))
             shares, step, read = tried[best]
+            least, without = (self._of_same_efforts(own, step) for own in (least, without))
             if not _makes_more(least, shares):
                 break
             others = tuple(
@@ -408,6 +470,21 @@ class _Search:
                 found = taken, _rms(shares), others
             without = min(without, self._left_by_friction(now), key=_rms)
         return found
+
+    def _of_same_efforts(self, shares: Array, step: Sequence[Convention]) -> Array:
+        """Return shares (k,) of efforts as they were before a step, in the order of the joints that they are after it.
+
+        Drives that are exchanged are each compared with themselves.
+        """
+        out = shares.copy()
+        for item in step:
+            if item.group == "tau" and item.word == "order":
+                table = zip(self.written.efforts, map(str, item.argument), strict=True)
+                places = [(self.motion.driven.index(of), self.motion.driven.index(to)) for of, to in table]
+                before = out.copy()
+                for of, to in places:
+                    out[to] = before[of]
+        return out
 
     def _readings(self, recording: Recording) -> Iterator[tuple[Convention, ...]]:
         """Yield what columns may be instead, the commonest first."""

@@ -31,6 +31,7 @@ from .bayes_factors import with_likelier_bodies
 from .conventions import check_efforts
 from .diagnosis import EffortDiagnosis
 from .evidence import CrossValidation, held_out, relative_gain, scores
+from .few_bodies import with_few_bodies
 from .final_state import FinalState, shows
 from .gains import (
     Gains,
@@ -146,7 +147,8 @@ def _final_state(
     tell("what no law explains", 0.75)
     model = with_relieving_laws(efforts, model)
     problem = model.problem
-    model = with_likelier_bodies(model.in_problem(problem.without_curves())).in_problem(problem)
+    model = with_few_bodies(model.in_problem(problem.without_curves()))
+    model = with_likelier_bodies(model).in_problem(problem)
     model = settled_together(efforts, model)
     scale = scale_of(gains, len(at.driven))
     sample, rounding = (of(noise, at.driven, scale) for of in (true_sizes, true_roundings))

@@ -12,11 +12,12 @@ from ...numbers import number
 from ...recordings import Convention
 from ...spatial import Array
 from ..chances import WITHIN_95, student_95
-from ..criteria import ALIKE, EFFORT_GAINS, FALSE_ALARM, MOST, MOST_COMBINATIONS, NO_MATTER, beyond_tolerance
+from ..criteria import EFFORT_GAINS, EFFORT_MASSES, FALSE_ALARM, MOST, MOST_COMBINATIONS, beyond_tolerance
 from ..diagnosis import Finding, FittedParameter, heldout_gain
 from ..findings import beyond_its_tolerance
 from ..normal_equations import NormalEquations
-from .evidence import CrossValidation, held_out
+from .evidence import held_out
+from .few_bodies import FewBodies, nearest_body
 from .final_state import FinalState
 from .gains import law_of_gains
 from .identify import alternatives_to
@@ -133,8 +134,29 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
             "the drives report in units of their own; all gains together and all masses together are one unknown, "
             f"which the robot file's masses decide{hardly}"
         ),
-        advice=f"where that is right, declare it: {' '.join(f'--convention {c}' for c in sure)}" * bool(sure),
+        advice=_declared(final, sure) if sure else "",
         conventions=conventions,
+    )
+
+
+def _declared(final: FinalState, conventions: Sequence[Convention]) -> str:
+    """Return how gains of drives are declared, with how well they are known: a declared one is taken for exact.
+
+    They are known by the masses of the robot file, within their tolerances; so these are declared with them.
+    """
+    names = [convention.joint for convention in conventions]
+    known = [deviation for name, deviation in zip(final.at.driven, final.gain_deviations, strict=True) if name in names]
+    within, declared = float(f"{max(known):.2g}"), final.recording.tolerances.declared
+    spreads = {law_of_gains().physics: within} | {
+        kind: float(declared.get(kind, EFFORT_MASSES)) for kind in ("mass", "inertia")
+    }
+    tolerances = ", ".join(f'"{kind}": {number(value, 2)}' for kind, value in spreads.items())
+    return (
+        f"where that is right, declare it: {' '.join(f'--convention {item}' for item in conventions)}; a declared gain "
+        "is taken for exact, and masses tell all of them together only within a factor of "
+        f'{number(float(np.exp(WITHIN_95 * within)), 3)}: with "tolerances": {{{tolerances}}} in the JSON file beside '
+        "the log friction keeps intervals that hold that; torque constants of a data sheet, or a known weight on the "
+        "tool, tell them better"
     )
 
 
@@ -158,61 +180,48 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
         )
         for i in differ[np.argsort(chance[differ], kind="stable")][:MOST_COMBINATIONS]
     }
-    share, told, advice = _alone_of_all(final, term, without)
-    nearly_all = share > 1 - NO_MATTER
     whole = (
         f"the links' masses, centres and inertias are not those of the robot file: of {len(change)} combinations that "
         f"this motion tells, {len(differ)} surely have other values"
     )
-    taken = f"{100 * min(share, 1.0):.0f} %"
-    first = f"{taken} of that would be taken away by one body alone: {told}" if told else ""
-    if nearly_all:
-        first = f"{told}: that alone takes away {taken} of what other masses, centres and inertias of all links would"
+    few = nearest_body(final.model, term)
+    if few is not None and (told := _told_alone(final, few)):
+        whole += (
+            f"; no single body does, nor do two: the one that comes nearest would take away "
+            f"{100 * min(few.share, 1.0):.0f} % of that, and leave {number(few.times, 3)} times the residual ({told})"
+        )
     return Finding(
         physics=law.physics,
         location="robot",
         candidates=("robot", *links),
         parameters=parameters,
         heldout_gain=heldout_gain(final.held_out.sum(), without.sum()),
-        statement=(first if nearly_all else f"{whole}; {first}" if first else whole)
-        + _IN_PROPORTION * (final.gains is not None),
-        advice=advice if nearly_all else "",
+        statement=whole + _IN_PROPORTION * (final.gains is not None),
         law=law,
         times=final.times_without("robot", term),
     )
 
 
-def _alone_of_all(final: FinalState, term: EffortCandidate, without: Array) -> tuple[float, str, str]:
-    """Return the share that one body alone takes away of what all links do, the body in words and what to do about it.
+def _told_alone(final: FinalState, few: FewBodies) -> str:
+    """Return one body in the place of all links in words; nothing where it takes away little, or could be none.
 
-    Nothing where none takes away most.
+    A robot file without masses lacks more than one.
     """
-    rest, gain = final.model.without(term), float((without - final.held_out).sum())
-    single = [other for other in final.problem.candidates if other.is_body]
-    if not single:
-        return 0.0, "", ""
-    saved_by = (without - CrossValidation(rest).with_each(single)).sum(axis=1)
-    # the tool's load comes before the link that would be as good
-    best = min(
-        (one for one, own in zip(single, saved_by, strict=True) if own > ALIKE * saved_by.max()),
-        key=lambda one: one.where.start,
-    )
-    with_it = rest.with_term(best)
-    (x, normal), here = fit(with_it), with_it.slice_of(best)
-    change = x[here]
-    values = best.law.fitted(best.place, change, best.values)
-    share = float(saved_by.max()) / max(gain, np.finfo(float).tiny)
-    drawn = sum(float(inertia.mass) for inertia in final.mechanism.model.inertias)
-    own = abs(values.get("mass", 0.0))
-    if share < MOST or own > drawn or not best.law.plausible(best.place, values, final.mechanism):
-        return 0.0, "", ""  # a robot file without masses lacks more than one body
-    if best.law.impossible(best.place, change, np.zeros_like(change), final.mechanism):
-        return 0.0, "", ""
-    white = NormalEquations.of(normal).solve(np.eye(len(normal)))[here, here]
-    spread = _spread(best, change, values, WITHIN_95 * np.sqrt(np.diag(white)))
-    intervals = {name: (value - spread[name], value + spread[name]) for name, value in values.items()}
-    told = best.law.statement(best.place, best.law.as_known(values, intervals, final.mechanism), final.mechanism)
-    return share, told, best.law.advice(best.place, values)
+    drawn, mechanism = sum(float(inertia.mass) for inertia in final.mechanism.model.inertias), final.mechanism
+    (x, normal), texts = fit(few.model), []
+    white = NormalEquations.of(normal).solve(np.eye(len(normal)))
+    for term in few.terms:
+        here = few.model.slice_of(term)
+        change, values = x[here], term.law.fitted(term.place, x[here], term.values)
+        possible = term.law.plausible(term.place, values, mechanism) and abs(values.get("mass", 0.0)) <= drawn
+        if few.share < MOST or not possible:
+            return ""
+        if term.law.impossible(term.place, change, np.zeros_like(change), mechanism):
+            return ""
+        spread = _spread(term, change, values, WITHIN_95 * np.sqrt(np.diag(white)[here]))
+        intervals = {name: (value - spread[name], value + spread[name]) for name, value in values.items()}
+        texts.append(term.law.statement(term.place, term.law.as_known(values, intervals, mechanism), mechanism))
+    return "; ".join(texts)
 
 
 def _spread(
@@ -271,7 +280,11 @@ def parameters_of(
         # by as much more than white noise would scatter them
         rise = reach**2 * float(np.median(deviation**2 / np.diag(white)[own]))
         profiled = profile_intervals(final.efforts, final.model, term, rise)
+    scanned = [*term.law.scanned(term.place, final.at)]
+    fitted = {*term.law.linear, *term.law.settled}
     for name, quantity in quantities.items():
+        if name not in fitted and len({item[name] for item in scanned if name in item}) == 1:
+            continue  # when the recording begins, and the like: given, and nothing that was found
         low, high = profiled.get(name, (values[name] - spread[name], values[name] + spread[name]))
         seen = 0.0
         if name in term.law.settled and quantity.unit in ("rad", "m") and term.place.name in final.recording.positions:

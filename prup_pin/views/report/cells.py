@@ -14,7 +14,14 @@ from ...numbers import number, quantity
 from ...robot import Robot
 from ...statics import Compliance
 from ..text.answer import Answer, compliance_table, first_shares, load_text, rigid_texts, stiffness_tables
-from ..text.diagnosis_words import channel_rows, effort_rows, finding_text, parameter_texts, verdict_text
+from ..text.diagnosis_words import (
+    EFFORT_COLUMNS,
+    channel_rows,
+    effort_rows,
+    finding_text,
+    parameter_texts,
+    verdict_text,
+)
 from ..text.values import clean, percent_text, pose_text
 from .pages import page_template
 
@@ -86,7 +93,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     tables = [
         ("", ("", "left out", "parameter", ">value", ">95 % interval"), rows),
         ("", ("residual, RMS", ">before", ">after", ""), channel_rows(diagnosis) if known else []),
-        ("", ("joint", ">noise", ">× noise", ">% of the effort"), effort_rows(diagnosis)),
+        ("", EFFORT_COLUMNS, effort_rows(diagnosis)),
     ]
     return _cell("Diagnosis", verdict=verdict_text(diagnosis), tables=tables, remarks=diagnosis.remarks)
 

@@ -113,6 +113,13 @@ def print_simulation(
     found = compare(recording, prediction, effort_noise, robot.mechanism, band)
     if found:
         _print_agreement(out, robot, found, _in_own_units(effects))
+        loads = recording.noise.force or recording.noise.moment
+        if loads and any(item.noise is not None and not item.channel.startswith("effort ") for item in found):
+            paragraph(
+                out,
+                "(the noise is the pose sensor's alone; a diagnosis counts what the wrench sensor's noise makes of the "
+                "prediction beside it)",
+            )
         if band and any(item.share is not None for item in found):
             paragraph(
                 out,
@@ -240,8 +247,8 @@ def print_diagnosis(
     heading(out, "Measured less simulated", "(root mean square)")
     show_table(out, ("", ">before", ">after", ""), words.channel_rows(diagnosis))
     if rows := words.effort_rows(diagnosis):
-        heading(out, "Efforts, joint by joint", "(held out)")
-        show_table(out, ("joint", ">noise", ">× noise", ">% of the effort"), rows)
+        heading(out, "Efforts, joint by joint")
+        show_table(out, words.EFFORT_COLUMNS, rows)
         if note := words.multiple_text(diagnosis):
             paragraph(out, f"({note})")
     if since is not None:

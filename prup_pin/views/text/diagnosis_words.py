@@ -525,6 +525,10 @@ def only_after(rows: Sequence[tuple[str, str, str, str]]) -> list[tuple[str, str
     return [(what, after, unit) for what, _, after, unit in rows]
 
 
+#: Columns of `effort_rows`.
+EFFORT_COLUMNS = ("joint", ">noise", ">× noise, fitted", ">% of the effort, held out")
+
+
 def effort_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
     """Return a row for each joint: its name, noise, residual in multiples of it and in percent of its effort."""
     efforts = diagnosis.efforts
@@ -549,7 +553,9 @@ def length_of(diagnosis: Diagnosis, recording: Recording) -> str:
     poses = len(set(recording.blocks().tolist())) if len(recording) else 0
     if diagnosis.efforts is None or 2 * poses <= len(recording):
         return counted(poses, "pose")
-    lasted = sum(float(np.ptp(recording.time[run])) for run in pieces(recording.run))
+    read = (*recording.conventions, *(item for own in diagnosis.conventions for item in own))
+    second = math.prod(item.meaning.factor or 1.0 for item in read if item.group == "time")
+    lasted = second * sum(float(np.ptp(recording.time[run])) for run in pieces(recording.run))
     return f"{number(lasted, 3)} s of motion"
 
 
