@@ -56,7 +56,9 @@ def test_friction_that_was_never_overcome_has_a_bound(block):
     low, high = told["limit"].interval
     assert low == pytest.approx(8.4 * STICK / (STICK + SPRING), rel=0.05)
     assert low < LIMIT
-    assert high == CoulombFriction.quantities[0].upper  # the largest that the law has
+    assert (
+        high == CoulombFriction().quantities_at(Place("rubbing"), block.mechanism)[0].upper
+    )  # the largest that it has
     assert f"did not slide below {low:.3g} N" in statement
     assert ("limit", f"above {low:.3g} N") in [row[:2] for row in parameter_texts(told)]
     low, high = told["presliding_stiffness"].interval
