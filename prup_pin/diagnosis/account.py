@@ -12,7 +12,7 @@ from ..numbers import number, quantity
 from ..simulation import Simulator
 from .calibrate import calibrated_from
 from .candidates import Term
-from .criteria import AS_GOOD, FEW_ROUNDS, LITTLE, MOST_FITS, PARAMETER_COST, beyond_tolerance
+from .criteria import FEW_ROUNDS, LITTLE, MOST_FITS, PARAMETER_COST, beyond_tolerance
 from .diagnosis import Finding
 from .evidence import (
     count_beyond_tolerance,
@@ -29,7 +29,7 @@ from .locate import yieldings
 from .noise import could_show_structure, noise_of_the_rest
 from .prepare import Prepared, Tell
 from .problem import Fit, Problem
-from .search import Selection, dropped_by_folds, screen, select, with_one_law
+from .search import Selection, dropped_by_folds, select, with_one_law
 from .unrecorded_load import minus_2_log_likelihood, reaches, scatters_in_a_module, unrecorded_force
 
 __all__ = ["Account", "beside_laws", "searched", "with_first_law", "without_laws"]
@@ -67,12 +67,6 @@ class Account:
     def is_far_from_clean(self) -> bool:
         """True where more is left than noise by so much that noise would be a small part of it."""
         return LITTLE * self.selection.last.chi2 > self.size
-
-    @property
-    def lacks_one_law(self) -> bool:
-        """True where one law more leaves noise, to first order."""
-        others = screen(self.problem, self.selection.last, self.prepared.library)
-        return bool(others) and others[0].chi2 < AS_GOOD * self.size
 
     @property
     def noise(self) -> Noise:

@@ -85,7 +85,8 @@ class Profile:
         effects[self.index] = Term(terms[self.index].candidate, moved).effect
         change = self.problem.change(self.fit, effects)
         there = without(without((self.target - change).ravel(), self.beside), self.free)
-        return float(np.nan_to_num(there @ there, nan=np.inf))
+        known = terms[self.index].candidate.prior_residuals(moved)  # weight is known before anything was measured
+        return float(np.nan_to_num(there @ there + known @ known, nan=np.inf))
 
     def reach(self, sign: float, by_slope: float) -> float:
         """Return how far the coordinate can be moved to a side; by_slope: if its slope there were that at the fit."""

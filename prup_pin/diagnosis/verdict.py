@@ -69,7 +69,10 @@ def verdict_of(
     moved_sensor = zip(prepared.placed.found, prepared.placed.deviations, strict=True)
     findings = [sensor_displaced(*each, first, before, robot, calibrated) for each in moved_sensor]
     findings += laws
-    beyond = [item for item in calibrated if item.is_beyond(len(calibrated))]
+    # a kind that is off all over has no tolerance but the one that these data gave it, and is told as a whole
+    beyond = [
+        item for item in calibrated if item.is_beyond(len(calibrated)) and item.deviation.kind not in prepared.kinds
+    ]
     if beyond and (final.unknown is not None or not is_clean(problem, fit)):
         # what no law explains drives them: they are no findings of their own
         remarks.append(_driven_beyond([item.name for item in beyond]))
