@@ -25,6 +25,7 @@ from .criteria import (
     GAIN,
     INDISTINCT,
     LEAD,
+    LITTLE,
     MOST,
     MOST_FITS,
     MOST_SIMULATED,
@@ -495,15 +496,19 @@ def _weight_added(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> I
 def _weight_beside(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
     """Yield terms with the robot's own weight beside laws that may have taken its place, where it would show.
 
-    It acts on every robot: a hose that pulls as weight does must not be told as if there were none.
+    It acts on every robot: a hose that pulls as weight does must not be told as if there were none. Where the laws
+    cannot take back most of what it does there is none, as in what a simulation made without it.
     """
     if not fit.terms or any("gravity" in term.candidate.law.needs for term in fit.terms):
         return
+    nuisance = problem.nuisance(fit, range(len(fit.terms)))
     for candidate in library:
         if candidate.law.weighs:
             own = candidate.term(candidate.starts()[0])
-            effects = [term.effect for term in (*fit.terms, own)]
-            if float((problem.change(fit, effects) ** 2).sum()) > WEIGHT_SHOWS:
+            change = problem.change(fit, [term.effect for term in (*fit.terms, own)])
+            shows = float((change**2).sum())
+            left = without((problem.target(fit) - change).ravel(), nuisance)
+            if shows > WEIGHT_SHOWS and float(left @ left) < fit.chi2 + LITTLE * shows:
                 yield [*fit.terms, own]
 
 
