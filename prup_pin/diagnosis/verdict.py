@@ -84,7 +84,7 @@ def verdict_of(
         verdict = "explained"  # what was known to be elsewhere has changed
     findings = [with_neutral_values(finding, robot) for finding in findings]
     kinds = [kind for kind in prepared.kinds if not (prepared.placed.found and kind in SENSORS["pose_sensor"])]
-    findings += all_over(problem, fit, calibrated, kinds, blocks)
+    findings += all_over(problem, fit, calibrated, kinds, blocks, not findings)
     findings += [final.unknown] if final.unknown is not None else []
     found = [*(finding.effect for finding in findings if finding.effect is not None), *final.stand_ins]
     changed = [effect for effect in found if effect.law.instead_of is not None]
