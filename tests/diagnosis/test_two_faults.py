@@ -69,5 +69,7 @@ def test_two_single_faults_are_told_by_their_names(hexapod):
     assert {(physics, place) for physics, place, *_ in faults} <= set(told)
     for physics, place, _, values in faults:
         for name, value in values.items():
-            assert told[physics, place].parameters[name].value == pytest.approx(value, rel=0.01)
+            low, high = told[physics, place].parameters[name].interval
+            assert low - 0.5 * (high - low) < value < high + 0.5 * (high - low)
+            assert high - low < 0.1 * abs(value)
     assert not any("everything is off at once" in remark for remark in found.remarks)
