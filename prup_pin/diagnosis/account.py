@@ -12,7 +12,7 @@ from ..numbers import number, quantity
 from ..simulation import Simulator
 from .calibrate import calibrated_from
 from .candidates import Term
-from .criteria import AS_GOOD, FEW_ROUNDS, LITTLE, MOST_FITS, PARAMETER_COST, beyond_tolerance
+from .criteria import FEW_ROUNDS, LITTLE, MOST_FITS, PARAMETER_COST, beyond_tolerance
 from .diagnosis import Finding
 from .evidence import (
     count_beyond_tolerance,
@@ -25,11 +25,12 @@ from .evidence import (
     with_rescaled,
 )
 from .findings import no_noise, too_few, unrecorded_load
-from .noise import noise_of_the_rest
+from .locate import yieldings
+from .noise import could_show_structure, noise_of_the_rest
 from .prepare import Prepared, Tell
 from .problem import Fit, Problem
-from .search import Selection, dropped_by_folds, screen, select, with_one_law
-from .unrecorded_load import reaches, unrecorded_force
+from .search import Selection, dropped_by_folds, select, with_one_law
+from .unrecorded_load import minus_2_log_likelihood, reaches, scatters_in_a_module, unrecorded_force
 
 __all__ = ["Account", "beside_laws", "searched", "with_first_law", "without_laws"]
 
@@ -66,12 +67,6 @@ class Account:
     def is_far_from_clean(self) -> bool:
         """True where more is left than noise by so much that noise would be a small part of it."""
         return LITTLE * self.selection.last.chi2 > self.size
-
-    @property
-    def lacks_one_law(self) -> bool:
-        """True where one law more leaves noise, to first order."""
-        others = screen(self.problem, self.selection.last, self.prepared.library)
-        return bool(others) and others[0].chi2 < AS_GOOD * self.size
 
     @property
     def noise(self) -> Noise:
@@ -175,7 +170,8 @@ def _by_noise_of_the_wrench(now: Account, tell: Tell, most: int) -> Account:
 def _by_noise_of_the_rest(now: Account, tell: Tell, most: int) -> Account:
     """Return an account with the noise that is left where it is no other than was assumed but in size.
 
-    Where no load was recorded, and forces at the tool leave it likelier, with a doubt instead.
+    Where no load was recorded, and forces at the tool leave it likelier, with a doubt instead. Where one module that
+    gives way leaves it likelier it is not noise, whether or not it follows anything that was recorded.
     """
     inputs, fit = now.prepared.inputs, now.selection.last
     larger = noise_of_the_rest(now.problem, fit, inputs.blocks[fit.samples])
@@ -184,6 +180,8 @@ def _by_noise_of_the_rest(now: Account, tell: Tell, most: int) -> Account:
     force = _force_left(now.problem, fit) if inputs.weight_alone else 0.0
     if force:
         return replace(now, doubt=unrecorded_load(larger.noise, force))
+    if could_show_structure(inputs.blocks[fit.samples]) and _is_of_a_module(now.problem, fit, larger):
+        return now
     now.prepared.remarks.append(_larger_noise(now.problem.noise, larger.noise))
     now = _selected(now, _within_tolerances(now.prepared, larger), tell, most)
     return replace(now, doubt=too_few(now.problem, now.selection, inputs.blocks))
@@ -228,6 +226,21 @@ def _force_left(problem: Problem, fit: Fit) -> float:
     white, seen = problem.whiteners(fit.influence), problem.stack.exists[fit.samples]
     by_force, *by_strains = (white @ reach for reach in reaches(fit.influence))
     return unrecorded_force(fit.residual, by_force, by_strains, seen, seen)
+
+
+def _is_of_a_module(problem: Problem, fit: Fit, larger: Problem) -> bool:
+    """Return True where what a fit leaves lies in one module's directions rather than where a larger noise would."""
+    influence, seen = fit.influence, problem.stack.exists[fit.samples] & fit.run.solved[fit.samples, None]
+    white, whiter = problem.whiteners(influence), larger.whiteners(influence)
+    noise = problem.noise.wrench if problem.noise.wrench.any() else larger.noise.wrench
+    by_wrench = white @ (problem.stack.seen(influence.first.by_wrench) * noise)
+    motions = [
+        white @ influence.signature(each.module)[:, :, list(each.components)] for each in yieldings(problem, fit)
+    ]
+    of_sensors = minus_2_log_likelihood(
+        larger.whitened(influence, problem.stack.residual(fit.run)[fit.samples]), whiter, white, seen
+    )
+    return scatters_in_a_module(fit.residual, motions, by_wrench, seen, of_sensors)
 
 
 def _larger_noise(noise: Noise, larger: Noise) -> str:

@@ -19,12 +19,17 @@ __all__ = ["all_over"]
 
 
 def all_over(
-    problem: Problem, fit: Fit, calibrated: Sequence[CalibratedParameter], kinds: Sequence[str], labels: np.ndarray
+    problem: Problem,
+    fit: Fit,
+    calibrated: Sequence[CalibratedParameter],
+    kinds: Sequence[str],
+    labels: np.ndarray,
+    alone: bool = True,
 ) -> list[Finding]:
     """Return a finding for each kind of parameter that is off all over, its places with the surest first.
 
-    One of which no place is sure, and without which blocks left out are foretold as well, is only the best of them.
-    labels (N,): samples that are held out together.
+    One of which no place is sure, and without which blocks left out are foretold as well, is only the best of them; and
+    none where it does nothing for these, unless it is `alone`. labels (N,): samples that are held out together.
     """
     found = []
     held = cross_validated(problem, fit, labels[fit.samples], strained=True) if kinds else 0.0
@@ -34,7 +39,8 @@ def all_over(
         if items:
             found.append(_finding(problem, fit, items, words, labels[fit.samples], held))
     told = [finding for finding, is_sure in found if is_sure or finding.heldout_gain > GAIN]
-    return told or [finding for finding, _ in sorted(found, key=lambda each: -each[0].heldout_gain)[:1]]
+    best = [finding for finding, _ in sorted(found, key=lambda each: -each[0].heldout_gain)[:1]]
+    return told or [finding for finding in best if alone or finding.heldout_gain > 0]
 
 
 def _finding(

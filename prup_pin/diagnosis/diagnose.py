@@ -171,28 +171,20 @@ def _under_weight(drawn: Drawn, tell: Tell) -> Account:
 def _under_loads(drawn: Drawn, tell: Tell) -> Account:
     """Return the account of a loaded robot: whatever is off all over, where few laws do not do.
 
-    One law is looked for, and more where what is off all over does not explain more than that one by far, or where
-    one more may be all that is missing.
+    Few laws that leave no more than the noise that was declared are the answer. Where they do not, or would do with a
+    larger noise, what is off all over is asked, and beside the first law, which may hide it.
     """
-    few = with_first_law(drawn.prepared(), tell)
-    begun = whole = None
-    asked = few.is_far_from_clean
-    if asked:
-        begun = _all_over(drawn, tell) or _all_over_beside(drawn, few.selection.last.terms, tell)
-        if begun is None:
-            return searched(few, tell)
-        many = begun.prepared.spread is not None and not begun.prepared.spread.of_few
-        if many and _explains_more(begun, few) and not few.lacks_one_law:
-            whole = searched(begun, tell)
-            if whole.is_clean:
-                return whole
-    few = searched(few, tell, FEW_FITS)
-    if not few.is_clean:
-        begun = begun if asked else _all_over(drawn, tell)
-        if begun is not None:
-            whole = whole or searched(begun, tell)
-            if _explains_more(whole, few):
-                return whole
+    begun = with_first_law(drawn.prepared(), tell)
+    few = searched(begun, tell, FEW_FITS)
+    if few.is_clean and few.problem.noise == begun.problem.noise:
+        return few
+    whole = _all_over(drawn, tell)
+    if whole is None and begun.is_far_from_clean:
+        whole = _all_over_beside(drawn, begun.selection.last.terms, tell)
+    if whole is not None:
+        whole = searched(whole, tell)
+        if _explains_more(whole, few):
+            return whole
     return few if few.selection.fits <= FEW_FITS else searched(few, tell)
 
 

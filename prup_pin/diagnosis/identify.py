@@ -40,6 +40,7 @@ from .criteria import (
     WIDER,
 )
 from .diagnosis import Detectable, Seen
+from .nuisance import without
 from .problem import Fit, Problem, Term
 from .search import Selection
 
@@ -52,11 +53,12 @@ __all__ = ["Bench", "Pair", "SimulatedTest", "information", "not_detectable", "s
 def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator[Detectable]:
     """Yield every law and place that stays below the threshold at a strong size, and what the data lack for others.
 
-    Its effect counts by what toleranced parameters cannot do in its place.
+    Its effect counts by what neither toleranced parameters nor those of the laws that were found can do in its place.
     """
     least = chi2_isf(FALSE_ALARM / len(selection.library), 1)
     present = {term.candidate.name for term in fit.terms}
     effects = [term.effect for term in fit.terms]
+    nuisance = problem.nuisance(fit, range(len(fit.terms)))
 
     def changed(candidate: Candidate, coordinates: Array) -> Array:
         return problem.change(fit, [*effects, candidate.effect(coordinates)]).ravel()
@@ -67,13 +69,18 @@ def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator
 
         def share(coordinates: Array, candidate: Candidate = candidate) -> float:
             """Return the chi squared of a law, as a share of what is seen."""
-            return float((problem.without_tolerances(fit, changed(candidate, coordinates)) ** 2).sum()) / least
+            return float((without(changed(candidate, coordinates), nuisance) ** 2).sum()) / least
 
         strong = _strong(candidate)
         seen = share(strong)
         if seen < 1:
-            shows = float((changed(candidate, strong) ** 2).sum()) >= least
-            yield _not_seen(candidate, strong, seen, share, shows)
+            change = changed(candidate, strong)
+            hidden = ""
+            if float((problem.without_tolerances(fit, change) ** 2).sum()) >= least:
+                hidden = "what was found could take its place"
+            elif float((change**2).sum()) >= least:
+                hidden = "these tolerances could hide it"
+            yield _not_seen(candidate, strong, seen, share, hidden)
     inputs = problem.simulator.inputs
     if inputs.temperature is None:
         yield from _without("temperature", "no temperature was recorded")
@@ -101,20 +108,18 @@ def _strong(candidate: Candidate) -> Array:
 
 
 def _not_seen(
-    candidate: Candidate, strong: Array, seen: float, share: Callable[[Array], float], shows: bool
+    candidate: Candidate, strong: Array, seen: float, share: Callable[[Array], float], hidden: str
 ) -> Detectable:
     """Return what is told of a law that stays hidden where it is strong, at a share `seen` of what is seen.
 
-    `shows`: it would be seen if nothing else were a little off.
+    hidden: by what it is hidden that would be seen if nothing else were off.
     """
     law, quantity = candidate.law, candidate.quantities[0]
     value = float(candidate.values_of(strong)[0])
     needed, reason = None, "these loads do not reach it"
     if seen > 0:
         needed = _smallest_seen(candidate, strong, seen, share)
-        small = "too small an effect on the measured pose under these loads"
-        if shows:
-            small = "these tolerances could hide it"
+        small = hidden or "too small an effect on the measured pose under these loads"
         reason = "not visible at any size" if needed is None else small
     below = law.magnified(value, 2.0) < value
     return Detectable(law.physics, str(candidate.place), quantity.name, needed, quantity.unit, reason, below)

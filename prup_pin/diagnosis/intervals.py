@@ -82,10 +82,11 @@ class Profile:
         moved = terms[self.index].coordinates.copy()
         moved[self.place] += move
         effects = [term.effect for term in terms]
-        effects[self.index] = Term(terms[self.index].candidate, moved).effect
+        there = Term(terms[self.index].candidate, moved)
+        effects[self.index] = there.effect
         change = self.problem.change(self.fit, effects)
-        there = without(without((self.target - change).ravel(), self.beside), self.free)
-        return float(np.nan_to_num(there @ there, nan=np.inf))
+        left = without(without((self.target - change).ravel(), self.beside), self.free)
+        return float(np.nan_to_num(left @ left + there.off @ there.off, nan=np.inf))
 
     def reach(self, sign: float, by_slope: float) -> float:
         """Return how far the coordinate can be moved to a side; by_slope: if its slope there were that at the fit."""

@@ -217,7 +217,9 @@ def locate(problem: Problem, fit: Fit) -> Located | None:
         return None
     chance = CHANCE_DEVIATIONS * np.sqrt(2 * len(fit.residual))
     least = found[0].gain - max((1 - ALIKE) * found[0].gain, chance)
-    alike = [item for item in found if item.gain >= least]
+    # what turns a bearing about its joint's axis is the drive that holds it there: the module of one motion comes first
+    single = {item.module for item in found if len(fit.influence.loads(item.module)[0]) == 1}
+    alike = sorted((item for item in found if item.gain >= least), key=lambda item: item.module not in single)
     total = float((fit.residual**2).sum())
     own: LocalCurve | None = None
     clearest: tuple[Variable, LocalCurve] | None = None

@@ -25,14 +25,17 @@ from .criteria import (
     GAIN,
     INDISTINCT,
     LEAD,
+    LITTLE,
     MOST,
     MOST_FITS,
     MOST_SIMULATED,
     MOST_TERMS,
     MUCH,
     NOTHING,
+    PARAMETER_COST,
     TRIED,
     UNSEEN,
+    WEIGHT_SHOWS,
     beyond_tolerance,
 )
 from .evidence import Rival, cost_of, cross_validated, is_clean, penalty, scale_of, threshold
@@ -429,10 +432,15 @@ def swapped(search: Search, fit: Fit, library: Sequence[Candidate]) -> tuple[Fit
 
 def rearranged(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
     """Return the fit with one law for two, several for one, or the robot's own weight, where that costs less."""
-    for proposed in (_merged, _split, _weight_added):
+    for proposed, worse in (
+        (_merged, -LEAD),
+        (_split, -LEAD),
+        (_weight_added, -LEAD),
+        (_weight_beside, PARAMETER_COST),
+    ):
         scale = scale_of(search.problem, fit)
         trials = (search.refine(terms, fit) for terms in proposed(search.problem, fit, library))
-        fit = next((trial for trial in trials if cost_of(trial, scale) < cost_of(fit, scale) - LEAD), fit)
+        fit = next((trial for trial in trials if cost_of(trial, scale) < cost_of(fit, scale) + worse), fit)
     return fit
 
 
@@ -483,6 +491,25 @@ def _weight_added(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> I
             own = candidate.term(candidate.starts()[0])
             yield [*others, own]
             yield [*fit.terms, own]
+
+
+def _weight_beside(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
+    """Yield terms with the robot's own weight beside laws that may have taken its place, where it would show.
+
+    It acts on every robot: a hose that pulls as weight does must not be told as if there were none. Where the laws
+    cannot take back most of what it does there is none, as in what a simulation made without it.
+    """
+    if not fit.terms or any("gravity" in term.candidate.law.needs for term in fit.terms):
+        return
+    nuisance = problem.nuisance(fit, range(len(fit.terms)))
+    for candidate in library:
+        if candidate.law.weighs:
+            own = candidate.term(candidate.starts()[0])
+            change = problem.change(fit, [term.effect for term in (*fit.terms, own)])
+            shows = float((change**2).sum())
+            left = without((problem.target(fit) - change).ravel(), nuisance)
+            if shows > WEIGHT_SHOWS and float(left @ left) < fit.chi2 + LITTLE * shows:
+                yield [*fit.terms, own]
 
 
 def _parallel(one: Rival, other: Rival) -> bool:

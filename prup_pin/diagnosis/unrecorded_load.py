@@ -1,4 +1,4 @@
-"""Does what is left lie where forces at the tool would move the robot? A load that nobody recorded is no gross error.
+"""Does what is left lie where forces at the tool, or one module, would move the robot? That is no sensor's error.
 
 What acts in some samples, with s as its standard deviation along each axis, leaves there whitened residuals of the
 covariance
@@ -6,7 +6,8 @@ covariance
     s^2 G G^T + v 1,    G = W C_f  for forces,    G = W J_m^T  for what a module gives way by, whatever the reason,
 
 with C_f and J_m^T what is measured per force on the tool and per deformation of the module, and W the weights. Errors
-of a sensor leave a variance of their own in each channel that is off. What is likeliest is told.
+of a sensor leave a variance of their own in each channel that is off. What is likeliest is told. A sensor's noise has
+all directions; what lies in one module's alone has been left out there, though it follow nothing that was recorded.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from ..spatial import Array
 from .criteria import INDISTINCT, WIDEST_LOGARITHM
 from .influence import Influence
 
-__all__ = ["reaches", "unrecorded_force"]
+__all__ = ["minus_2_log_likelihood", "reaches", "scatters_in_a_module", "unrecorded_force"]
 
 
 def unrecorded_force(
@@ -36,6 +37,29 @@ def unrecorded_force(
         return 0.0
     others = [_of_sensor(rest, seen, off), *(_likeliest(rest, other, seen)[1] for other in by_strains)]
     return float(np.sqrt(3) * force) if min(others) - cost > INDISTINCT else 0.0
+
+
+def scatters_in_a_module(
+    rest: Array, by_strains: Iterable[Array], by_wrench: Array, seen: np.ndarray, of_sensors: float
+) -> bool:
+    """Return True where a module that gives way otherwise in each sample leaves residuals likelier than sensors do.
+
+    rest (n, K), whitened by a noise that is too small; by_strains (n, K, k) each: its change per motion of a module;
+    by_wrench (n, K, 6): per deviation of the wrench sensor's components; seen (n, K): all else is zero. of_sensors:
+    minus twice the log likelihood, as `minus_2_log_likelihood` says, of the noise that pose sensors would have. A
+    wrench sensor that is worse than was declared is a sensor too.
+    """
+    sensors = min(of_sensors, _likeliest(rest, by_wrench, seen)[1])
+    return any(_likeliest(rest, motion, seen)[1] < sensors - INDISTINCT for motion in by_strains)
+
+
+def minus_2_log_likelihood(white: Array, whiteners: Array, before: Array, seen: np.ndarray) -> float:
+    """Return minus twice the log likelihood of residuals white (n, K) where `seen`, less a constant.
+
+    whiteners, before (n, K, K), triangular: of the noise that is asked, and those in whose units likelihoods count.
+    """
+    sizes = np.einsum("nkk->nk", whiteners)[seen] / np.einsum("nkk->nk", before)[seen]
+    return float((white[seen] ** 2).sum() - 2 * np.log(sizes).sum())
 
 
 def reaches(influence: Influence) -> list[Array]:

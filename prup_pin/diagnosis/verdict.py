@@ -72,7 +72,10 @@ def verdict_of(
     turned = zip(prepared.placed.turned, prepared.placed.turned_deviations, strict=True)
     findings += [target_turned(*each, first, before, robot, calibrated) for each in turned]
     findings += laws
-    beyond = [item for item in calibrated if item.is_beyond(len(calibrated))]
+    # a kind that is off all over has no tolerance but the one that these data gave it, and is told as a whole
+    beyond = [
+        item for item in calibrated if item.is_beyond(len(calibrated)) and item.deviation.kind not in prepared.kinds
+    ]
     if beyond and (final.unknown is not None or not is_clean(problem, fit)):
         # what no law explains drives them: they are no findings of their own
         remarks.append(_driven_beyond([item.name for item in beyond]))
@@ -86,7 +89,7 @@ def verdict_of(
     told = {*SENSORS["pose_sensor"]} if prepared.placed.found else set()
     told |= {"target_rotation"} if prepared.placed.turned else set()
     kinds = [kind for kind in prepared.kinds if kind not in told]
-    findings += all_over(problem, fit, calibrated, kinds, blocks)
+    findings += all_over(problem, fit, calibrated, kinds, blocks, not findings)
     findings += [final.unknown] if final.unknown is not None else []
     found = [*(finding.effect for finding in findings if finding.effect is not None), *final.stand_ins]
     changed = [effect for effect in found if effect.law.instead_of is not None]

@@ -48,3 +48,6 @@ def test_a_kind_that_foretells_nothing_and_has_no_sure_place_is_no_finding(found
     fit = SimpleNamespace(samples=np.arange(4))
     answered = everywhere.all_over(None, fit, items, list(kinds), np.arange(4))
     assert {each.physics for each in answered} == set(told)
+    # beside what is told already, the best of those that foretell nothing is no finding
+    beside = everywhere.all_over(None, fit, items, list(kinds), np.arange(4), alone=False)
+    assert {each.physics for each in beside} == {each for each in told if max(found[each]) > 0}

@@ -12,6 +12,7 @@ from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.locate import approached
 from prup_pin.recordings import Noise, Recording
 from prup_pin.simulation import effect_named, simulate
+from prup_pin.spatial import rotation_exp, rotation_log
 from prup_pin.views.text.diagnosis_words import cost_text, diagnosis_text
 
 JOINT = "elbow_joint"
@@ -76,3 +77,42 @@ def test_where_something_came_from():
     # runs may take turns
     mixed = np.array([0, 4, 1, 5, 2, 6])
     assert approached(values[mixed], runs[mixed]).tolist() == [0, 0, 1, -1, 1, -1]
+
+
+# -- what no column tells: where a joint stands by what was before -----------------------------------------------------
+
+
+def cycles(scatter, off=0.0):
+    """An arm in eight postures under cycles of loads, and a sensor that scatters so many times as widely as declared.
+
+    off: by how much the elbow stands elsewhere, on either side by chance [rad].
+    """
+    robot = prup_pin.load("ur5", joint_stiffness=2e4)
+    rng, names = np.random.default_rng(5), robot.mechanism.actuated
+    middle = np.array([0.0, -1.2, 1.2, 0.0, 1.0, 0.0])
+    turns = np.repeat(middle + rng.uniform(-1, 1, (8, 6)), 9, axis=0)
+    loads = np.repeat(rng.normal(size=(8, 6)) * np.repeat([60.0, 6.0], 3), 9, axis=0)
+    q = dict(zip(names, turns.T, strict=True))
+    load = loads * np.tile([0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0], 8)[:, None]
+    recording = Recording(np.arange(72.0), positions=q, wrench=load, noise=Noise(position=1e-5, rotation=3e-5))
+    weight = effect_named("self_weight", "robot", "", {"scale": 1.0}, robot.mechanism)
+    stood = {**q, JOINT: q[JOINT] + off * rng.choice([-1.0, 1.0], 72)}
+    seen = simulate(robot, replace(recording, positions=stood), [weight])
+    position = seen.position + scatter * rng.normal(0, 1e-5, (72, 3))
+    rotation = rotation_log(rotation_exp(scatter * rng.normal(0, 3e-5, (72, 3))) @ rotation_exp(seen.rotation))
+    return robot, replace(recording, position=position, rotation=rotation)
+
+
+def test_what_scatters_in_one_joint_alone_is_no_noise_of_a_sensor():
+    diagnosis = diagnose(*cycles(1.0, off=1e-4))
+    assert diagnosis.verdict == "unexplained"
+    assert diagnosis.noise.position == 1e-5
+    (unknown,) = [finding for finding in diagnosis.findings if finding.physics == "unknown"]
+    assert unknown.location == JOINT
+
+
+def test_a_sensor_that_scatters_more_than_it_says_in_all_directions_does():
+    diagnosis = diagnose(*cycles(3.0))
+    assert diagnosis.verdict == "explained"  # by weight
+    assert diagnosis.noise.position == pytest.approx(3e-5, rel=0.15)
+    assert any("larger than declared" in remark for remark in diagnosis.remarks)

@@ -141,32 +141,30 @@ def test_what_is_off_all_over_takes_the_place_of_few_laws(again, few, more):
 
 
 @pytest.mark.parametrize(
-    ("one_law", "far", "one_more", "of_few", "searches"),
+    ("few_laws", "larger_noise", "searches"),
     [
-        (900.0, True, False, {}, ["all over"]),  # no law comes near what is off all over
-        (900.0, True, False, {"position": 1e-3}, ["few laws", "all over"]),  # nor one alone, but several may
-        (900.0, True, True, {}, ["few laws", "all over"]),  # one more may be all that is missing
-        (40.0, True, False, {}, ["few laws", "all over"]),
-        (900.0, False, False, {}, ["few laws", "all over"]),  # noise is much of what is left
+        ((30.0, True), False, ["few laws"]),  # two single faults are not everything at once
+        ((30.0, True), True, ["few laws", "all over"]),  # what they leave was taken for noise
+        ((900.0, False), False, ["few laws", "all over"]),
     ],
 )
-def test_laws_are_not_looked_for_long_where_none_comes_near_what_is_off_all_over(
-    one_law, far, one_more, of_few, searches, monkeypatch
-):
-    def account(called, told, **more):
-        return SimpleNamespace(called=called, noise=None, size=30, is_clean=told[1], by_noise=lambda _: told, **more)
+def test_few_laws_that_leave_the_declared_noise_are_the_answer(few_laws, larger_noise, searches, monkeypatch):
+    def account(called, told, noise, **more):
+        problem = SimpleNamespace(noise=noise)
+        return SimpleNamespace(
+            called=called, problem=problem, noise=noise, size=30, is_clean=told[1], by_noise=lambda _: told, **more
+        )
 
     asked_for = []
 
     def search(begun, tell, most=60):
         asked_for.append(begun.called)
-        told = (one_law, False) if begun.called == "few laws" else (1.0, True)
-        return account(begun.called, told, selection=SimpleNamespace(fits=1))
+        few = begun.called == "few laws"
+        told, noise = (few_laws, 2.0 if larger_noise else 1.0) if few else ((1.0, True), 1.0)
+        return account(begun.called, told, noise, selection=SimpleNamespace(fits=1))
 
-    other = SimpleNamespace(spread=SimpleNamespace(of_few=of_few))
-    monkeypatch.setattr(whole, "_all_over", lambda *_: account("all over", (30.0, False), prepared=other))
-    first = account("few laws", (one_law, False), is_far_from_clean=far, lacks_one_law=one_more)
-    monkeypatch.setattr(whole, "with_first_law", lambda *_: first)
+    monkeypatch.setattr(whole, "_all_over", lambda *_: account("all over", (30.0, False), 1.0))
+    monkeypatch.setattr(whole, "with_first_law", lambda *_: account("few laws", (900.0, False), 1.0))
     monkeypatch.setattr(whole, "searched", search)
     chosen = whole._under_loads(SimpleNamespace(prepared=lambda: None), lambda *_: None)
     assert asked_for == searches

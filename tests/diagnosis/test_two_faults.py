@@ -1,0 +1,75 @@
+"""Several single faults of a hexapod whose file is taken at its word: each by its name, and weight is not forgotten."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.diagnosis import diagnose
+from prup_pin.recordings import Noise, Recording
+from prup_pin.simulation import effect_named, simulate
+from prup_pin.spatial import rotation_exp, rotation_log
+
+FACTORS = [0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0]
+
+
+@pytest.fixture(scope="module")
+def hexapod(tmp_path_factory):
+    path = tmp_path_factory.mktemp("hexapod") / "hexapod.urdf"
+    prup_pin.build.stewart(
+        base_radius=0.5, platform_radius=0.25, height=0.7, drive_stiffness=2e7, platform_mass=40
+    ).save(path)
+    return prup_pin.load(path)
+
+
+def bench_of(robot, *effects):
+    """What a tracker sees of a robot in six poses under cycles of loads while it weighs and effects (…) act."""
+    rng, actuated = np.random.default_rng(11), robot.mechanism.actuated
+    place = np.array([0.0, 0.0, 0.72]) + rng.uniform(-0.05, 0.05, (6, 3))
+    turn = rng.uniform(-0.1, 0.1, (6, 3))
+    names = ("x", "y", "z", "rx", "ry", "rz")
+    poses = [robot.pose(**dict(zip(names, row, strict=True))) for row in np.hstack((place, turn)).tolist()]
+    q = {name: np.repeat([pose.joints[name] for pose in poses], 9) for name in actuated}
+    loads = np.repeat(rng.normal(size=(6, 6)) * np.repeat([400.0, 40.0], 3), 9, axis=0)
+    wrench = loads * np.tile(FACTORS, 6)[:, None]
+    recording = Recording(np.arange(54.0), positions=q, wrench=wrench, noise=Noise(position=2e-6, rotation=8e-6))
+    weight = ("self_weight", "robot", "", {"scale": 1.0})
+    seen = simulate(robot, recording, [effect_named(*each, robot.mechanism) for each in (weight, *effects)])
+    position = seen.position + rng.normal(0, 2e-6, (54, 3))
+    rotation = rotation_log(rotation_exp(rng.normal(0, 8e-6, (54, 3))) @ rotation_exp(seen.rotation))
+    return replace(recording, position=position, rotation=rotation)
+
+
+def test_weight_is_told_beside_a_hose_that_could_take_its_place(hexapod):
+    hose = {"stiffness": 4000.0, "x": 0.4, "y": 0.2, "z": 0.5}
+    found = diagnose(hexapod, bench_of(hexapod, ("external_spring", "environment", "", hose)))
+    told = {finding.physics: finding for finding in found.findings}
+    assert {"external_spring", "self_weight"} <= set(told)
+    for name, value in hose.items():
+        low, high = told["external_spring"].parameters[name].interval
+        assert low - 0.2 * (high - low) <= value <= high + 0.2 * (high - low), name
+    # what is known of masses beforehand is counted, though a hose tells nothing of them
+    low, high = told["self_weight"].parameters["scale"].interval
+    assert 0.9 < low < 1.0 < high < 1.1
+
+
+def test_two_single_faults_are_told_by_their_names(hexapod):
+    legs = list(hexapod.mechanism.actuated)
+    drives = [module.name for module in hexapod.mechanism.modules if "drive" in module.name]
+    faults = (
+        ("encoder_offset", legs[0], "", {"offset": 1e-4}),
+        ("stiffness_changed", drives[2], "", {"factor": 0.5}),
+    )
+    found = diagnose(hexapod, bench_of(hexapod, *faults))
+    assert found.verdict == "explained"
+    told = {(finding.physics, finding.location): finding for finding in found.findings}
+    assert {(physics, place) for physics, place, *_ in faults} <= set(told)
+    for physics, place, _, values in faults:
+        for name, value in values.items():
+            low, high = told[physics, place].parameters[name].interval
+            assert low - 0.5 * (high - low) < value < high + 0.5 * (high - low)
+            assert high - low < 0.1 * abs(value)
+    assert not any("everything is off at once" in remark for remark in found.remarks)
