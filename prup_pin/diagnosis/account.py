@@ -29,7 +29,7 @@ from .locate import yieldings
 from .noise import could_show_structure, noise_of_the_rest
 from .prepare import Prepared, Tell
 from .problem import Fit, Problem
-from .search import Selection, dropped_by_folds, select, with_one_law
+from .search import Selection, dropped_by_folds, screen, select, with_one_law
 from .unrecorded_load import minus_2_log_likelihood, reaches, scatters_in_a_module, unrecorded_force
 
 __all__ = ["Account", "beside_laws", "searched", "with_first_law", "without_laws"]
@@ -67,6 +67,12 @@ class Account:
     def is_far_from_clean(self) -> bool:
         """True where more is left than noise by so much that noise would be a small part of it."""
         return LITTLE * self.selection.last.chi2 > self.size
+
+    @property
+    def lacks_few_laws(self) -> bool:
+        """True where one law more, to first order, leaves so little that few may do."""
+        others = screen(self.problem, self.selection.last, self.prepared.library)
+        return bool(others) and LITTLE * others[0].chi2 <= self.size
 
     @property
     def noise(self) -> Noise:

@@ -172,15 +172,21 @@ def _under_loads(drawn: Drawn, tell: Tell) -> Account:
     """Return the account of a loaded robot: whatever is off all over, where few laws do not do.
 
     Few laws that leave no more than the noise that was declared are the answer. Where they do not, or would do with a
-    larger noise, what is off all over is asked, and beside the first law, which may hide it.
+    larger noise, what is off all over is asked, and beside the first law, which may hide it; before them where that
+    explains more, and one law more leaves far more than noise.
     """
     begun = with_first_law(drawn.prepared(), tell)
+    whole, asked = None, begun.is_far_from_clean
+    if asked:
+        whole = _all_over(drawn, tell) or _all_over_beside(drawn, begun.selection.last.terms, tell)
+        if whole is not None and _explains_more(whole, begun) and not begun.lacks_few_laws:
+            found = searched(whole, tell)
+            if found.is_clean:
+                return found
     few = searched(begun, tell, FEW_FITS)
     if few.is_clean and few.problem.noise == begun.problem.noise:
         return few
-    whole = _all_over(drawn, tell)
-    if whole is None and begun.is_far_from_clean:
-        whole = _all_over_beside(drawn, begun.selection.last.terms, tell)
+    whole = whole if asked else _all_over(drawn, tell)
     if whole is not None:
         whole = searched(whole, tell)
         if _explains_more(whole, few):
