@@ -179,7 +179,8 @@ def _under_loads(drawn: Drawn, tell: Tell) -> Account:
     whole, asked = None, begun.is_far_from_clean
     if asked:
         whole = _all_over(drawn, tell) or _all_over_beside(drawn, begun.selection.last.terms, tell)
-        if whole is not None and _explains_more(whole, begun) and not begun.lacks_few_laws:
+        many = whole is not None and whole.prepared.spread is not None and not whole.prepared.spread.of_few
+        if whole is not None and many and _explains_more(whole, begun) and not begun.lacks_few_laws:
             found = searched(whole, tell)
             if found.is_clean:
                 return found

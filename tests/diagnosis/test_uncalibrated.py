@@ -140,15 +140,22 @@ def test_what_is_off_all_over_takes_the_place_of_few_laws(again, few, more):
     assert whole._explains_more(searched(again), searched(few)) is more
 
 
+NEAR = {"far": True, "one_more": True, "of_few": {}}
+FAR = {"far": True, "one_more": False, "of_few": {}}
+
+
 @pytest.mark.parametrize(
-    ("few_laws", "larger_noise", "searches"),
+    ("few_laws", "larger_noise", "one_law", "searches"),
     [
-        ((30.0, True), False, ["few laws"]),  # two single faults are not everything at once
-        ((30.0, True), True, ["few laws", "all over"]),  # what they leave was taken for noise
-        ((900.0, False), False, ["few laws", "all over"]),
+        ((30.0, True), False, NEAR, ["few laws"]),  # two single faults are not everything at once
+        ((30.0, True), True, NEAR, ["few laws", "all over"]),  # what they leave was taken for noise
+        ((900.0, False), False, NEAR, ["few laws", "all over"]),
+        ((900.0, False), False, FAR, ["all over"]),  # no law comes near what is off all over
+        ((900.0, False), False, {**FAR, "of_few": {"position": 1e-3}}, ["few laws", "all over"]),  # several may
+        ((900.0, False), False, {**FAR, "far": False}, ["few laws", "all over"]),  # noise is much of what is left
     ],
 )
-def test_few_laws_that_leave_the_declared_noise_are_the_answer(few_laws, larger_noise, searches, monkeypatch):
+def test_few_laws_that_leave_the_declared_noise_are_the_answer(few_laws, larger_noise, one_law, searches, monkeypatch):
     def account(called, told, noise, **more):
         problem = SimpleNamespace(noise=noise)
         return SimpleNamespace(
@@ -163,8 +170,12 @@ def test_few_laws_that_leave_the_declared_noise_are_the_answer(few_laws, larger_
         told, noise = (few_laws, 2.0 if larger_noise else 1.0) if few else ((1.0, True), 1.0)
         return account(begun.called, told, noise, selection=SimpleNamespace(fits=1))
 
-    monkeypatch.setattr(whole, "_all_over", lambda *_: account("all over", (30.0, False), 1.0))
-    monkeypatch.setattr(whole, "with_first_law", lambda *_: account("few laws", (900.0, False), 1.0))
+    other = SimpleNamespace(spread=SimpleNamespace(of_few=one_law["of_few"]))
+    monkeypatch.setattr(whole, "_all_over", lambda *_: account("all over", (30.0, False), 1.0, prepared=other))
+    first = account(
+        "few laws", (900.0, False), 1.0, is_far_from_clean=one_law["far"], lacks_few_laws=one_law["one_more"]
+    )
+    monkeypatch.setattr(whole, "with_first_law", lambda *_: first)
     monkeypatch.setattr(whole, "searched", search)
     chosen = whole._under_loads(SimpleNamespace(prepared=lambda: None), lambda *_: None)
     assert asked_for == searches
