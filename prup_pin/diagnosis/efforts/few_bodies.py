@@ -11,7 +11,7 @@ import numpy as np
 
 from ...laws.efforts import Body
 from ...spatial import Array
-from ..criteria import GAIN, SURE
+from ..criteria import GAIN
 from .evidence import CrossValidation, held_out, relative_gain
 from .problem import EffortCandidate, EffortModel
 from .search import is_plausible
@@ -23,8 +23,8 @@ class FewBodies(NamedTuple):
     """Some bodies in the place of all links, `model` with them.
 
     left: the held-out squares with them; share: of what all links take away of these, that they do; times: by how much
-    the residual is larger (RMS); do: whether it is not surely larger, or by a trace. Of what a wrong body leaves,
-    nearly all may be a small share of what it takes away.
+    the residual is larger (RMS); do: whether it is larger by a trace at most: where blocks are few, none is surely
+    worse. Of what a wrong body leaves, nearly all may be a small share of what it takes away.
     """
 
     terms: tuple[EffortCandidate, ...]
@@ -97,9 +97,8 @@ class _InPlaceOf:
 
     def few(self, bodies: tuple[EffortCandidate, ...], left: Array) -> FewBodies:
         """Return bodies beside which so much is left, by block (B,)."""
-        more, sure = relative_gain(left, self._with)
+        more, _ = relative_gain(left, self._with)
         tiny = np.finfo(float).tiny
         share = float((self._without - left).sum()) / max(float((self._without - self._with).sum()), tiny)
         times = float(np.sqrt(left.sum() / max(self._with.sum(), tiny)))
-        do = not (sure > SURE and more > GAIN)
-        return FewBodies(bodies, self.rest.with_term(*bodies), float(left.sum()), share, times, do)
+        return FewBodies(bodies, self.rest.with_term(*bodies), float(left.sum()), share, times, do=more <= GAIN)
