@@ -58,15 +58,20 @@ Drawn at home, where all joints are at zero and all links have the base's axes.
             file.joint("leg1_hinge", "revolute", "leg1_rod", "platform", seat - elbow)
         else:
             file.frame(f"leg{leg}_seat", "platform", seat - seats[0])
-    file.comment("the platform's centre")
-    file.frame("tool", "platform", -seats[0])
-    file.tool("tool", "platform", [f"leg{leg}_motor" for leg in (1, 2, 3)], {"x": "x", "y": "y", "phi": "rz"})
-    file.comment("legs 2 and 3 end in hinges at the platform that leg 1 carries", "extension")
-    for leg in (2, 3):
-        file.loop(f"leg{leg}", f"leg{leg}_seat", f"leg{leg}_rod_end", "rz")
+    closed_on_leg_1(file, seats[0], "motor")
     for leg in (1, 2, 3):
         _modules(file, f"leg{leg}", motor_stiffness, arm_diameter, rod_diameter, youngs_modulus)
     return file.robot()
+
+
+def closed_on_leg_1(file: UrdfFile, seat: Array, driven: str) -> None:
+    """Write the tool and the loops of a platform that leg 1 carries at its seat (3,), whose legs drive a joint each."""
+    file.comment("the platform's centre")
+    file.frame("tool", "platform", -seat)
+    file.tool("tool", "platform", [f"leg{leg}_{driven}" for leg in (1, 2, 3)], {"x": "x", "y": "y", "phi": "rz"})
+    file.comment("legs 2 and 3 end in hinges at the platform that leg 1 carries", "extension")
+    for leg in (2, 3):
+        file.loop(f"leg{leg}", f"leg{leg}_seat", f"leg{leg}_rod_end", "rz")
 
 
 def five_bar(

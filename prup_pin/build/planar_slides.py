@@ -7,6 +7,7 @@ import numpy as np
 from ..errors import InputError
 from ..robot import Robot
 from ..spatial import Array
+from .planar import closed_on_leg_1
 from .urdf_file import STEEL_DENSITY, STEEL_MODULUS, UrdfFile, bar_mass, disc, in_metres, positive, round_bar, thinner
 
 __all__ = ["three_prr"]
@@ -79,12 +80,7 @@ Drawn at home, where all joints are at zero and all links have the base's axes.
         else:
             file.frame(f"leg{leg}_seat", "platform", seat - seats[0])
         seats.append(seat)
-    file.comment("the platform's centre")
-    file.frame("tool", "platform", -seats[0])
-    file.tool("tool", "platform", [f"leg{leg}_slide" for leg in (1, 2, 3)], {"x": "x", "y": "y", "phi": "rz"})
-    file.comment("legs 2 and 3 end in hinges at the platform that leg 1 carries", "extension")
-    for leg in (2, 3):
-        file.loop(f"leg{leg}", f"leg{leg}_seat", f"leg{leg}_rod_end", "rz")
+    closed_on_leg_1(file, seats[0], "slide")
     for leg in (1, 2, 3):
         file.spring(f"leg{leg}/drive", f"leg{leg}_slide", drive_stiffness, "N/m")
         file.bar(f"leg{leg}/rod", f"leg{leg}_hinge", f"leg{leg}_carriage", f"leg{leg}_rod_end", rod_diameter,

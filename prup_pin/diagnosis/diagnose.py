@@ -176,20 +176,21 @@ def _under_loads(drawn: Drawn, tell: Tell) -> Account:
     explains more, and one law more leaves far more than noise.
     """
     begun = with_first_law(drawn.prepared(), tell)
-    whole, asked = None, begun.is_far_from_clean
+    over = whole = None
+    asked = begun.is_far_from_clean
     if asked:
-        whole = _all_over(drawn, tell) or _all_over_beside(drawn, begun.selection.last.terms, tell)
-        many = whole is not None and whole.prepared.spread is not None and not whole.prepared.spread.of_few
-        if whole is not None and many and _explains_more(whole, begun) and not begun.lacks_few_laws:
-            found = searched(whole, tell)
-            if found.is_clean:
-                return found
+        over = _all_over(drawn, tell) or _all_over_beside(drawn, begun.selection.last.terms, tell)
+        many = over is not None and over.prepared.spread is not None and not over.prepared.spread.of_few
+        if over is not None and many and _explains_more(over, begun) and not begun.lacks_few_laws:
+            whole = searched(over, tell)
+            if whole.is_clean:
+                return whole
     few = searched(begun, tell, FEW_FITS)
     if few.is_clean and few.problem.noise == begun.problem.noise:
         return few
-    whole = whole if asked else _all_over(drawn, tell)
-    if whole is not None:
-        whole = searched(whole, tell)
+    over = over if asked else _all_over(drawn, tell)
+    if over is not None:
+        whole = whole or searched(over, tell)
         if _explains_more(whole, few):
             return whole
     return few if few.selection.fits <= FEW_FITS else searched(few, tell)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -64,15 +64,8 @@ def sensor_displaced(
 
     deviation (6,) of its parameters; what was calibrated of them since is part of it.
     """
-    law = effect.law
-    group = law.group.label if law.group else ""
-    own = {
-        item.name.partition(" in ")[0]: item
-        for item in calibrated
-        if item.deviation.kind in SENSORS["pose_sensor"]
-        and (item.deviation.group.label if item.deviation.group else "") == group
-    }
-    values, names = dict(effect.values), [quantity.name for quantity in law.quantities]
+    own = _calibrated_of(effect, SENSORS["pose_sensor"], calibrated)
+    values, names = dict(effect.values), [quantity.name for quantity in effect.law.quantities]
     if len(own) == len(names):
         report = Moved(np.eye(4), np.eye(4))
         for axis, unit in zip(("x", "y", "z", "rx", "ry", "rz"), np.eye(6), strict=True):  # in the order of their acts
@@ -84,21 +77,8 @@ def sensor_displaced(
         values = dict(zip(names, map(float, (*rotation_log(turn)[0], *at[0])), strict=True))
         sizes = np.array([own[f"pose_sensor.{axis}"].sd for axis in ("rx", "ry", "rz", "x", "y", "z")]).reshape(2, 3)
         deviation = np.sqrt(sizes**2 @ (whole**2).T).ravel()
-    units = {quantity.name: quantity.unit for quantity in law.quantities}
-    parameters = {
-        name: FittedParameter.about(value, units[name], WITHIN_95 * size)
-        for (name, value), size in zip(values.items(), deviation.tolist(), strict=True)
-    }
-    return Finding(
-        physics=effect.law.physics,
-        location=effect.place.name,
-        candidates=(effect.place.name,),
-        parameters=parameters,
-        heldout_gain=float(1 - (first.residual**2).sum() / max(float((before**2).sum()), 1e-300)),
-        statement=f"{effect.law.statement(effect.place, values, robot.mechanism)}; where it just stands there, declare "
-        "it (tolerances frame_position and frame_rotation)",
-        effect=effect,
-    )
+    declare = "where it just stands there, declare it (tolerances frame_position and frame_rotation)"
+    return _seen_before(effect, values, deviation, first, before, robot, declare)
 
 
 def target_turned(
@@ -113,14 +93,9 @@ def target_turned(
 
     deviation (3,) of its rotation vector; what was calibrated of it since is part of it.
     """
-    group = effect.law.group.label if effect.law.group else ""
-    own = {
-        item.name.partition(" in ")[0].rpartition(".")[2]: item
-        for item in calibrated
-        if item.deviation.kind == "target_rotation"
-        and item.name.partition(" in ")[0].rpartition(".")[0] == (effect.place.aspect.partition(" in ")[0] or "target")
-        and (item.deviation.group.label if item.deviation.group else "") == group
-    }
+    target = effect.place.aspect.partition(" in ")[0] or "target"
+    found = _calibrated_of(effect, ("target_rotation",), calibrated)
+    own = {name.rpartition(".")[2]: item for name, item in found.items() if name.rpartition(".")[0] == target}
     names = ("rx", "ry", "rz")
     turn = rotation_exp(np.array([effect.values[name] for name in names]))
     vector = rotation_log(turn[None])[0]
@@ -132,17 +107,48 @@ def target_turned(
         by = (rotation_log(rotation_exp(small * np.eye(3)) @ turn) - vector).T / small
         deviation = np.sqrt(by**2 @ np.array([own[name].sd for name in names]) ** 2)
     values = dict(zip(names, map(float, vector), strict=True))
+    declare = "where it is just mounted so, declare it (tolerance target_rotation)"
+    others = effect.law.same_places(effect.place, robot.mechanism)
+    return _seen_before(effect, values, deviation, first, before, robot, declare, others)
+
+
+def _calibrated_of(
+    effect: Effect, kinds: Collection[str], calibrated: Sequence[CalibratedParameter]
+) -> dict[str, CalibratedParameter]:
+    """Return what was calibrated of some kinds in the recordings in which a sensor's effect acts, by short name."""
+    group = effect.law.group.label if effect.law.group else ""
+    return {
+        item.name.partition(" in ")[0]: item
+        for item in calibrated
+        if item.deviation.kind in kinds and (item.deviation.group.label if item.deviation.group else "") == group
+    }
+
+
+def _seen_before(
+    effect: Effect,
+    values: Mapping[str, float],
+    deviation: Array,
+    first: Fit,
+    before: Array,
+    robot: Robot,
+    declare: str,
+    others: Sequence[str] = (),
+) -> Finding:
+    """Return the finding of what was told in closed form: values with their standard deviations (p,), in this order.
+
+    declare: what to declare where it is no fault; others: places that cannot be told from its own.
+    """
+    units = {quantity.name: quantity.unit for quantity in effect.law.quantities}
     return Finding(
         physics=effect.law.physics,
         location=effect.place.name,
-        candidates=(effect.place.name, *effect.law.same_places(effect.place, robot.mechanism)),
+        candidates=(effect.place.name, *others),
         parameters={
-            name: FittedParameter.about(value, "rad", WITHIN_95 * size)
+            name: FittedParameter.about(value, units[name], WITHIN_95 * size)
             for (name, value), size in zip(values.items(), deviation.tolist(), strict=True)
         },
         heldout_gain=float(1 - (first.residual**2).sum() / max(float((before**2).sum()), 1e-300)),
-        statement=f"{effect.law.statement(effect.place, {**effect.values, **values}, robot.mechanism)}; where it is "
-        "just mounted so, declare it (tolerance target_rotation)",
+        statement=f"{effect.law.statement(effect.place, {**effect.values, **values}, robot.mechanism)}; {declare}",
         effect=effect,
     )
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..channels import Noise, Stack, Stations
+from ..kernel import NEGLIGIBLE
 from ..laws import Effect
 from ..laws.yielding import ACROSS, OWN, UNEVEN, way_told
 from ..numbers import counted, number, quantity
@@ -61,10 +62,6 @@ from .variance_components import (
 )
 
 __all__ = ["Spread", "spread_of"]
-
-
-#: Combinations of parameters that do less than this share of the strongest one do nothing of their own.
-_APART = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -451,7 +448,7 @@ class _Seen:
         if here is None:
             return np.inf
         columns, _ = self.about(here)
-        return float(np.linalg.matrix_rank(columns.reshape(-1, columns.shape[2]), rtol=_APART))
+        return float(np.linalg.matrix_rank(columns.reshape(-1, columns.shape[2]), rtol=NEGLIGIBLE))
 
     def settled(self, x: Array, exists: np.ndarray, robust: bool) -> _Settled | None:
         """Return the fit after Gauss-Newton steps from x (p,), each shortened until less is left.

@@ -253,6 +253,9 @@ def check_interval(bench, law, place):
         rise = profile.left(term.coordinates[place_of] - fit.terms[0].coordinates[place_of]) - profile.least
         off = WITHIN_95 * np.sqrt(max(rise, 0.0) / profile.enough)
         low, high = own.interval
-        inside = low * (1 - 1e-9) <= own.value <= high * (1 + 1e-9) if low >= 0 else low <= own.value <= high
-        require(inside, f"{name} is {own.value:g}, and not in its interval {low:g} to {high:g}.")
+        inside = np.clip(own.value, low, high)
+        require(
+            np.isclose(own.value, inside, rtol=1e-9, atol=0),
+            f"{name} is {own.value:g}, and not in its interval {low:g} to {high:g}.",
+        )
         require(off < _SURE, f"{name} is {off:.1f} standard deviations off: {own.value:g} ({low:g} to {high:g}).")

@@ -9,12 +9,10 @@ from prup_pin.diagnosis.efforts.prepare import PreparedEfforts
 from prup_pin.diagnosis.efforts.unexplained import load_change
 from prup_pin.laws.efforts import Body
 
-from .test_few_bodies import at  # noqa: F401
-
 MOMENT = 7.0
 
 
-def left_by(at, mass, drift=0.0):  # noqa: F811
+def left_by(at, mass, drift=0.0):
     """Return what `load_change` reads of a final state that explains nothing; mass (N,): held, 8 cm before the tool."""
     tool = at.mechanism.need_tool()
     still = at.measuring(np.zeros_like(at.rigid))
@@ -37,7 +35,7 @@ def left_by(at, mass, drift=0.0):  # noqa: F811
 
 
 @pytest.mark.parametrize("mass", [2.0, -0.8])
-def test_a_load_that_is_taken_up_or_put_down_is_told_with_its_moment(at, mass):  # noqa: F811
+def test_a_load_that_is_taken_up_or_put_down_is_told_with_its_moment(at, mass):
     found = load_change(left_by(at, np.where(at.motion.time < MOMENT, 0.0, mass)))
     assert found.time == pytest.approx(MOMENT, abs=0.1)
     assert found.mass == pytest.approx(mass, rel=0.05)
@@ -45,6 +43,6 @@ def test_a_load_that_is_taken_up_or_put_down_is_told_with_its_moment(at, mass): 
     assert found.share > 0.95
 
 
-def test_a_load_that_stays_and_a_drift_are_no_change_of_load(at):  # noqa: F811
+def test_a_load_that_stays_and_a_drift_are_no_change_of_load(at):
     assert load_change(left_by(at, np.full(len(at), 2.0))) is None
     assert load_change(left_by(at, np.zeros(len(at)), drift=0.5)) is None

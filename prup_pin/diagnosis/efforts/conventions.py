@@ -84,7 +84,7 @@ def conventions_of_efforts(mechanism: Mechanism, recording: Recording) -> Eviden
     except PrupPinError:
         return _by_clock(mechanism, recording).told()
     plain = _by_clock(mechanism, recording)
-    if _rate(recording) is None and not other.unlike < plain.unlike:
+    if _rate(recording) is None and not other.unlike() < plain.unlike():
         return plain.told()
     told = other.told()
     if told is None:
@@ -99,14 +99,23 @@ def conventions_of_efforts(mechanism: Mechanism, recording: Recording) -> Eviden
 class _ByClock(NamedTuple):
     """What is read otherwise by one clock: the search and all that it found, where joints could be compared.
 
-    written: what the log leaves as it is written, a share; unlike: what is left of it as it is read where each drive
-    may report in a unit of its own.
+    written: what the log leaves as it is written, a share.
     """
 
     search: _Search | None
     found: Evidence | None
     written: float
-    unlike: float
+
+    def unlike(self) -> float:
+        """Return what is left of the log as it is read where each drive may report in a unit of its own, a share."""
+        if self.search is None:
+            return self.written
+        search, conventions = self.search, self.found.conventions if self.found else ()
+        moved, read, _ = search.read(read_as(search.written, conventions, search.drawn))
+        try:
+            return _unlike(moved, read, search.at.rigid_of(moved))
+        except InputError:  # loops that do not close
+            return 1.0
 
     def told(self) -> Evidence | None:
         """Return what is read otherwise."""
@@ -119,15 +128,9 @@ def _by_clock(mechanism: Mechanism, recording: Recording) -> _ByClock:
     written = left_of_efforts(motion, efforts, at.rigid[rows])
     unseen = any(name not in at.motion.names for name in at.driven)
     if not at.driven or (unseen and not mechanism.loops):
-        return _ByClock(None, None, written, written)
+        return _ByClock(None, None, written)
     search = _Search(at, recording)
-    found = search.found()
-    moved, read, _ = search.read(read_as(search.written, found.conventions if found else (), search.drawn))
-    try:
-        unlike = _unlike(moved, read, at.rigid_of(moved))
-    except InputError:  # loops that do not close
-        unlike = 1.0
-    return _ByClock(search, found, written, unlike)
+    return _ByClock(search, search.found(), written)
 
 
 def _held(written: float, read: float) -> float:
