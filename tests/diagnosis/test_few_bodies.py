@@ -43,3 +43,13 @@ def test_one_link_that_is_heavier_is_told_alone(at):
 def test_links_that_are_all_others_stay_all(at):
     model = scaled(at, 1.2, 0.85, 1.2, 0.7, 1.4, 0.8)
     assert with_few_bodies(model) is model
+
+
+def test_no_body_does_a_share_of_what_all_links_do_not(at):
+    """Where the links weigh what they are drawn with, free ones may foretell worse: nothing overflows."""
+    model = scaled(at, *np.ones(6))
+    (links,) = (term for term in model.problem.candidates if term.law.body is Body.ALL_LINKS)
+    with np.errstate(all="raise"):
+        nearest = nearest_body(model.with_term(links), links)
+    assert 0 <= nearest.share < 1
+    assert nearest.times < 1.01

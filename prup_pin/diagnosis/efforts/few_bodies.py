@@ -98,7 +98,7 @@ class _InPlaceOf:
     def few(self, bodies: tuple[EffortCandidate, ...], left: Array) -> FewBodies:
         """Return bodies beside which so much is left, by block (B,)."""
         more, _ = relative_gain(left, self._with)
-        tiny = np.finfo(float).tiny
-        share = float((self._without - left).sum()) / max(float((self._without - self._with).sum()), tiny)
-        times = float(np.sqrt(left.sum() / max(self._with.sum(), tiny)))
+        saved, by_all = (float((self._without - own).sum()) for own in (left, self._with))
+        share = saved / by_all if by_all > 0 else 0.0  # where all links take nothing away there is no share of it
+        times = float(np.sqrt(left.sum() / max(self._with.sum(), np.finfo(float).tiny)))
         return FewBodies(bodies, self.rest.with_term(*bodies), float(left.sum()), share, times, do=more <= GAIN)
