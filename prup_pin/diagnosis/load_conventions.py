@@ -103,8 +103,8 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
             for reading in readings:
                 other = read_as(now, reading, drawn)
                 tried.append((_softened(loaded, other.wrench), reading, other))
-            if min(item[0] for item in tried) < alike:
-                break
+            if min(item[0] for item in tried) < min(alike, FAR_LESS**2 * least):
+                break  # a commoner word does
         # what is nearly as good is told by the commoner word
         near = max(AS_GOOD * min(item[0] for item in tried), alike)
         good = [item for item in tried if item[0] <= near and item[0] < FAR_LESS**2 * least]

@@ -327,7 +327,9 @@ class _Search:
             return (*reading, *driven)
 
         def cost(reading: Sequence[Convention]) -> float:
-            return self.left(read_as(self.written, with_efforts(reading), self.drawn), few)
+            # by how likely it is, each joint with a noise of its own: one that nothing explains hides no other
+            shares = self.shares(read_as(self.written, with_efforts(reading), self.drawn), few)
+            return float(np.exp(np.nanmean(np.log(np.maximum(shares, LITTLE**2))) / 2))
 
         if not first > FAR_LESS:
             return None
