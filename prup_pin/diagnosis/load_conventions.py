@@ -26,6 +26,7 @@ from .criteria import (
     FAR_LESS,
     FEWEST_IN_BLOCK,
     GAIN,
+    LEVER,
     MOST,
     MUCH,
     ROUNDS,
@@ -248,20 +249,36 @@ def _softened(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) 
     else:
         fit, judged = loaded.select(fitted), loaded.select(~fitted)
         load, other = wrench[fitted], wrench[~fitted]
-    columns, target = fit.by_module(load), fit.free(fit.moved).ravel()
-    size = len(columns[0])
-    scale = np.ones(size)
+    scale, _ = _likeliest(fit, load)
+    rest = judged.free(judged.moved).ravel() - judged.by_module(other) @ scale
+    return max(float(rest @ rest) - judged.noise, 0.0)
+
+
+def _likeliest(loaded: _Loaded, wrench: Array, levers: Array | None = None) -> tuple[Array, Array]:
+    """Return by how much softer each module is (m,), and about which point moments are told (k,), where all suit best.
+
+    levers (k, n, 6): what a wrench changes per unit of the point's place [m].
+    """
+    columns, target = loaded.by_module(wrench), loaded.free(loaded.moved).ravel()
+    by_lever = np.zeros((*columns.shape, 0))
+    if levers is not None:
+        by_lever = np.stack([loaded.by_module(each) for each in levers], axis=-1)
+    size, count = columns.shape[1], by_lever.shape[2]
+    scale, point = np.ones(size), np.zeros(count)
     for _ in range(ROUNDS):
-        rest = target - columns @ scale
+        now = columns + by_lever @ point
+        rest = target - now @ scale
         noise2 = max(float(rest @ rest) / len(target), 1e-6)
-        known = trusted(((scale - 1) / ANYHOW) ** 2) / ANYHOW**2
-        matrix = columns.T @ columns / noise2 + np.diag(known)
-        found = 1 + np.linalg.solve(matrix, columns.T @ (target - columns.sum(axis=1)) / noise2)
+        known = np.append(trusted(((scale - 1) / ANYHOW) ** 2) / ANYHOW**2, np.full(count, LEVER**-2))
+        table = np.concatenate((now, np.einsum("nmk,m->nk", by_lever, scale)), axis=1)
+        right = table.T @ (target - now.sum(axis=1)) / noise2
+        right[size:] -= known[size:] * point
+        step = np.linalg.solve(table.T @ table / noise2 + np.diag(known), right)
+        found, point = 1 + step[:size], point + step[size:]
         scale = np.clip(found, 1 / MUCH, MUCH)
         far = int(np.argmax(np.abs(found - scale)))  # one of them may be off by far, but not all
         scale[far] = max(found[far], 1 / MUCH)
-    rest = judged.free(judged.moved).ravel() - judged.by_module(other) @ scale
-    return max(float(rest @ rest) - judged.noise, 0.0)
+    return scale, point
 
 
 def _of_wrench() -> Iterator[tuple[Convention, ...]]:
@@ -279,14 +296,9 @@ def _of_wrench_axes() -> Iterator[tuple[Convention, ...]]:
 
 def _of_wrench_point(loaded: _Loaded, wrench: Array) -> Iterator[tuple[Convention, ...]]:
     """Yield that moments are about the point that fits best, in the tool's axes from the tool point [m]."""
-    whole = loaded.parts.sum(axis=0)
-    target = loaded.free(loaded.moved - (whole @ wrench[..., None])[..., 0]).ravel()
-    columns = []
-    for axis in np.eye(3):
-        moment = np.zeros_like(wrench)
-        moment[:, 3:] = cross(loaded.tool[:, :3, :3] @ axis, wrench[:, :3])
-        columns.append(loaded.free((whole @ moment[..., None])[..., 0]).ravel())
-    table = np.column_stack(columns)
-    if np.linalg.norm(table) > 0:
-        point = np.linalg.lstsq(table, target, rcond=1e-6)[0]
+    levers = np.zeros((3, *wrench.shape))
+    for lever, axis in zip(levers, np.eye(3), strict=True):
+        lever[:, 3:] = cross(loaded.tool[:, :3, :3] @ axis, wrench[:, :3])
+    if any(loaded.by_module(lever).any() for lever in levers):
+        point = _likeliest(loaded, wrench, levers)[1]
         yield (Convention("wrench", "about", tuple(float(round(value, 5)) for value in point)),)

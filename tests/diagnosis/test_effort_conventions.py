@@ -106,6 +106,14 @@ def test_what_is_written_otherwise_is_told_as_it_is_declared(ur5, recording, sai
     assert told(ur5, written(recording, *said)) == list(said)
 
 
+def test_where_joints_count_from_is_told_beside_a_wrist_that_nothing_explains(ur5, recording):
+    said = ("q.shoulder_lift_joint=quarter_turns:1", "q.elbow_joint=quarter_turns:3")
+    torque = recording.efforts["wrist_3_joint"]
+    odd = np.std(torque) * np.sin(np.arange(len(torque)) / 40.0)
+    log = replace(recording, efforts={**recording.efforts, "wrist_3_joint": 0.05 * torque + odd})
+    assert told(ur5, written(log, *said)) == list(said)
+
+
 def test_gears_are_told_of_efforts_of_which_they_leave_no_more_than_the_noise(ur5, recording):
     motion = motion_of(recording, ur5)
     exact = dict(zip(ur5.actuated, InMotion.of(ur5, motion).rigid.T, strict=True))

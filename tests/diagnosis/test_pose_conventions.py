@@ -102,6 +102,15 @@ def test_the_point_of_a_sensor_is_found(robot, bench, tmp_path):
     np.testing.assert_allclose(convention.argument, [0.03, -0.01, 0.11], atol=5e-3)
 
 
+@pytest.mark.parametrize("seed", [6, 9])
+def test_the_point_of_a_sensor_is_found_beside_a_module_that_is_softer(robot, tmp_path, seed):
+    """It was sought with every module as drawn, and two centimetres off."""
+    draw.write(draw.draw(seed, ["stiffness_changed"], level=60.0, poses=(8, 1)), tmp_path, tmp_path / "sealed", "bench")
+    log = rewritten(tmp_path / "bench.csv", tmp_path, "moments about a sensor's point")
+    ((convention,),) = read_logs(robot, log).conventions
+    np.testing.assert_allclose(convention.argument, [0.03, -0.01, 0.11], atol=5e-4)
+
+
 def test_two_readings_that_are_as_good_are_refused_with_both(robot, bench, monkeypatch):
     first, second = (Convention(f"q.{name}", "reversed") for name in SLIDES[:2])
     found = Evidence((first,), "positions", "m", 0.2, 1e-3, 0.9, ((second,),))
