@@ -37,16 +37,17 @@ __all__ = ["Account", "beside_laws", "searched", "with_first_law", "without_laws
 
 @dataclass(frozen=True, eq=False)
 class Account:
-    """What was prepared, its problem as it was calibrated, the laws that were selected, and a doubt.
-
-    labels (N,) of samples that are held out together.
-    """
+    """What was prepared, its problem as it was calibrated, the laws that were selected, and a doubt."""
 
     prepared: Prepared
     problem: Problem
     selection: Selection
-    labels: np.ndarray
     doubt: Finding | None = None
+
+    @property
+    def labels(self) -> np.ndarray:
+        """Labels (N,) of samples that are held out together."""
+        return fold_labels(self.prepared.inputs.blocks)
 
     @property
     def is_clean(self) -> bool:
@@ -99,7 +100,7 @@ def without_laws(prepared: Prepared, tell: Tell) -> Account:
     # What is left out would drive parameters beyond their tolerances, where laws' first order tells nothing any more.
     problem = _within_tolerances(prepared, prepared.problem)
     nothing = Selection.nothing(problem.first, prepared.library)
-    return Account(prepared, problem, nothing, fold_labels(prepared.inputs.blocks))
+    return Account(prepared, problem, nothing)
 
 
 def _within_tolerances(prepared: Prepared, problem: Problem) -> Problem:
@@ -129,7 +130,7 @@ def beside_laws(prepared: Prepared, terms: Sequence[Term], tell: Tell) -> Accoun
     beside = problem.fit_at(terms, first.run, first, calibrated.first.x)
     last = min((problem.refine(terms, begin) for begin in (first, beside)), key=lambda fit: fit.chi2)
     selection = replace(Selection.nothing(first, prepared.library), last=last)
-    return Account(prepared, problem, selection, fold_labels(prepared.inputs.blocks))
+    return Account(prepared, problem, selection)
 
 
 def searched(begun: Account, tell: Tell, most: int = MOST_FITS) -> Account:
@@ -153,7 +154,8 @@ def searched(begun: Account, tell: Tell, most: int = MOST_FITS) -> Account:
 
 def _selected(now: Account, problem: Problem, tell: Tell, most: int = MOST_FITS, begun: Fit | None = None) -> Account:
     """Return an account with another problem and the laws that are selected for it."""
-    selection = select(problem, now.prepared.library, now.labels, problem.first, tell, most, begun)
+    begun = problem.first if begun is None else begun
+    selection = select(problem, now.prepared.library, now.labels, begun, tell, most)
     return replace(now, problem=problem, selection=selection)
 
 
@@ -214,7 +216,7 @@ def _within_rescaled(now: Account, tell: Tell) -> Account:
     """Return an account within wider tolerances, where these explain better what was found; and tell it."""
     problem, selection, prepared = now.problem, now.selection, now.prepared
     # what laws have taken may be what a kind is off by where nothing asks for them but the tolerances
-    wider = rescaled_tolerances(problem, selection.first if is_clean(problem, selection.first) else selection.last)
+    wider = rescaled_tolerances(problem, problem.first if is_clean(problem, problem.first) else selection.last)
     if not wider:
         return now
     other = replace(prepared, toleranced=with_rescaled(prepared.toleranced, wider))
@@ -236,7 +238,7 @@ def _force_left(problem: Problem, fit: Fit) -> float:
 
 def _is_of_a_module(problem: Problem, fit: Fit, larger: Problem) -> bool:
     """Return True where what a fit leaves lies in one module's directions rather than where a larger noise would."""
-    influence, seen = fit.influence, problem.stack.exists[fit.samples] & fit.run.solved[fit.samples, None]
+    influence, seen = fit.influence, problem.compared(fit.run)
     white, whiter = problem.whiteners(influence), larger.whiteners(influence)
     noise = problem.noise.wrench if problem.noise.wrench.any() else larger.noise.wrench
     by_wrench = white @ (problem.stack.seen(influence.first.by_wrench) * noise)

@@ -35,7 +35,7 @@ from .criteria import (
     WEIGHT_SHOWS,
     beyond_tolerance,
 )
-from .nuisance import least_within
+from .nuisance import Nuisance, least_within
 from .problem import Fit, Problem, shortened
 from .toleranced import Toleranced
 
@@ -234,10 +234,7 @@ def _improved(problem: Problem, fit: Fit, least_share: float = CALIBRATION_STEP)
 def calibrated_parameters(problem: Problem, fit: Fit) -> list[CalibratedParameter]:
     """Return what is known of every toleranced parameter at a fit, its terms free beside them, the best known first."""
     toleranced = problem.prior.toleranced
-    free = problem.jacobian(fit)
-    size = np.linalg.norm(free, axis=0)
-    free = np.linalg.svd(free / np.where(size > 0, size, 1.0), full_matrices=False)[0]
-    held = fit.per_tolerance - free @ (free.T @ fit.per_tolerance)
+    held = Nuisance.free(problem.jacobian(fit)).without(fit.per_tolerance)
     shares = toleranced.scattered(np.linalg.inv(held.T @ held + np.eye(len(fit.x))))
     found = []
     for place, (item, off, share) in enumerate(

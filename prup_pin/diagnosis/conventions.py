@@ -11,7 +11,6 @@ import numpy as np
 
 from ..dynamics import is_standing
 from ..errors import InputError, PrupPinError, limits_heard
-from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import Convention, Recording, joints_of, read_as
 from ..recordings.conventions import Evidence, as_json, merged
@@ -36,7 +35,6 @@ class Logs:
 
     recordings: tuple[Recording, ...]
     evidence: tuple[tuple[Evidence, ...], ...]
-    mechanism: Mechanism
 
     @property
     def conventions(self) -> tuple[tuple[Convention, ...], ...]:
@@ -49,7 +47,7 @@ class Logs:
         for recording, found in zip(self.recordings, self.evidence, strict=True):
             for item in found:
                 name = Path(recording.path).name or "the log"
-                out.setdefault(item.conventions, _finding(item, name, self.mechanism))
+                out.setdefault(item.conventions, _finding(item, name))
         return tuple(out.values())
 
     @property
@@ -86,7 +84,7 @@ def read_logs(robot: Robot, recordings: Recording | Sequence[Recording]) -> Logs
                 recording = read_as(recording, item.conventions, drawn_for(robot))
         read.append(recording)
         evidence.append(tuple(found))
-    return Logs(tuple(read), tuple(evidence), robot.mechanism)
+    return Logs(tuple(read), tuple(evidence))
 
 
 def as_diagnosed(diagnosis: Diagnosis, robot: Robot, recordings: Recording | Sequence[Recording]) -> list[Recording]:
@@ -179,7 +177,7 @@ def _size(value: float, unit: str) -> str:
     return f"{number(value, 3)} {unit}"
 
 
-def _finding(found: Evidence, name: str, mechanism: Mechanism) -> Finding:
+def _finding(found: Evidence, name: str) -> Finding:
     columns: dict[str, list[str]] = {}
     for item in found.conventions:
         columns.setdefault(_meaning(item), []).append(item.columns)

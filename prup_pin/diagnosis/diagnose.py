@@ -14,7 +14,6 @@ from ..robot import Robot
 from ..simulation import CorrectedModel, as_recorded
 from ..simulation.needs import taking_part
 from .account import Account, beside_laws, searched, with_first_law, without_laws
-from .candidates import Term
 from .chances import chi2_isf
 from .conventions import read_logs
 from .criteria import AS_GOOD, FALSE_ALARM, FEW_FITS, FEW_ROUNDS, LITTLE, MOST
@@ -133,7 +132,10 @@ def _diagnosed(
     Most robots under load lack a law or two and no more; on one that nobody has calibrated everything is off.
     """
     drawn = drawn_problem(robot, recordings, tell)
-    found = _under_loads(drawn, tell) if drawn.is_loaded else _under_weight(drawn, tell)
+    if drawn.is_loaded:
+        found = _under_loads(drawn, tell)
+    else:  # nothing but weight loads it: what is off all over is asked first
+        found = searched(_all_over(drawn, tell, drawn.spread) or without_laws(drawn.prepared(drawn.spread), tell), tell)
     spread = found.prepared.spread
     if spread is not None and spread.outliers:
         found = _with_outliers(drawn, found, spread, tell)
@@ -162,12 +164,6 @@ def _told(found: Account, tell: Tell, propose: bool | Sequence[str] = False) -> 
 # -- accounts of one recording -----------------------------------------------------------------------------------------
 
 
-def _under_weight(drawn: Drawn, tell: Tell) -> Account:
-    """Return the account of a robot that nothing but its weight loads: what is off all over is asked first."""
-    begun = _all_over(drawn, tell, drawn.spread) or without_laws(drawn.prepared(drawn.spread), tell)
-    return searched(begun, tell)
-
-
 def _under_loads(drawn: Drawn, tell: Tell) -> Account:
     """Return the account of a loaded robot: whatever is off all over, where few laws do not do.
 
@@ -179,7 +175,7 @@ def _under_loads(drawn: Drawn, tell: Tell) -> Account:
     over = whole = None
     asked = begun.is_far_from_clean
     if asked:
-        over = _all_over(drawn, tell) or _all_over_beside(drawn, begun.selection.last.terms, tell)
+        over = _all_over(drawn, tell) or _beside(drawn, begun, tell)
         many = over is not None and over.prepared.spread is not None and not over.prepared.spread.of_few
         if over is not None and many and _explains_more(over, begun) and not begun.lacks_few_laws:
             whole = searched(over, tell)
@@ -199,39 +195,38 @@ def _under_loads(drawn: Drawn, tell: Tell) -> Account:
 def _all_over(drawn: Drawn, tell: Tell, spread: Spread | None = None) -> Account | None:
     """Return what the first law leaves beside all that is off all over; None where nothing is.
 
-    A law that no kind stands for is noise to the kinds: beside it they are asked again, while less is taken for noise.
     spread: what is off, where it was asked otherwise than by what few laws could explain as well.
     """
     if spread is None:
         spread = drawn.spread and drawn.spread.all_over()
     prepared = drawn.prepared(spread)
-    if spread is None or not prepared.kinds:
+    if not prepared.kinds:
         return None
     begun = with_first_law(prepared, tell)
     for _ in range(FEW_ROUNDS):
-        terms = begun.selection.last.terms
-        if not terms:
+        again = _beside(drawn, begun, tell)
+        if again is None:
             break
-        again = drawn.spread_beside([term.effect for term in terms])
-        most = chi2_isf(FALSE_ALARM / len(begun.prepared.library), sum(term.candidate.size for term in terms))
-        if again is None or again.minus_2_log_noise >= spread.minus_2_log_noise - most:
-            break
-        other = _beside(drawn, again, terms, tell)
-        if other is None:
-            break
-        spread, begun = again, other
+        begun = again
     return begun
 
 
-def _all_over_beside(drawn: Drawn, terms: Sequence[Term], tell: Tell) -> Account | None:
-    """Return what is off all over beside laws that hide it else; None where nothing is."""
-    spread = drawn.spread_beside([term.effect for term in terms]) if terms else None
-    return None if spread is None else _beside(drawn, spread, terms, tell)
+def _beside(drawn: Drawn, begun: Account, tell: Tell) -> Account | None:
+    """Return what an account's laws leave beside what is off all over, asked while they act; None where nothing is.
 
-
-def _beside(drawn: Drawn, spread: Spread, terms: Sequence[Term], tell: Tell) -> Account | None:
-    """Return what laws leave beside all of a spread that was asked beside them; None where nothing is off."""
-    prepared = drawn.prepared(spread.all_over(), [term.effect for term in terms])
+    A law that no kind stands for is noise to the kinds. Where these were asked already, they are told anew only where
+    less is left for noise, by more than chance.
+    """
+    terms, before = begun.selection.last.terms, begun.prepared.spread
+    effects = begun.selection.last.effects
+    spread = drawn.spread_beside(effects) if terms else None
+    if spread is None:
+        return None
+    if before is not None:
+        most = chi2_isf(FALSE_ALARM / len(begun.prepared.library), sum(term.candidate.size for term in terms))
+        if spread.minus_2_log_noise >= before.minus_2_log_noise - most:
+            return None
+    prepared = drawn.prepared(spread.all_over(), effects)
     return beside_laws(prepared, terms, tell) if prepared.kinds else None
 
 

@@ -29,7 +29,7 @@ from .criteria import (
     clean_bound,
 )
 from .normal_equations import likeliest_widths
-from .nuisance import with_priors
+from .nuisance import Nuisance, with_priors
 from .problem import Fit, Problem, Term
 from .toleranced import Toleranced
 
@@ -309,10 +309,8 @@ def rescaling_remark(factors: Mapping[str, float], taken: bool) -> str:
 
 def _without_laws(problem: Problem, fit: Fit) -> tuple[Array, Array]:
     """Return the change per tolerance (m, p) and the residual (m,) without what the fit's laws may do."""
-    free, residual = problem.jacobian(fit), fit.residual.ravel()
-    size = np.linalg.norm(free, axis=0)
-    basis = np.linalg.svd(free / np.where(size > 0, size, 1.0), full_matrices=False)[0]
-    return fit.per_tolerance - basis @ (basis.T @ fit.per_tolerance), residual - basis @ (basis.T @ residual)
+    laws = Nuisance.free(problem.jacobian(fit))
+    return laws.without(fit.per_tolerance), laws.without(fit.residual.ravel())
 
 
 def _maximum_likelihood(normal: Array, right: Array, labels: np.ndarray, free: Sequence[str]) -> tuple[Array, float]:

@@ -56,8 +56,7 @@ def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator
     Its effect counts by what neither toleranced parameters nor those of the laws that were found can do in its place.
     """
     least = chi2_isf(FALSE_ALARM / len(selection.library), 1)
-    present = {term.candidate.name for term in fit.terms}
-    effects = [term.effect for term in fit.terms]
+    present, effects = fit.names, fit.effects
     nuisance = problem.nuisance(fit, range(len(fit.terms)))
 
     def changed(candidate: Candidate, coordinates: Array) -> Array:
@@ -158,7 +157,7 @@ def _smallest_seen(candidate: Candidate, at: Array, seen: float, share: Callable
 def visible(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[Seen]:
     """Yield the smallest size of each law at each place that would have been seen on top of what acts."""
     least = chi2_isf(FALSE_ALARM / max(len(library), 1), 1)
-    effects, present = [term.effect for term in fit.terms], {term.candidate.name for term in fit.terms}
+    effects, present = fit.effects, fit.names
     nuisance = problem.nuisance(fit, range(len(fit.terms)))
     begun = problem.change(fit, effects)
 

@@ -69,9 +69,7 @@ class Profile:
         beside = problem.nuisance(fit, fit.others(index)[0])
         own = np.delete(problem.jacobian(fit)[:, fit.coordinates_of(index)], place, axis=1)
         free = Nuisance.free(without(own, beside)) if own.size else None
-        target = problem.target(fit)
-        if beside is not None and beside.offset is not None:
-            target = target + beside.offset.reshape(target.shape)
+        target = problem.target(fit, beside)
         enough = WITHIN_95**2 * max(1.0, fit.chi2 / max(problem.count(fit), 1))
         begun = cls(problem, fit, index, place, target, beside, free, 0.0, enough)
         return replace(begun, least=begun.left(0.0))
@@ -81,7 +79,7 @@ class Profile:
         terms = self.fit.terms
         moved = terms[self.index].coordinates.copy()
         moved[self.place] += move
-        effects = [term.effect for term in terms]
+        effects = self.fit.effects
         there = Term(terms[self.index].candidate, moved)
         effects[self.index] = there.effect
         change = self.problem.change(self.fit, effects)

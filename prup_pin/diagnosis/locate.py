@@ -34,12 +34,12 @@ __all__ = [
     "Yielding",
     "approached",
     "curve_against",
+    "curves_of_modules",
     "least_left",
     "local_curve",
     "locate",
     "recovered",
     "residuals",
-    "strongest_curve",
     "yieldings",
 ]
 
@@ -111,15 +111,13 @@ def curve_against(
     return LocalCurve(module, component, knots, values, np.sqrt(np.diag(inverse)), gain)
 
 
-def strongest_curve(problem: Problem, fit: Fit) -> list[LocalCurve]:
-    """Return the curves of all modules' motions, the one that removes most first."""
-    curves = []
+def curves_of_modules(problem: Problem, fit: Fit) -> Iterator[LocalCurve]:
+    """Yield the curves of all modules' motions."""
     for name in fit.influence.rows:
         for component in range(fit.influence.loads(name).shape[1]):
             curve = local_curve(problem, fit, name, component)
             if curve is not None:
-                curves.append(curve)
-    return sorted(curves, key=lambda curve: -curve.gain)
+                yield curve
 
 
 # -- the module --------------------------------------------------------------------------------------------------------
@@ -382,8 +380,7 @@ def recovered(
 
 def _whitening(problem: Problem, fit: Fit) -> tuple[Array, np.ndarray]:
     """Return W (n, K, K) at the equilibria of the fit, and what was both measured and simulated, (n, K)."""
-    exists = problem.stack.exists[fit.samples] & fit.run.solved[fit.samples, None]
-    return problem.whiteners_at(fit.influence), exists
+    return problem.whiteners_at(fit.influence), problem.compared(fit.run)
 
 
 def _estimate(

@@ -6,7 +6,7 @@ whether it follows time, pose or any module's load.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,7 +31,7 @@ from .criteria import (
     USUAL_ROTATION_NOISE,
     chance_bound,
 )
-from .locate import strongest_curve
+from .locate import curves_of_modules
 from .problem import Fit, Problem
 
 __all__ = ["could_show_structure", "estimate_noise", "is_white", "noise_of_the_rest", "scatter_of_repeats"]
@@ -146,15 +146,18 @@ def is_white(problem: Problem, fit: Fit, blocks: np.ndarray) -> bool:
     actuators = problem.simulator.inputs.actuators[fit.samples]
     neighbours = _neighbours(actuators, blocks)
     slopes = list(_slopes_of_each(problem, fit, actuators))
-    tests = []
+    together = blocks[1:] == blocks[:-1]
+    tests: list[float] = []
     for column in channels:
-        tests += [
-            *_follows_time(column, blocks),
-            *_differs_by_block(column, blocks),
-            *_follows_pose(column, blocks, neighbours, slopes),
-        ]
-    curves = strongest_curve(problem, fit)
-    tests += [chi2_sf(curve.gain, curve.degrees) for curve in curves]
+        if together.any():
+            tests.append(_chance_of_products((column[1:] * column[:-1])[together]))
+        names, means = _means(column, blocks)
+        if len(names) > 1:
+            tests.append(chi2_sf((means**2).sum(), len(names)))
+        if len(neighbours):
+            tests.append(_chance_of_products(means[neighbours[:, 0]] * means[neighbours[:, 1]]))
+        tests += [chi2_sf(((each.T @ column) ** 2).sum(), each.shape[1]) for each in slopes if each.shape[1]]
+    tests += [chi2_sf(curve.gain, curve.degrees) for curve in curves_of_modules(problem, fit)]
     return bool(tests) and min(tests) * len(tests) > STRUCTURE_CHANCE
 
 
@@ -176,32 +179,6 @@ def could_show_structure(blocks: np.ndarray) -> bool:
     """Return True where samples are enough, in one pose or in many, for `is_white` to mean something."""
     followers = int((blocks[1:] == blocks[:-1]).sum())
     return followers >= FEWEST_IN_BLOCK or len(np.unique(blocks)) >= BLOCKS
-
-
-def _follows_time(column: Array, blocks: np.ndarray) -> Iterator[float]:
-    """Yield the chance that neighbours in time agree so well."""
-    together = blocks[1:] == blocks[:-1]
-    if together.any():
-        yield _chance_of_products((column[1:] * column[:-1])[together])
-
-
-def _differs_by_block(column: Array, blocks: np.ndarray) -> Iterator[float]:
-    """Yield the chance that means over blocks are so large."""
-    names, means = _means(column, blocks)
-    if len(names) > 1:
-        yield chi2_sf((means**2).sum(), len(names))
-
-
-def _follows_pose(
-    column: Array, blocks: np.ndarray, neighbours: np.ndarray, slopes: Sequence[Array]
-) -> Iterator[float]:
-    """Yield the chances that neighbouring poses agree so well, and that a slope over the actuators is so steep."""
-    if len(neighbours):
-        means = _means(column, blocks)[1]
-        yield _chance_of_products(means[neighbours[:, 0]] * means[neighbours[:, 1]])
-    for each in slopes:
-        if each.shape[1]:
-            yield chi2_sf(((each.T @ column) ** 2).sum(), each.shape[1])
 
 
 def _means(column: Array, blocks: np.ndarray) -> tuple[np.ndarray, Array]:
@@ -241,7 +218,7 @@ def noise_of_the_rest(problem: Problem, fit: Fit, blocks: np.ndarray) -> Problem
     None where it is of that size, or more than noise. It is the pose sensor's, or has come in part through the robot
     from a wrench sensor whose noise nobody declared, as is likelier. blocks (n,): labels of the fit's samples.
     """
-    exists = problem.stack.exists[fit.samples] & fit.run.solved[fit.samples, None]
+    exists = problem.compared(fit.run)
     raw = problem.stack.residual(fit.run)[fit.samples]
     count = int(exists.sum())
     if not count or fit.chi2 / count < chance_bound(count) ** 2:

@@ -68,8 +68,8 @@ class Prepared:
 
     raw_linear (n, K) [m, rad]: what is left of the simulation that a user starts from; raw_registered: the same with
     sensors where they stand. `placed`: what was measured, and where its sensors stand; `spread`: which kinds are off
-    everywhere, where that was asked; `noise_unknown`: only the residual tells the noise; `assumed`:
-    nothing does, and it is that of a good sensor. `remarks` are added to later. `earlier`: what acts from the start.
+    everywhere, where that was asked; `noise_unknown`: only the residual tells the noise. `remarks` are added to later.
+    `earlier`: what acts from the start.
     """
 
     together: Together
@@ -84,7 +84,6 @@ class Prepared:
     placed: Registered
     spread: Spread | None = None
     noise_unknown: bool = False
-    assumed: bool = False
     earlier: Earlier | None = None
 
     @property
@@ -180,9 +179,6 @@ class Drawn:
                 library = _library(together, problem)
                 remarks.append(_stations_remark(spread.stations))
             together, library = spread.widened(together), spread.among(library, beside)
-        assumed = noise.source == "assumed"
-        if assumed:
-            noise = replace(noise, source="estimated")
         if noise is not problem.noise or stack is not problem.stack:
             problem = Problem.of(seen.simulator, stack, noise, problem.nominal.run)
         recording, samples = together.recording, problem.first.samples
@@ -205,7 +201,6 @@ class Drawn:
             placed=seen.placed,
             spread=spread,
             noise_unknown=spread is not None and self.problem.noise.source == "assumed",
-            assumed=assumed,
             earlier=self.earlier,
         )
 
@@ -287,7 +282,7 @@ def _check_each(seen: Seen) -> None:
         try:
             actuators, path = seen.simulator.robot.mechanism.actuated, source.recording.path
             check_complete(seen.inputs, here, actuators, "" if seen.together.several else path)
-            check_belongs(seen.placed.stack, seen.linear, seen.inputs, here, seen.together.rows, seen.allowed)
+            check_belongs(seen.placed.stack, seen.linear, here, seen.together.rows, seen.allowed)
         except InputError as error:
             raise InputError(seen.together.told(source, str(error))) from error
 
@@ -499,10 +494,9 @@ def check_complete(inputs: Inputs, here: np.ndarray, actuators: Sequence[str], p
 def check_belongs(
     stack: Stack,
     linear: Linear,
-    inputs: Inputs,
     here: np.ndarray,
     rows: np.ndarray,
-    allowed: tuple[float, float] = (0.0, LITTLE),
+    allowed: tuple[float, float],
 ) -> None:
     """Raise InputError where recording and robot are worlds apart, with the likely reason.
 

@@ -55,6 +55,15 @@ class Fit:
     def samples(self) -> np.ndarray:
         return self.run.samples
 
+    @property
+    def effects(self) -> list[Effect]:
+        return [term.effect for term in self.terms]
+
+    @property
+    def names(self) -> set[str]:
+        """The names of all laws that are in it."""
+        return {term.candidate.name for term in self.terms}
+
     def others(self, *index: int) -> tuple[list[int], list[Term]]:
         """Return the places of all terms but some, and these terms."""
         places = [place for place in range(len(self.terms)) if place not in index]
@@ -201,8 +210,8 @@ class Problem:
 
     def _white_at(self, influence: Influence, freed_at: Influence | None) -> Array:
         run = influence.run
-        exists = self.stack.exists[run.samples] & run.solved[run.samples, None]
-        white = self.stack.whiteners(self.noise, self._by_wrench_at(influence), exists, run.samples)
+        by_wrench = self._by_wrench_at(influence)
+        white = self.stack.whiteners(self.noise, by_wrench, self.compared(run), run.samples)
         if self.freed_module is None or freed_at is None:
             return white
         basis = _basis(white @ freed_at.signature(self.freed_module))
@@ -241,7 +250,7 @@ class Problem:
         """Return a fit with the change per tolerance taken at it."""
         if self.tolerances is None:
             return fit
-        effects = [*self.tolerances.effects, *(term.effect for term in fit.terms)]
+        effects = [*self.tolerances.effects, *fit.effects]
         changes = changes_per_tolerance(self.simulator, fit.influence, self.tolerances.toleranced, fit.x, effects)
         return replace(fit, changes=changes, per_tolerance=self.whitened_changes(fit.influence, changes))
 
@@ -258,7 +267,7 @@ class Problem:
     def setup_at(self, fit: Fit, effects: Sequence[Effect]) -> Setup:
         """Return the simulation with these effects, toleranced parameters as in a fit."""
         changed = [effect for effect in effects if effect.law.instead_of is not None]
-        own = [term.effect for term in fit.terms]
+        own = fit.effects
         if not changed or not all(effect in own for effect in changed):
             return self.setup(effects, fit.x, fit.begin)
         key = ("begin", *(own.index(effect) for effect in changed))
@@ -274,15 +283,25 @@ class Problem:
         held = self.whitened_changes(influence, changes)
         return Fit(tuple(terms), run, influence, residual, chi2, x, changes, held, begin)
 
+    def compared(self, run: Run) -> np.ndarray:
+        """Return which numbers of a run's samples were both measured and simulated, (n, K)."""
+        return self.stack.exists[run.samples] & run.solved[run.samples, None]
+
     def count(self, fit: Fit) -> int:
         """Return how many numbers of a fit's residual were both measured and simulated."""
-        return int((self.stack.exists[fit.samples] & fit.run.solved[fit.samples, None]).sum())
+        return int(self.compared(fit.run).sum())
 
-    def target(self, fit: Fit) -> Array:
-        """Return the whitened residual (n, K) of a fit with what its toleranced parameters do put back, first order."""
-        if self.tolerances is None:
-            return fit.residual
-        return fit.residual + (fit.per_tolerance @ fit.x).reshape(fit.residual.shape)
+    def target(self, fit: Fit, nuisance: Nuisance | None = None) -> Array:
+        """Return the whitened residual (n, K) of a fit with what its toleranced parameters do put back, first order.
+
+        And what the terms of a nuisance do by which they are off what is known of them.
+        """
+        target = fit.residual
+        if self.tolerances is not None:
+            target = target + (fit.per_tolerance @ fit.x).reshape(target.shape)
+        if nuisance is not None and nuisance.offset is not None:
+            target = target + nuisance.offset.reshape(target.shape)
+        return target
 
     def whitened(self, influence: Influence, values: Array) -> Array:
         """Return values (n, K) of the columns in multiples of the noise."""
@@ -332,9 +351,7 @@ class Problem:
         the candidate; the change returned is what they cannot do. What these data do not tell stays near what is usual.
         """
         effects = [term.effect for term in kept]
-        target = self.target(fit)
-        if nuisance is not None and nuisance.offset is not None:
-            target = target + nuisance.offset.reshape(target.shape)
+        target = self.target(fit, nuisance)
         measured = self.stack.exists.any(axis=0)  # the other columns are zero once whitened
         low, high = candidate.bounds
         firm = candidate.known > 0
@@ -446,7 +463,7 @@ class Problem:
 
         First order may ask for a law at which the robot could not be: it does less where no equilibrium is near.
         """
-        known = {term.candidate.name for term in start.terms}
+        known = start.names
         fit = start
         for share in shortened(LITTLE):
             less = [term if term.candidate.name in known else term.lessened(share) for term in terms]
@@ -507,7 +524,7 @@ class Problem:
         return fit.once("jacobian", lambda: self._jacobian(fit))
 
     def _jacobian(self, fit: Fit) -> Array:
-        effects = [term.effect for term in fit.terms]
+        effects = fit.effects
         columns = []
         for index, term in enumerate(fit.terms):
             for place in range(term.candidate.size):

@@ -89,8 +89,8 @@ def _judged(problem: Problem, final: Final, law: StrainFormula) -> tuple[str, st
     own = next((item for item in final.laws if item.effect is not None and item.effect.law is law), None)
     if own is None:
         fit = final.fit
-        change = problem.change(fit, [*(term.effect for term in fit.terms), Effect(law, place, values)])
-        shows = problem.change(fit, [term.effect for term in fit.terms]) - change
+        change = problem.change(fit, [*fit.effects, Effect(law, place, values)])
+        shows = problem.change(fit, fit.effects) - change
         if not float((shows**2).sum()) > INDISTINCT:
             return "neither", "in this recording it would not show beside the noise"
         return "refuted", "this recording would show it, and asks for none of it"

@@ -108,9 +108,8 @@ class Search:
 
 @dataclass(frozen=True)
 class Selection:
-    """The outcome: the fits before any law and of all laws found, rivals of every term, and what competed."""
+    """The outcome: the fit of all laws found, rivals of every term, and what competed."""
 
-    first: Fit
     last: Fit
     rivals: tuple[tuple[Rival, ...], ...]
     library: Sequence[Candidate]
@@ -119,7 +118,7 @@ class Selection:
     @classmethod
     def nothing(cls, first: Fit, library: Sequence[Candidate]) -> Selection:
         """Return what is selected where there is nothing to compare."""
-        return cls(first, first, (), library)
+        return cls(first, (), library)
 
 
 # -- law by law --------------------------------------------------------------------------------------------------------
@@ -129,18 +128,20 @@ def select(
     problem: Problem,
     library: Sequence[Candidate],
     blocks: np.ndarray,
-    first: Fit,
+    begun: Fit,
     tell: Callable[[str, float], None] = lambda stage, share: None,
     most: int = MOST_FITS,
-    begun: Fit | None = None,
 ) -> Selection:
-    """Return the selection of laws that the recording asks for; begun: where an earlier search of the same ended."""
+    """Return the selection of laws that the recording asks for.
+
+    begun: the fit before any law, or where an earlier search of the same ended.
+    """
     library, search = _others(problem, library), Search(problem, most)
-    fit, rivals = _added(search, library, blocks, first if begun is None else begun, tell)
+    fit, rivals = _added(search, library, blocks, begun, tell)
     if len(rivals) != len(fit.terms):
         rivals = [alternatives_to(problem, fit, index, library) for index in range(len(fit.terms))]
     told = tuple(_not_less_expected(each, term) for each, term in zip(rivals, fit.terms, strict=True))
-    return Selection(first, fit, told, library, search.fits)
+    return Selection(fit, told, library, search.fits)
 
 
 def _not_less_expected(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]:
@@ -290,7 +291,7 @@ def screen(
     """
     rivals = []
     kept = fit.terms
-    present = {term.candidate.name for term in kept}
+    present = fit.names
     nuisance = problem.nuisance(fit, range(len(kept)))
     bound = Bound(problem, fit, problem.target(fit), nuisance)
     best = fit.chi2
@@ -357,7 +358,7 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
     nothing = float(bound.left @ bound.left)
     worst = fit.chi2 + max(MUCH * scale * INDISTINCT, _first_order_error(problem, fit, index))
     rivals = [Rival(own, fit.chi2, beyond(problem.change(about, [*effects, own.effect]) - removed), scale)]
-    present = {term.candidate.name for term in fit.terms}
+    present = fit.names
     for candidate in library:
         if candidate.name not in present and bound(candidate) <= worst:
             chi2, term, change = problem.first_order_fit(about, kept, candidate, nuisance=nuisance)

@@ -59,7 +59,7 @@ def final_state(
         return Final(last, tuple(laws), nothing_compared(problem, prepared.unused), held, count)
     if doubt is not None:
         return Final(last, tuple(laws), doubt, held, count, in_doubt=True)
-    if not _unexplained(_without_laws(problem, selection.first, last), last, count, bool(laws)):
+    if not _unexplained(_without_laws(problem, last), last, count, bool(laws)):
         group = _cancelling(problem, last) if rms_of_sum(held, count) > ROUGHLY * clean_bound(count) else ()
         left_over = tuple(finding for index, finding in enumerate(laws) if index not in group)
         ins = tuple(last.terms[index].effect for index in group)
@@ -114,10 +114,10 @@ def _same(effect: Effect | None, terms: Sequence[Term]) -> int | None:
     return next((index for index, term in enumerate(terms) if (term.candidate.law, term.candidate.place) == own), None)
 
 
-def _without_laws(problem: Problem, first: Fit, last: Fit) -> float:
+def _without_laws(problem: Problem, last: Fit) -> float:
     """Return the chi squared that the laws began with: toleranced parameters held, which else take a part of it."""
     if problem.tolerances is None:
-        return first.chi2
+        return problem.first.chi2
     return last.chi2 + float((problem.change(last, ()) ** 2).sum())
 
 
@@ -132,22 +132,17 @@ def _beside_unknown(
     laws: list[Finding], problem: Problem, selection: Selection, labels: np.ndarray, tell: Tell
 ) -> tuple[list[Finding], Finding | None, Fit]:
     """Return the findings that stand, what no law explains (None where it has no place), and the fit that stands."""
-    kept, found, fit = _outweighing(laws, selection.last, problem, selection.first)
+    kept, found, fit = _outweighing(laws, selection.last, problem)
     if found is None:
         return kept, None, fit
     # what else there is, whatever happens at that place
     freed = problem.freed(fit.influence, found.module)
-    begin = freed.fit_at((), selection.first.run)
-    again = select(freed, selection.library, labels, begin, tell)
+    again = select(freed, selection.library, labels, freed.fit_at((), problem.first.run), tell)
     beside = problem.fit_at(again.last.terms, again.last.run)
     # else what was freed has taken what the others explain, or they explain what it alone did
-    own = {term.candidate.name for term in again.last.terms}
+    own = again.last.names
     whole = all(term.candidate.name in own for term in fit.terms if term.is_expected)
-    if (
-        whole
-        and _leaves_noise(problem, again.last, found.module)
-        and _no_worse(problem, selection.first, beside, labels)
-    ):
+    if whole and _leaves_noise(problem, again.last, found.module) and _no_worse(problem, beside, labels):
         around = cross_validated(freed, again.last, labels[again.last.samples])
         robot = problem.simulator.robot
         kept = [finding_of(freed, again.last, index, again, robot, around) for index in range(len(again.last.terms))]
@@ -178,9 +173,7 @@ def _beside_unknown(
     return kept, replace(unknown, candidates=found.candidates, curve=found.curve, approached=came), fit
 
 
-def _outweighing(
-    kept: list[Finding], fit: Fit, problem: Problem, first: Fit
-) -> tuple[list[Finding], Located | None, Fit]:
+def _outweighing(kept: list[Finding], fit: Fit, problem: Problem) -> tuple[list[Finding], Located | None, Fit]:
     """Return the findings that each take `IMITATED` times what is left, where that sits, and their fit.
 
     Those that make up for each other are pieces of what is left. What acts on every robot, as weight does, imitates
@@ -197,7 +190,7 @@ def _outweighing(
             return kept, locate(problem, fit), fit
         kept = [finding for index, finding in enumerate(kept) if index not in imitating]
         terms = [term for term in fit.terms if any(term.effect == finding.effect for finding in kept)]
-        fit = problem.refine(terms, first) if terms else first
+        fit = problem.refine(terms, problem.first) if terms else problem.first
         kept = [
             replace(
                 finding,
@@ -216,7 +209,7 @@ def _leaves_noise(problem: Problem, fit: Fit, module: str) -> bool:
     return fit.chi2 <= clean_bound(count) ** 2 * count
 
 
-def _no_worse(problem: Problem, first: Fit, fit: Fit, labels: np.ndarray) -> bool:
+def _no_worse(problem: Problem, fit: Fit, labels: np.ndarray) -> bool:
     """Return True where the laws of a fit do not raise the residual: neither the whole nor that of blocks left out."""
-    held = [cross_validated(problem, each, labels[each.samples]) for each in (first, fit)]
-    return fit.chi2 <= first.chi2 and held[1] <= held[0]
+    held = [cross_validated(problem, each, labels[each.samples]) for each in (problem.first, fit)]
+    return fit.chi2 <= problem.first.chi2 and held[1] <= held[0]

@@ -46,7 +46,7 @@ def verdict_of(
     problem: Problem, selection: Selection, final: Final, prepared: Prepared, blocks: np.ndarray, tell: Tell
 ) -> Diagnosis:
     """Return the diagnosis of a final state. blocks (N,): labels of samples that are held out together."""
-    first, fit, count, robot = selection.first, final.fit, final.count, problem.simulator.robot
+    first, fit, count, robot = problem.first, final.fit, final.count, problem.simulator.robot
     samples, remarks = fit.samples, prepared.remarks
     before = problem.whitened(first.influence, prepared.raw_linear)
     white_before = rms_of_sum(float((before**2).sum()), count)
@@ -61,17 +61,6 @@ def verdict_of(
     began = problem.whitened(first.influence, prepared.raw_registered)
     deflection = finite_deflection(problem.drawn, selection.last, began, silent)
     laws = sorted((*final.laws, *([deflection] if deflection else [])), key=lambda finding: -finding.heldout_gain)
-    # what acts was left out of the simulation that one starts from, be it without a parameter; the loaded equilibrium
-    # is a matter of how one simulates
-    named = bool(final.laws or (acting and prepared.earlier is None) or prepared.kinds or prepared.placed.undeclared)
-    verdict = "unexplained" if final.unknown is not None else "explained" if named else "nothing_missing"
-    if final.unknown is not None and count and not len(prepared.toleranced) and not robot.mechanism.loops:
-        remarks.append(_UNCALIBRATED)
-    moved_sensor = zip(prepared.placed.found, prepared.placed.deviations, strict=True)
-    findings = [sensor_displaced(*each, first, before, robot, calibrated) for each in moved_sensor]
-    turned = zip(prepared.placed.turned, prepared.placed.turned_deviations, strict=True)
-    findings += [target_turned(*each, first, before, robot, calibrated) for each in turned]
-    findings += laws
     # a kind that is off all over has no tolerance but the one that these data gave it, and is told as a whole
     beyond = [
         item for item in calibrated if item.is_beyond(len(calibrated)) and item.deviation.kind not in prepared.kinds
@@ -80,11 +69,21 @@ def verdict_of(
         # what no law explains drives them: they are no findings of their own
         remarks.append(_driven_beyond([item.name for item in beyond]))
         beyond = []
+    # what acts was left out of the simulation that one starts from, be it without a parameter; the loaded equilibrium
+    # is a matter of how one simulates
+    left_out = acting and prepared.earlier is None
+    named = bool(final.laws or left_out or beyond or prepared.kinds or prepared.placed.undeclared)
+    verdict = "unexplained" if final.unknown is not None else "explained" if named else "nothing_missing"
+    if final.unknown is not None and count and not len(prepared.toleranced) and not robot.mechanism.loops:
+        remarks.append(_UNCALIBRATED)
+    moved_sensor = zip(prepared.placed.found, prepared.placed.deviations, strict=True)
+    findings = [sensor_displaced(*each, first, before, robot, calibrated) for each in moved_sensor]
+    turned = zip(prepared.placed.turned, prepared.placed.turned_deviations, strict=True)
+    findings += [target_turned(*each, first, before, robot, calibrated) for each in turned]
+    findings += laws
     findings += [calibrated_beyond(item, final.held_out) for item in beyond]
     if final.stand_ins:
         remarks.append(_stand_ins([effect.statement(robot.mechanism) for effect in final.stand_ins]))
-    if beyond and prepared.earlier is not None:
-        verdict = "explained"  # what was known to be elsewhere has changed
     findings = [with_neutral_values(finding, robot) for finding in findings]
     told = {*SENSORS["pose_sensor"]} if prepared.placed.found else set()
     told |= {"target_rotation"} if prepared.placed.turned else set()
@@ -114,12 +113,9 @@ def verdict_of(
         findings = [told_since(finding, since) for finding in findings]
     nothing = verdict == "nothing_missing" and count and since is None
     tell("the next experiment", 0.95)
-    noise = problem.noise
-    if prepared.assumed and noise.source == "estimated" and noise == prepared.problem.noise:
-        noise = replace(noise, source="assumed")
     return Diagnosis(
         verdict=verdict,
-        noise=noise,
+        noise=problem.noise,
         before={"fit": white_before, "heldout": white_before},
         after={"fit": white_after, "heldout": white_held},
         within=_within(problem, first, count),
@@ -179,7 +175,7 @@ def _shows(problem: Problem, fit: Fit) -> bool:
     """Return True where what is always present, weight, moves what was measured by more than chance."""
     assert problem.tolerances is not None
     light = replace(problem, tolerances=replace(problem.tolerances, effects=()))
-    without = light.setup([term.effect for term in fit.terms], fit.x)
+    without = light.setup(fit.effects, fit.x)
     change = problem.whitened(fit.influence, fit.influence.change(without))
     return float((change**2).sum()) > WEIGHT_SHOWS
 

@@ -47,10 +47,6 @@ class SpreadSelfWeight(SelfWeight):
     """The same, with beams that bend under their own weight along their length."""
 
     summary = "the robot's own weight, spread along its beams"
-    remedy = (
-        "let the simulation carry the weight, as the corrected model does, or zero the tracker on the "
-        "unloaded robot in each pose"
-    )
     variant = "spread"
     _spread = True
 

@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_limits
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.account import Account
-from prup_pin.diagnosis.evidence import fold_labels
 from prup_pin.diagnosis.search import Selection
 from prup_pin.diagnosis.variance_components import SensorEquations, estimated, unusual
 from prup_pin.laws import Effect
@@ -115,11 +114,11 @@ def test_what_two_preparations_leave_is_weighed_by_one_noise(tmp_path):
     for own in (given.problem.noise, replace(given.problem.noise, position=3e-5, rotation=3e-2), noise):
         problem = replace(given.problem, noise=own)
         nothing = Selection.nothing(problem.first, given.library)
-        found.append(Account(given, problem, nothing, fold_labels(given.inputs.blocks)).by_noise(noise))
+        found.append(Account(given, problem, nothing).by_noise(noise))
     chi2 = problem.first.chi2
     assert found == [(pytest.approx(chi2, rel=1e-9), False)] * 3
     loud = replace(noise, position=1.0, rotation=1.0)
-    assert Account(given, problem, nothing, fold_labels(given.inputs.blocks)).by_noise(loud)[1]
+    assert Account(given, problem, nothing).by_noise(loud)[1]
 
 
 @pytest.mark.parametrize(
