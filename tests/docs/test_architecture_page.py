@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from prup_pin.diagnosis import criteria
+
 from ..imports import DOORS, LAYERS, room_imports
 from .carried_out import ROOT
 
@@ -96,3 +98,12 @@ def test_all_imports_follow_from_the_arrows(architecture):
     for room, other in drawn:
         rest = {end for start, end in drawn if start == room} - {other}
         assert not any(other in reached(end) for end in rest), f"{room} to {other} follows from others"
+
+
+def test_numbers_that_decide_are_those_of_the_code():
+    """`NAME` = 13, `NAME` = 1 %, `NAME` = 1/3, `NAME` = 1.5 times: as the page prints them."""
+    told = re.findall(r"`([A-Z_]+)` = ([\d.]+)(?:/(\d+))?( %)?", PAGE)
+    assert len({name for name, *_ in told}) > 15
+    for name, value, over, percent in told:
+        number = float(value) / float(over or 1) / (100 if percent else 1)
+        assert number == pytest.approx(getattr(criteria, name), rel=2e-3), name
