@@ -198,8 +198,7 @@ class Painter:
             shape = box_mesh(shape.size, int(np.argmax(np.abs(own[2, :3]))), SECTIONS)
         if isinstance(shape, Mesh):
             points = shape.vertices @ own[:3, :3].T + own[:3, 3]
-            normals = None if shape.normals is None else shape.normals @ own[:3, :3].T
-            return Mesh(points + line.displacement(points), shape.faces, normals), frame
+            return Mesh(points + line.displacement(points), shape.faces, shape.smooth), frame
         centre = own[:3, 3]
         turned = rotation_exp(line.rotation(centre[None])[0]) @ own[:3, :3]
         return shape, frame @ placement(turned, centre + line.displacement(centre[None])[0])

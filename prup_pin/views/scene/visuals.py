@@ -72,7 +72,7 @@ def _lightened(found: dict[str, list[Visual]]) -> dict[str, list[Visual]]:
     cell = max((float(np.ptp(mesh.vertices, axis=0).max()) for mesh in meshes.values()), default=0.0) / 600
     while sum(map(_bytes, coarse.values())) > PAGE_BYTES:
         fewer = {key: clustered(mesh, cell) for key, mesh in meshes.items()}
-        heavier = sum(29 * len(mesh.faces) for mesh in fewer.values()) / PAGE_BYTES  # about what shading makes of them
+        heavier = sum(21 * len(mesh.faces) for mesh in fewer.values()) / PAGE_BYTES  # about what shading makes of them
         cell *= max(1.1, 0.95 * heavier**0.5)  # half as many cells along each edge, a quarter of the triangles
         if heavier <= 1:
             coarse = {key: _shaded(mesh) for key, mesh in fewer.items() if len(mesh.faces)}
@@ -88,16 +88,16 @@ def _lightened(found: dict[str, list[Visual]]) -> dict[str, list[Visual]]:
 
 
 def _bytes(mesh: Mesh) -> int:
-    """Return what a mesh takes: positions and normals in single precision, and three corners a triangle."""
-    return 24 * len(mesh.vertices) + 12 * len(mesh.faces)
+    """Return what a mesh takes: positions in single precision, and three corners a triangle."""
+    return 12 * (len(mesh.vertices) + len(mesh.faces))
 
 
 def _shaded(mesh: Mesh) -> Mesh:
-    """Return a mesh with normals: smooth where it is, its sharp edges sharp."""
+    """Return a mesh that is shaded smooth where it is, its sharp edges sharp."""
     import trimesh
 
     piece = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).smooth_shaded
-    return Mesh(piece.vertices, piece.faces, np.array(piece.vertex_normals))
+    return Mesh(piece.vertices, piece.faces, smooth=True)
 
 
 def _example_folders(path: Path) -> tuple[Path, ...]:
@@ -198,7 +198,7 @@ def _load_mesh(path: str, _changed: int) -> tuple[tuple[Mesh, str | None], ...]:
         own = None
         if material is not None and piece.visual.kind == "texture":
             own = hex_of(np.asarray(material.main_color[:3]) / 255)
-        shapes.append((Mesh(piece.vertices, piece.faces, np.array(piece.vertex_normals)), own))
+        shapes.append((Mesh(piece.vertices, piece.faces, smooth=True), own))
     if not shapes:
         raise ValueError(f"mesh '{Path(path).name}' has no triangles")
     return tuple(shapes)
@@ -208,5 +208,4 @@ def _scaled(mesh: Mesh, scale: np.ndarray) -> Mesh:
     if (scale == 1).all():
         return mesh
     faces = mesh.faces if np.prod(scale) > 0 else mesh.faces[:, ::-1]
-    normals = None if mesh.normals is None else mesh.normals / scale
-    return Mesh(mesh.vertices * scale, faces, normals)
+    return Mesh(mesh.vertices * scale, faces, mesh.smooth)
