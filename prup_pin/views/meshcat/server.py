@@ -21,7 +21,7 @@ def page_html(title: str, first: dict[str, Any], live: bool = False) -> str:
     assert spec is not None
     assert spec.origin is not None
     here = Path(__file__).parent
-    packed = gzip.compress(json.dumps(first, allow_nan=False).encode(), mtime=0)
+    packed = gzip.compress(json.dumps(first, allow_nan=False).encode(), 6, mtime=0)
     fields = {
         "TITLE": html.escape(title),
         "MESHCAT": (Path(spec.origin).parent / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8"),
