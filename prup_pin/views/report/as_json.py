@@ -14,9 +14,10 @@ import numpy as np
 
 from ...errors import PrupPinError
 from ...mechanism.tolerances import value_tolerances
+from ...review import number_remarks
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, WRENCH_NAMES
-from ..text.answer import Answer, to_look_at
+from ..text.answer import Answer
 from ..text.values import coordinate_dimensions, dimension, joint_type, limits
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def answer_as_json(
         "bodies": {"share": answer.share_of(compliance.bodies), "C": compliance.bodies},
         "joints": {"share": answer.share_of(compliance.joints), "C": compliance.joints},
         "sag": sag,
-        "to_look_at": to_look_at(robot),
+        "to_look_at": list(number_remarks(robot)),
         "assumptions": list(robot.assumptions),
         "notes": list(notes),
     }

@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import InputError
 from ...kinematics import ClosedPose
 from ...numbers import fixed, number, quantity, readable_unit, some
-from ...review import STEP, Lever, find_levers
+from ...review import STEP, Lever, find_levers, number_remarks
 from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
@@ -89,6 +89,7 @@ def report_html(
         words=words,
         figures=figures,
         load=words.load_text(answer),
+        doubts=list(number_remarks(robot)),
         asked=_asked(robot, answer, changes or {}),
         facts=_facts(answer),
         scene=scene,

@@ -60,7 +60,7 @@ def load_ramp(
     factors = np.clip(1.5 * (1 - np.abs(2 * phase - 1)), 0, 1)
     factors = factors * factors * (3 - 2 * factors)
     scenes = tuple(
-        painter.scene(pose, compliance, load, scale, moved=moved, factor=f, arrow=f, ellipsoids=ellipsoids)
+        painter.scene(pose, compliance, load, scale, moved=moved, factor=f, ellipsoids=ellipsoids)
         for f in factors.tolist()
     )
     return Motion(scenes, frames / seconds)
@@ -95,13 +95,8 @@ def vibration(
         scene = painter.scene(
             pose, compliance, chosen.wrench, scale, moved=moved, factor=factor, ellipsoids="none", headline=headline
         )
-        kept = tuple(part for part in scene.parts if not part.path.startswith(("wrench/", "deflection/")))
-        labels = tuple(label for label in scene.labels if not label.path.startswith(("wrench", "deflection")))
-        signs = tuple(row for row in scene.legend.signs if row.sign == "ghost")
         title = "Share of each module in the mode's elastic energy"
-        scenes.append(
-            replace(scene, parts=kept, labels=labels, legend=replace(scene.legend, signs=signs, scale_title=title))
-        )
+        scenes.append(replace(scene, legend=replace(scene.legend, scale_title=title)))
     return Motion((*scenes, scenes[0]), frames / seconds)
 
 

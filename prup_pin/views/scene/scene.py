@@ -327,11 +327,7 @@ class Scene:
 
     def part(self, path: str) -> Part:
         """Return the part of a path. Raises KeyError."""
-        return self._by_path[path]
-
-    @cached_property
-    def _by_path(self) -> dict[str, Part]:
-        return {part.path: part for part in self.parts}
+        return {part.path: part for part in self.parts}[path]
 
     @cached_property
     def bounds(self) -> Array:

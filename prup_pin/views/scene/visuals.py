@@ -45,7 +45,9 @@ def visuals(mechanism: Mechanism) -> tuple[dict[str, list[Visual]], tuple[str, .
     description = mechanism.description
     if description.source != "URDF":
         return {}, ()
-    folders = (*getattr(description, "package_folders", ()), *_example_folders(description.path))
+    folders, examples = (*getattr(description, "package_folders", ()),), example_folder()
+    if examples is not None and description.path.is_relative_to(examples):
+        folders = (*folders, examples.parents[1], examples.parent)
     root = etree.fromstring(
         description.content, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True, huge_tree=False)
     )
@@ -70,12 +72,19 @@ def _lightened(found: dict[str, list[Visual]]) -> dict[str, list[Visual]]:
     meshes = {id(v.shape): v.shape for shapes in found.values() for v in shapes if isinstance(v.shape, Mesh)}
     coarse = meshes
     cell = max((float(np.ptp(mesh.vertices, axis=0).max()) for mesh in meshes.values()), default=0.0) / 600
-    while sum(map(_bytes, coarse.values())) > PAGE_BYTES:
+    # positions in single precision, and three corners a triangle
+    while sum(12 * (len(mesh.vertices) + len(mesh.faces)) for mesh in coarse.values()) > PAGE_BYTES:
         fewer = {key: clustered(mesh, cell) for key, mesh in meshes.items()}
         heavier = sum(21 * len(mesh.faces) for mesh in fewer.values()) / PAGE_BYTES  # about what shading makes of them
         cell *= max(1.1, 0.95 * heavier**0.5)  # half as many cells along each edge, a quarter of the triangles
-        if heavier <= 1:
-            coarse = {key: _shaded(mesh) for key, mesh in fewer.items() if len(mesh.faces)}
+        if heavier <= 1:  # smooth where it is, its sharp edges sharp
+            import trimesh
+
+            bare = {
+                key: trimesh.Trimesh(m.vertices, m.faces, process=False) for key, m in fewer.items() if len(m.faces)
+            }
+            shaded = {key: mesh.smooth_shaded for key, mesh in bare.items()}
+            coarse = {key: Mesh(mesh.vertices, mesh.faces, smooth=True) for key, mesh in shaded.items()}
     shown = {id(mesh): coarse.get(key) for key, mesh in meshes.items()}
     return {
         name: [
@@ -85,26 +94,6 @@ def _lightened(found: dict[str, list[Visual]]) -> dict[str, list[Visual]]:
         ]
         for name, shapes in found.items()
     }
-
-
-def _bytes(mesh: Mesh) -> int:
-    """Return what a mesh takes: positions in single precision, and three corners a triangle."""
-    return 12 * (len(mesh.vertices) + len(mesh.faces))
-
-
-def _shaded(mesh: Mesh) -> Mesh:
-    """Return a mesh that is shaded smooth where it is, its sharp edges sharp."""
-    import trimesh
-
-    piece = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).smooth_shaded
-    return Mesh(piece.vertices, piece.faces, smooth=True)
-
-
-def _example_folders(path: Path) -> tuple[Path, ...]:
-    examples = example_folder()
-    if examples is not None and path.is_relative_to(examples):
-        return (examples.parents[1], examples.parent)
-    return ()
 
 
 def _numbers(text: str | None, default: Sequence[float]) -> np.ndarray:
