@@ -87,8 +87,9 @@ class View(Served):
         return self.shown.frames[0] if isinstance(self.shown, Motion) else self.shown
 
     def message(self, known: Container[str] = ()) -> dict[str, Any]:
-        shown = self.shown
-        return message(*((shown.frames, shown.rate) if isinstance(shown, Motion) else ([shown],)), known=known)
+        if isinstance(self.shown, Motion):
+            return message(self.shown.frames, self.shown.rate, known=known)
+        return message([self.shown], known=known)
 
     def static_html(self) -> str:
         """Return a self-contained page: it needs no network."""

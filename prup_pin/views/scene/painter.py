@@ -164,7 +164,7 @@ class Painter:
                     put(name, visual.shape, body(frame.joint, seat) @ visual.placement, colour, visual.opacity)
         for module in self.bare_beams:
             frame_, length = beam_frame(module, pose)
-            visual = Visual("", rod(self._beam_radius(module), length), np.eye(4), METAL)
+            visual = Visual(rod(self._beam_radius(module), length), np.eye(4), METAL)
             middle = frame_ @ placement(np.eye(3), np.array([0, 0, length / 2]))
             shape, where = self._bent(module, pose, moved, scale, visual, middle)
             put(f"beams/{module.name}", shape, where, visual.colour if colours is None else colours[module.name])
@@ -264,7 +264,14 @@ class Painter:
             wrench = moved = scale = None
         else:
             moved = moved or Deflections(compliance, wrench)
-            scale = fitting_scale(moved, self.size) if scale is None else self._drawable(scale, moved)
+            metres, radians = moved.largest()
+            far = max(metres / float(self.size), radians)
+            if scale is not None and scale * far > _FARTHEST:
+                raise InputError(
+                    f"the deflection of {quantity(metres, 'm')} cannot be drawn {number(scale, 3)} times larger: it "
+                    f"would leave the picture. Expected at most {number(nice_below(_FARTHEST / far), 3)}"
+                )
+            scale = fitting_scale(moved, self.size) if scale is None else scale
             with suppress(InputError):  # nothing deflects
                 shares = compliance.shares(wrench)
         colours, top = share_colours(shares)
@@ -300,17 +307,6 @@ class Painter:
         return Scene(
             self.robot.name, tuple(parts), tuple(labels), legend, self.up, self.viewer, balls, float(scale or 0.0)
         )
-
-    def _drawable(self, scale: float, moved: Deflections) -> float:
-        """Return the factor asked for. Raises InputError where the deflection would leave any picture by it."""
-        metres, radians = moved.largest()
-        far = max(metres / float(self.size), radians)
-        if scale * far > _FARTHEST:
-            raise InputError(
-                f"the deflection of {quantity(metres, 'm')} cannot be drawn {number(scale, 3)} times larger: it would "
-                f"leave the picture. Expected at most {number(nice_below(_FARTHEST / far), 3)}"
-            )
-        return scale
 
     # -- signs -----------------------------------------------------------------------------------------------------
 

@@ -33,7 +33,6 @@ PAGE_BYTES = 1_000_000
 class Visual:
     """A shape fixed to a link: `placement` is link_from_shape, 4 x 4."""
 
-    link: str
     shape: Shape
     placement: Array
     colour: str
@@ -51,7 +50,7 @@ def visuals(mechanism: Mechanism) -> tuple[dict[str, list[Visual]], tuple[str, .
     root = etree.fromstring(
         description.content, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True, huge_tree=False)
     )
-    named = {m.get("name"): m for m in root.findall("material") if m.get("name")}
+    named = {each.get("name"): each.xpath("string(color/@rgba)") for each in root.findall("material")}
     found: dict[str, list[Visual]] = {}
     notes: list[str] = []
     known = set(mechanism.frame_names)
@@ -61,7 +60,7 @@ def visuals(mechanism: Mechanism) -> tuple[dict[str, list[Visual]], tuple[str, .
             continue
         for element in link.findall("visual"):
             try:
-                found.setdefault(name, []).extend(_read(name, element, named, description.path.parent, folders))
+                found.setdefault(name, []).extend(_read(element, named, description.path.parent, folders))
             except (ValueError, OSError) as error:
                 notes.append(f"link '{name}': {error}")
     return _lightened({name: shapes for name, shapes in found.items() if shapes}), tuple(notes)
@@ -103,15 +102,14 @@ def _numbers(text: str | None, default: Sequence[float]) -> np.ndarray:
     return values
 
 
-def _read(link: str, element, named: Mapping, home: Path, folders: Sequence[Path]) -> list[Visual]:
-    """Return the shapes of one <visual>."""
-    origin = element.find("origin")
-    xyz = _numbers(None if origin is None else origin.get("xyz"), (0, 0, 0))
-    rpy = _numbers(None if origin is None else origin.get("rpy"), (0, 0, 0))
+def _read(element, named: Mapping[str, str], home: Path, folders: Sequence[Path]) -> list[Visual]:
+    """Return the shapes of one <visual>; `named` colours by their materials."""
+    xyz, rpy = (_numbers(element.xpath(f"string(origin/@{name})"), (0, 0, 0)) for name in ("xyz", "rpy"))
     at = placement(rotation_rpy(*rpy), xyz)
-    colour, opacity = _colour(element.find("material"), named)
-    geometry = element.find("geometry")
-    shape = None if geometry is None else next((child for child in geometry if isinstance(child.tag, str)), None)
+    painted = element.xpath("string(material/color/@rgba)") or named.get(element.xpath("string(material/@name)"), "")
+    *rgb, alpha = _numbers(painted, (0.6, 0.6, 0.6, 1.0))
+    colour, opacity = (hex_of(rgb), float(np.clip(alpha, 0, 1))) if painted else (None, 1.0)
+    shape = next(iter(element.xpath("geometry/*")), None)
     if shape is None:
         return []
     if shape.tag == "mesh":
@@ -122,8 +120,7 @@ def _read(link: str, element, named: Mapping, home: Path, folders: Sequence[Path
             raise ValueError(f"mesh '{path.name}' has {stamp.st_size / 1e6:.0f} MB and is not drawn")
         parts = _load_mesh(str(path), stamp.st_mtime_ns)
         return [
-            Visual(link, _scaled(mesh, scale), at, colour or own or _PLAIN, opacity if colour else 1.0)
-            for mesh, own in parts
+            Visual(_scaled(mesh, scale), at, colour or own or _PLAIN, opacity if colour else 1.0) for mesh, own in parts
         ]
     if shape.tag not in ("box", "sphere", "cylinder", "capsule"):
         raise ValueError(f"a <{shape.tag}> is not drawn")
@@ -132,19 +129,7 @@ def _read(link: str, element, named: Mapping, home: Path, folders: Sequence[Path
     else:
         radius = float(shape.get("radius"))
         solid = ball(radius) if shape.tag == "sphere" else rod(radius, float(shape.get("length")))
-    return [Visual(link, solid, at, colour or _PLAIN, opacity)]
-
-
-def _colour(material, named: Mapping) -> tuple[str | None, float]:
-    if material is None:
-        return None, 1.0
-    colour = material.find("color")
-    if colour is None and material.get("name") in named:
-        colour = named[material.get("name")].find("color")
-    if colour is None:
-        return None, 1.0
-    rgba = _numbers(colour.get("rgba"), (0.6, 0.6, 0.6, 1.0))
-    return hex_of(rgba), float(np.clip(rgba[3], 0, 1))
+    return [Visual(solid, at, colour or _PLAIN, opacity)]
 
 
 def _mesh_path(name: str, home: Path, folders: Sequence[Path]) -> Path:

@@ -208,8 +208,8 @@ def print_diagnosis(
     listed(out, "robot", [robot.name])
     recordings = [recording] if isinstance(recording, Recording) else list(recording)
     if len(recordings) > 1:
-        for texts in words.recording_rows(diagnosis):
-            listed(out, "recording", texts, ", ")
+        for parts in words.recording_rows(diagnosis):
+            listed(out, "recording", parts, ", ")
     else:
         held, samples = words.length_of(diagnosis, recordings[0]), len(recordings[0])
         listed(out, "recording", [held, counted(samples, "sample"), words.used_text(diagnosis, samples)], ", ")
@@ -242,11 +242,11 @@ def print_diagnosis(
             paragraph(out, f"({note})")
     if since is not None and since.values:
         heading(out, "What was found before")
-        columns = ("", ">then", ">now", ">changed by (95 %)", ">would show from")
-        show_table(out, columns, words.then_and_now_rows(since))
+        names = ("", ">then", ">now", ">changed by (95 %)", ">would show from")
+        show_table(out, names, words.then_and_now_rows(since))
     if since is not None:
-        texts = [f"{physics}: {sizes}" for physics, sizes in words.seen_rows(since.seen)]
-        bullets(out, "What else would have been seen", texts, f"({_SIZES})")
+        others = [f"{physics}: {sizes}" for physics, sizes in words.seen_rows(since.seen)]
+        bullets(out, "What else would have been seen", others, f"({_SIZES})")
     shown = [f"{physics}: {sizes}" for physics, sizes in words.visible_rows(diagnosis.seen)]
     if more := shown[_MOST_SEEN:]:
         shown[_MOST_SEEN:] = [f"{counted(len(more), 'other kind')} of effects that show better still"]
