@@ -121,7 +121,7 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, *, narrow: bool = False) ->
         drawing.labels.put(", ".join(map(str, numbers)), at, FOUND, at - middle, 17, "bold")
     drawing.write(texts, parts.legs, parts.points, size)
     draw_compass(figure, camera, robot.mechanism.gravity, layout)
-    draw_legend(figure, parts, False, None, layout)
+    draw_legend(figure, drawing, layout)
     # the findings beside the drawing, by the numbers that it shows
     lines, most = [], 4 if narrow else 9
     for index, finding in enumerate(diagnosis.told, 1):

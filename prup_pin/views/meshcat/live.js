@@ -13,7 +13,10 @@ async function send(question) {
   } catch { return { trouble: "The program that answers has ended; start it again." }; }
 }
 
-async function poll() { if (!(await send({})).trouble) setTimeout(poll, 1000); }
+async function poll(version) {
+  const told = await send({ version });
+  if (!told.trouble) setTimeout(poll, 1000, told.version ?? version);
+}
 
 function trouble(text) {
   const box = document.getElementById("trouble"); // beside sliders
@@ -87,7 +90,7 @@ function ask() {
 function tell(told) {
   waiting = false;
   trouble(told.trouble);
-  if (told.words && !panel.children.length) setTimeout(poll, 1000);
+  if (told.words && !panel.children.length) setTimeout(poll, 1000, told.version);
   if (told.words) {
     for (const [name, value] of Object.entries(sent)) inputs[name].shown = value;
     shownScale = told.scale;

@@ -78,7 +78,7 @@ class View(Served):
     """A scene or a motion, ready to be looked at: a page, a file, a notebook's cell, or a server on this machine."""
 
     def __init__(self, shown: Scene | Motion):
-        self.shown = shown
+        self.shown, self._version = shown, 0
         self.title = self.scene.name
 
     @property
@@ -86,10 +86,10 @@ class View(Served):
         """The scene, or a motion's first frame."""
         return self.shown.frames[0] if isinstance(self.shown, Motion) else self.shown
 
-    def message(self, known: Container[str] = ()) -> dict[str, Any]:
-        if isinstance(self.shown, Motion):
-            return message(self.shown.frames, self.shown.rate, known=known)
-        return message([self.shown], known=known)
+    def message(self) -> dict[str, Any]:
+        shown = self.shown
+        told = message(shown.frames, shown.rate) if isinstance(shown, Motion) else message([shown])
+        return {"version": self._version, **told}
 
     def static_html(self) -> str:
         """Return a self-contained page: it needs no network."""
@@ -106,13 +106,12 @@ class View(Served):
         return target
 
     def reply(self, question: bytes) -> dict[str, Any]:
-        known = set(json.loads(question)["known"])
-        told = self.message(known)
-        return {} if known == {name for frame in told["words"]["frames"] for name in frame["drawn"]} else told
+        return {} if json.loads(question)["version"] == self._version else self.message()
 
     def update(self, shown: Scene | Motion | View) -> None:
         """Show another scene; browsers that look at the server follow within a second."""
         self.shown = shown.shown if isinstance(shown, View) else shown
+        self._version += 1
 
     def _repr_html_(self) -> str:
         return (
