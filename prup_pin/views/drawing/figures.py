@@ -142,8 +142,10 @@ def draw_mechanism(drawing: Drawing, parts: Skeleton, pale: bool = False) -> Non
         if len(outline) >= 3:
             ground = plate.body == 0
             order = (5 if ground else 10) + camera.depth(plate.corners) * 0.1
-            look = {"facecolor": _PLATE, "edgecolor": INK, "alpha": 0.35 if ground else 0.5, "lw": 1.2}
-            axes.add_patch(Polygon(outline, zorder=order, label="rigid body, base", **look))
+            plain = Polygon(
+                outline, facecolor=_PLATE, edgecolor=INK, alpha=0.35 if ground else 0.5, lw=1.2, zorder=order
+            )
+            axes.add_patch(plain).set_label("rigid body, base")
             drawing.labels.avoid(np.vstack((outline, outline[:1])))
     for anchor in parts.anchors:
         _draw_ground(drawing, anchor, parts.size)
@@ -284,8 +286,9 @@ def draw_legend(figure: Figure, drawing: Drawing, layout: Layout) -> None:
     """Explain every sign that was drawn, each once."""
     handles, labels = drawing.axes.get_legend_handles_labels()
     signs = dict(zip(labels, handles, strict=True))
-    look = {"frameon": False, "fontsize": 9.5, "handlelength": 2.4}
-    figure.legend(list(signs.values()), list(signs), loc="upper left", bbox_to_anchor=layout.legend, **look)
+    handles, labels = list(signs.values()), list(signs)
+    at = layout.legend
+    figure.legend(handles, labels, loc="upper left", bbox_to_anchor=at, frameon=False, fontsize=9.5, handlelength=2.4)
 
 
 def _write_title(
