@@ -1,5 +1,7 @@
 """`prup-pin view` and `prup-pin report`, as a user at a terminal meets them."""
 
+import base64
+import gzip
 import os
 import re
 import signal
@@ -44,7 +46,7 @@ def test_view_writes_a_page_named_like_the_robot(run, tmp_path):
     assert done.exit_code == 0, done.output
     assert "Written: 3prup.html" in done.stdout
     page = (tmp_path / "3prup.html").read_text(encoding="utf-8")
-    assert "drawn 50 times larger" in page
+    assert b"drawn 50 times larger" in gzip.decompress(base64.b64decode(re.search(r'bytes\("([^"]+)"\)', page)[1]))
     assert run("report").exit_code == 0
     assert sorted(os.listdir(tmp_path)) == ["3prup.html", "3prup_report.html"]
 

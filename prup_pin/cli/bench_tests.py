@@ -342,11 +342,11 @@ def follow(
 ) -> None:
     """A machine's life: what changed between which of many recordings of one device; docs/life.md."""
     from ..life.follow import follow as followed
-    from ..views.report.life_files import check_life, write_life
+    from ..views.report.life_files import check_before, write_life
     from ..views.text.life_words import print_life
 
     folder_for(out, "--out")
-    check_life(out)
+    check_before(out, "life")
     read, name = recorded(recordings, tolerances, robot, convention)
     loaded, understood = reading.changed(name, set_parameters)
     with progress.stages() as tell:
@@ -370,11 +370,11 @@ def fleet(
     """Many devices of one drawing: what is common, by how much they scatter, who stands apart; docs/life.md."""
     from ..life.fleet import devices_of
     from ..life.fleet import fleet as together
-    from ..views.report.life_files import check_fleet, write_fleet
+    from ..views.report.life_files import check_before, write_fleet
     from ..views.text.life_words import print_fleet
 
     folder_for(out, "--out")
-    check_fleet(out)
+    check_before(out, "fleet")
     read, name = recorded(recordings, tolerances, robot, convention)
     devices = devices_of(read)
     loaded, understood = reading.changed(name, set_parameters)

@@ -218,7 +218,7 @@ def test_places_fold_their_legs():
 
 def test_no_page_breaks_a_word_where_a_space_would_do():
     """`anywhere` lets a table's columns shrink to a letter; `break-word` breaks only what fits on no line."""
-    for name in ("page_style.css", "bench_style.css", "life_page.html", "fleet_page.html", "diagnosis_page.html"):
+    for name in ("page_style.css", "life_page.html", "fleet_page.html", "diagnosis_page.html"):
         assert "overflow-wrap: anywhere" not in (Path(pages.__file__).parent / name).read_text(encoding="utf-8"), name
 
 

@@ -1,10 +1,11 @@
 """The explorer: what sliders ask is answered with the library's numbers, and the page follows."""
 
-import asyncio
+import base64
 import json
 import signal
 import subprocess
 import sys
+import urllib.error
 import urllib.request
 
 import numpy as np
@@ -14,7 +15,7 @@ from typer.testing import CliRunner
 
 import prup_pin
 from prup_pin.cli import app
-from prup_pin.views.meshcat.explorer import Control, Explorer, Session
+from prup_pin.views.meshcat.explorer import Control, Explorer
 from prup_pin.views.text.answer import Answer, stiffness_table
 
 from .chromium import Browser, area, render
@@ -33,45 +34,31 @@ def explorer(robot):
     return Explorer(robot)
 
 
-def question(pose=POSE, load=LOAD, scale=10.0, number=1):
-    return json.dumps({"id": number, "pose": pose, "load": load, "scale": scale})
+def question(pose=POSE, load=LOAD, scale=10.0, known=()):
+    return json.dumps({"pose": pose, "load": load, "scale": scale, "known": [*known]})
 
 
 class Viewer:
-    """Keeps what meshcat's viewer would have after the commands that it was sent."""
+    """Keeps what a page has after what it was sent: the commands by name, and what they draw, by path."""
 
     def __init__(self):
-        self.objects, self.places, self.told = {}, {}, {}
+        self.known, self.objects, self.places = {}, {}, {}
 
-    def take(self, messages):
-        for message in messages:
-            if isinstance(message, str):
-                self.told = json.loads(message)
-                continue
-            command = umsgpack.unpackb(message)
-            path = command["path"]
-            if command["type"] == "delete":
-                self.objects = {key: value for key, value in self.objects.items() if not within(key, path)}
-                self.places = {key: value for key, value in self.places.items() if not within(key, path)}
-            elif command["type"] == "set_object":
-                shape, look = command["object"]["geometries"][0], command["object"]["materials"][0]
-                self.objects[path] = [
-                    {key: value for key, value in item.items() if key != "uuid"} for item in (shape, look)
-                ]
-            elif command["type"] == "set_transform":
-                self.places[path] = command["matrix"]
+    def take(self, told):
+        (frame,) = told["words"]["frames"]
+        self.known |= told["commands"]
+        self.known = {name: self.known[name] for name in frame["drawn"]}
+        commands = [umsgpack.unpackb(base64.b64decode(text)) for _, text in self.known.values()]
+        self.objects = {each["path"]: each["object"] for each in commands if each["type"] == "set_object"}
+        self.places = {each["path"]: each["matrix"] for each in commands if each["type"] == "set_transform"}
         return self
-
-
-def within(path, folder):
-    return path == folder or path.startswith(folder + "/")
 
 
 # -- questions and answers ---------------------------------------------------------------------------------------------
 
 
 def test_what_is_told_is_what_the_library_computes(robot, explorer):
-    told = Viewer().take(Session(explorer).reply(question())).told
+    told = explorer.reply(question())
     r = robot.compliance(robot.pose(**POSE))
     table = stiffness_table(Answer(r, LOAD))
     assert [tuple(row) for row in told["matrix"]["cells"]] == list(table.cells)
@@ -84,14 +71,12 @@ def test_what_is_told_is_what_the_library_computes(robot, explorer):
     axes = np.linalg.eigvalsh(r.C[:3, :3]) * 1e6
     texts = [label["text"] for label in told["words"]["frames"][0]["labels"]]
     assert all(f"{value:.3g} µm/N" in texts for value in axes)
-    assert told["id"] == 1
     assert told["trouble"] == ""
 
 
 def test_what_was_sent_adds_up_to_the_scene(robot, explorer):
     """A browser that went through other poses, loads and none at all has what one has that comes there at once."""
-    session, long, short = Session(explorer), Viewer(), Viewer()
-    long.take(session.greeting())
+    long, short = Viewer().take(explorer.message()), Viewer()
     first = dict(long.objects)
     for pose, load, scale in (
         (POSE, {}, None),
@@ -99,40 +84,32 @@ def test_what_was_sent_adds_up_to_the_scene(robot, explorer):
         (POSE, LOAD, 25.0),
         (POSE, LOAD, 10.0),
     ):
-        sent = session.reply(question(pose, load, scale))
+        sent = explorer.reply(question(pose, load, scale, known=long.known))
         long.take(sent)
-    again = Session(explorer)
-    short.take(again.greeting())
-    short.take(again.reply(question()))
+    short.take(explorer.message())
+    short.take(explorer.reply(question(known=short.known)))
     assert long.objects == short.objects
     assert long.places == short.places
     assert "/robot/deformed/links/hub" in long.objects
     assert "/robot/links/hub" in first
     assert "/robot/links/hub" not in long.objects
     # only what differs is sent: scaling a deflection sends neither the base nor the ellipsoids
-    paths = [umsgpack.unpackb(message)["path"] for message in sent if isinstance(message, bytes)]
+    paths = [path for path, _ in sent["commands"].values()]
     assert paths
     assert not [path for path in paths if path.startswith(("/robot/base", "/floor", "/robot/ghost"))]
 
 
 def test_the_stage_stays_while_the_robot_moves(explorer):
-    session = Session(explorer)
-    places = [Viewer().take(session.greeting()).told["words"]["bounds"]]
-    viewer = Viewer().take(Session(explorer).reply(question({"z": 0.3, "theta": 0.3, "phi": 0})))
-    places.append(viewer.told["words"]["bounds"])
-    assert places[0] == places[1]
-    assert viewer.places["/robot"] == explorer.first.display_from_base.T.ravel().tolist()
+    told = [explorer.message(), explorer.reply(question({"z": 0.3, "theta": 0.3, "phi": 0}))]
+    assert told[0]["words"]["bounds"] == told[1]["words"]["bounds"]
+    assert Viewer().take(told[1]).places["/robot"] == explorer.first.display_from_base.T.ravel().tolist()
 
 
 def test_a_pose_out_of_reach_is_said_and_nothing_moves(explorer):
-    session = Session(explorer)
-    session.greeting()
-    (only,) = session.reply(question({**POSE, "z": 9.0}))
-    told = json.loads(only)
+    told = explorer.reply(question({**POSE, "z": 9.0}))
     assert "cannot reach" in told["trouble"]
-    assert told["id"] == 1
     assert "words" not in told
-    assert json.loads(session.reply(question())[-1])["trouble"] == ""
+    assert explorer.reply(question())["trouble"] == ""
 
 
 @pytest.mark.parametrize(
@@ -153,14 +130,11 @@ def test_a_pose_out_of_reach_is_said_and_nothing_moves(explorer):
         question(load={"fq": 1}),
         question(scale=-1),
         question(scale=float("inf")),
-        question(number="x"),
     ],
 )
 def test_what_makes_no_sense_is_said_and_the_next_question_answered(explorer, message):
-    session = Session(explorer)
-    (only,) = session.reply(message)
-    assert json.loads(only)["trouble"]
-    assert json.loads(session.reply(question())[-1])["trouble"] == ""
+    assert explorer.reply(message)["trouble"]
+    assert explorer.reply(question())["trouble"] == ""
 
 
 @pytest.mark.parametrize(
@@ -172,12 +146,11 @@ def test_what_makes_no_sense_is_said_and_the_next_question_answered(explorer, me
     ],
 )
 def test_what_is_too_large_is_refused_with_its_bound_and_the_next_question_answered(explorer, load, scale, said):
-    session = Session(explorer)
-    (only,) = session.reply(question(load=load, scale=scale))
-    assert said in json.loads(only)["trouble"]
-    bound = float(json.loads(only)["trouble"].split("at most ")[1].split()[0])
+    trouble = explorer.reply(question(load=load, scale=scale))["trouble"]
+    assert said in trouble
+    bound = float(trouble.split("at most ")[1].split()[0])
     within = (load, bound) if scale == 1e300 else ({"fx": bound}, None)
-    told = json.loads(session.reply(question(POSE, *within))[-1])
+    told = explorer.reply(question(POSE, *within))
     assert told["trouble"] == ""
     assert told["scale"] > 0
 
@@ -192,10 +165,9 @@ def test_a_slider_beside_nothing_begins_at_nothing():
 def test_a_joint_at_no_part_of_a_turn_is_refused_with_its_bound():
     explorer = Explorer(prup_pin.load("ur5"))
     values = {control.name: 0.0 for control in explorer.poses}
-    session = Session(explorer)
-    (only,) = session.reply(question({**values, "wrist_1_joint": 1e308}, {}))
-    assert json.loads(only)["trouble"] == "wrist_1_joint = 1e308 rad: expected at most 1e+06 rad"
-    assert json.loads(session.reply(question(values, {}))[-1])["trouble"] == ""
+    refused = explorer.reply(question({**values, "wrist_1_joint": 1e308}, {}))
+    assert refused["trouble"] == "wrist_1_joint = 1e308 rad: expected at most 1e+06 rad"
+    assert explorer.reply(question(values, {}))["trouble"] == ""
     for ask in (explorer.robot.pose_from_actuators, lambda at: explorer.robot.pose(**at)):
         ask({**values, "wrist_1_joint": 6.2})
         with pytest.raises(prup_pin.InputError, match="wrist_1_joint = -1010000 rad: expected at most"):
@@ -209,7 +181,7 @@ def test_trees_have_a_slider_for_each_joint(name):
     assert rigid.loads == ()
     sprung = Explorer(prup_pin.load(name, joint_stiffness=1e4, tool="panda_hand" if name == "panda" else None))
     values = {control.name: control.low + 0.6 * (control.high - control.low) for control in sprung.poses}
-    told = json.loads(Session(sprung).reply(question(values, {"fz": -20}))[-1])
+    told = sprung.reply(question(values, {"fz": -20}))
     assert told["matrix"]["title"] == ("K does not exist" if name == "double_pendulum" else "Stiffness K")
     for control in sprung.poses:
         assert control.low <= control.value <= control.high
@@ -222,7 +194,7 @@ def test_a_robot_without_task_coordinates_has_a_slider_for_each_actuator(tmp_pat
     explorer = Explorer(robot)
     assert [control.name for control in explorer.poses] == list(robot.mechanism.actuated)
     values = {control.name: control.value + 0.1 for control in explorer.poses}
-    told = json.loads(Session(explorer).reply(question(values, {"fz": -20}))[-1])
+    told = explorer.reply(question(values, {"fz": -20}))
     assert told["trouble"] == ""
     assert told["matrix"]["title"] == "K does not exist"
 
@@ -231,36 +203,27 @@ def test_a_robot_without_task_coordinates_has_a_slider_for_each_actuator(tmp_pat
 
 
 def test_every_browser_has_its_own_sliders(robot):
-    from tornado.websocket import websocket_connect
-
+    """An answer is a function of its question, whoever asked before."""
     explorer = Explorer(robot, robot.pose(**POSE), LOAD)
-    address = explorer.serve().replace("http", "ws") + "socket"
+    address = explorer.serve()
 
-    async def until_told(socket):
-        while isinstance(message := await socket.read_message(), bytes):
-            pass
-        return json.loads(message)
-
-    async def talk():
-        one, other = [await websocket_connect(address) for _ in range(2)]
-        greeted = [await until_told(socket) for socket in (one, other)]
-        await one.write_message(question({"z": 0.3, "theta": 0, "phi": 0}))
-        await other.write_message(question({"z": 0.45, "theta": 0, "phi": 0}))
-        told = [await until_told(socket) for socket in (one, other)]
-        for socket in (one, other):
-            socket.close()
-            while await socket.read_message() is not None:
-                pass
-        return greeted, told
+    def ask(z, **headers):
+        asked = urllib.request.Request(address, question({"z": z, "theta": 0, "phi": 0}).encode(), headers)
+        with urllib.request.urlopen(asked, timeout=600) as answer:
+            return json.load(answer)
 
     try:
-        greeted, told = asyncio.run(asyncio.wait_for(talk(), 60))
+        told = [ask(0.3), ask(0.45), ask(0.3)]
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            ask(0.3, Origin="http://evil.example")
     finally:
         explorer.close()
-    values = {control["name"]: control["value"] for control in greeted[0]["controls"]["groups"][0]["controls"]}
+    first = explorer.message()
+    values = {control["name"]: control["value"] for control in first["controls"]["groups"][0]["controls"]}
     assert values == {"z": 370, "theta": pytest.approx(11.4592), "phi": pytest.approx(-8.59437)}
     lines = [item["words"]["frames"][0]["legend"]["lines"][0] for item in told]
-    assert lines == ["z 300 mm, theta 0°, phi 0°", "z 450 mm, theta 0°, phi 0°"]
+    assert lines == [f"z {z} mm, theta 0°, phi 0°" for z in (300, 450, 300)]
+    assert told[0] == told[2]
     assert explorer.url is None
 
 
@@ -379,15 +342,14 @@ def test_the_page_follows_its_sliders(robot, tmp_path):
         asked_for, kept, trouble = typed("fx", "1e155")
         assert (asked_for[1], kept) == ("1e155", ["2000", "2000"])
         assert "expected at most 1e+12 [N]" in trouble
-        drawn = browser.evaluate("drawn.value")
+        drawn = browser.evaluate("scale.value")
         asked_for, kept, trouble = typed("deflection", "1e300")
         assert (asked_for[-1], kept[-1]) == ("1e300", drawn)
         assert "would leave the picture" in trouble
         slide("fx", 1000)
         until("fx 1000 N")
         assert browser.evaluate("document.getElementById('trouble').textContent") == ""
-        own = url.removeprefix("http://")
-        foreign = [a for a in browser.requests if not a.startswith((url, f"ws://{own}", "data:", "blob:"))]
+        foreign = [a for a in browser.requests if not a.startswith((url, "data:", "blob:"))]
         assert foreign == []
         assert browser.errors == []
     finally:

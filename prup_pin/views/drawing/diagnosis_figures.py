@@ -24,7 +24,19 @@ from ..scene.colours import AFTER, AXES, BAND, BEFORE, FOUND, INK, PALE
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text
 from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool, write_head
-from .plotting import Drawing, Figure, Layout, Line2D, page_figure, panels, plain_axes, plain_words, sheet, zero_lines
+from .plotting import (
+    NARROW,
+    WIDE,
+    Drawing,
+    Figure,
+    Line2D,
+    page_figure,
+    panels,
+    plain_axes,
+    plain_words,
+    sheet,
+    zero_lines,
+)
 
 #: What was measured.
 _MEASURED = "#23272E"
@@ -34,12 +46,9 @@ _LINE = 18
 _ZIGZAG = 3
 #: Joints that a page shows, those whose effort the findings change most, and the time that it shows of them [s].
 _MOST_JOINTS, _SECONDS = 6, 12.0
-_WIDE = Layout(
-    (11, 6.6), (0.02, 0.02, 0.62, 0.86), (0.725, 0.49, 0.255, 0.34), (0.015, 0.02, 0.13, 0.19), (0.715, 0.39),
-    (0, 0, 0, 0), 40,
-)  # fmt: skip
-_NARROW = Layout(
-    (5.2, 8.2), (0.02, 0.37, 0.96, 0.54), (0, 0, 0, 0), (0.0, 0.35, 0.24, 0.13), (0.5, 0.2), (0, 0, 0, 0), 50
+_WIDE = WIDE._replace(size=(11, 6.6), drawing=(0.02, 0.02, 0.62, 0.86), line=40)
+_NARROW = NARROW._replace(
+    size=(5.2, 8.2), drawing=(0.02, 0.37, 0.96, 0.54), compass=(0.0, 0.35, 0.24, 0.13), legend=(0.5, 0.2), line=50
 )
 _AXIS_NAMES = {"m": ("x", "y", "z"), "rad": ("about x", "about y", "about z")}
 
@@ -56,21 +65,11 @@ class Mark:
 def marks(robot: Robot, pose: ClosedPose, findings: Sequence[Finding]) -> list[Mark]:
     """Return where the findings and their candidates are; places that are everywhere have no mark."""
     parts = skeleton(pose)
-    made: list[Mark] = []
-    named: set[str] = set()
-    for index, finding in enumerate(findings, 1):
-        for name in finding.at_each or (finding.location,):
-            at = _points(robot, pose, parts, name)
-            if at is not None:
-                made.append(Mark(name, at, index))
-                named.add(name)
-    for finding in findings:
-        for name in finding.candidates:
-            at = None if name in named else _points(robot, pose, parts, name)
-            if at is not None:
-                made.append(Mark(name, at, 0))
-                named.add(name)
-    return made
+    numbered = [(name, index) for index, item in enumerate(findings, 1) for name in item.at_each or (item.location,)]
+    own = {name for name, _ in numbered}
+    beside = dict.fromkeys(name for item in findings for name in item.candidates if name not in own)
+    every = [(name, _points(robot, pose, parts, name), index) for name, index in (*numbered, *((n, 0) for n in beside))]
+    return [Mark(name, at, index) for name, at, index in every if at is not None]
 
 
 def _points(robot: Robot, pose: ClosedPose, parts: Skeleton, name: str) -> Array | None:
@@ -117,19 +116,31 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, *, narrow: bool = False) ->
     draw_mechanism(drawing, parts)
     texts = draw_tool(drawing, parts)
     found = marks(robot, pose, diagnosis.told)
-    _draw_marks(drawing, found)
     middle = camera.flat(parts.points).mean(axis=0)
-    for text, at in _mark_texts(drawing, found):
-        drawing.labels.put(text, at, FOUND, at - middle, 17, "bold")
+    for at, numbers in _draw_marks(drawing, found):
+        drawing.labels.put(", ".join(map(str, numbers)), at, FOUND, at - middle, 17, "bold")
     drawing.write(texts, parts.legs, parts.points, size)
     draw_compass(figure, camera, robot.mechanism.gravity, layout)
-    draw_legend(figure, parts, False, None, layout)
-    _draw_list(figure, diagnosis, found, (0.06, 0.33) if narrow else (0.655, 0.87), layout.line, 4 if narrow else 9)
+    draw_legend(figure, drawing, layout)
+    # the findings beside the drawing, by the numbers that it shows
+    lines, most = [], 4 if narrow else 9
+    for index, finding in enumerate(diagnosis.told, 1):
+        text = f"{index}  {finding_text(finding)}"
+        lines += wrap(text, layout.line, subsequent_indent="    ", break_on_hyphens=False)
+    if any(not mark.number for mark in found):
+        lines.append("dashed: where a finding may sit as well")
+    if len(lines) > most:
+        lines[most - 1 :] = ["…"]
+    text = "\n".join(lines) or ("nothing is missing" if diagnosis.since is None else "nothing has changed")
+    place = (0.06, 0.33) if narrow else (0.655, 0.87)
+    figure.text(*place, text, fontsize=11, color=FOUND, va="top", linespacing=1.6)
     write_head(figure, robot.name)
     return figure
 
 
-def _draw_marks(drawing: Drawing, found: Sequence[Mark]) -> None:
+def _draw_marks(drawing: Drawing, found: Sequence[Mark]) -> list[tuple[Array, list[int]]]:
+    """Draw the marks; return each point on the page with the numbers of the findings there."""
+    numbers: dict[tuple, tuple[Array, list[int]]] = {}
     span = float(np.ptp(drawing.axes.get_ylim()))
     for mark in found:
         flat = drawing.camera.flat(mark.points)
@@ -144,31 +155,9 @@ def _draw_marks(drawing: Drawing, found: Sequence[Mark]) -> None:
             drawing.axes.scatter(*at[:, None], s=size**2, zorder=200, **style)
         ring = np.linspace(0, 2 * np.pi, 13)[:, None] * np.array([1.0, 1.0]) + np.array([0.0, np.pi / 2])
         drawing.labels.avoid(at + 0.024 * span * np.sin(ring))
-
-
-def _mark_texts(drawing: Drawing, found: Sequence[Mark]) -> list[tuple[str, Array]]:
-    """Return one label per point: the numbers of the findings there."""
-    at: dict[tuple, tuple[Array, list[Mark]]] = {}
-    for mark in found:
-        if mark.number:
-            point = drawing.camera.flat(mark.points).mean(axis=0)
-            at.setdefault(tuple(np.round(point, 6)), (point, []))[1].append(mark)
-    return [(", ".join(str(mark.number) for mark in marks), point) for point, marks in at.values()]
-
-
-def _draw_list(
-    figure: Figure, diagnosis: Diagnosis, found: Sequence[Mark], place: tuple[float, float], line: int, most: int
-) -> None:
-    """Write the findings beside the drawing, by the numbers that it shows; `most` lines of `line` letters."""
-    lines = []
-    for index, finding in enumerate(diagnosis.told, 1):
-        lines += wrap(f"{index}  {finding_text(finding)}", line, subsequent_indent="    ", break_on_hyphens=False)
-    if any(not mark.number for mark in found):
-        lines.append("dashed: where a finding may sit as well")
-    if len(lines) > most:
-        lines[most - 1 :] = ["…"]
-    text = "\n".join(lines) or ("nothing is missing" if diagnosis.since is None else "nothing has changed")
-    figure.text(*place, text, fontsize=11, color=FOUND, va="top", linespacing=1.6)
+        if strong:
+            numbers.setdefault(tuple(np.round(at, 6)), (at, []))[1].append(mark.number)
+    return list(numbers.values())
 
 
 # -- response ----------------------------------------------------------------------------------------------------------
@@ -356,10 +345,34 @@ def effort_figure(efforts: EffortDiagnosis, *, narrow: bool = False) -> Figure:
     ratios = (1,) if narrow else (2.3, 1)
     grid = figure.subplots(len(chosen), len(ratios), squeeze=False, width_ratios=ratios)
     shown = _window(efforts)
+    time = efforts.time[shown]
+    steps = np.diff(time)  # pieces apart in time are no line
+    gaps = np.flatnonzero(steps > 5 * np.median(steps)) + 1 if len(time) > 2 else np.zeros(0, int)
     for row, column in zip(grid, chosen, strict=True):
-        _draw_time(row[0], efforts, column, shown, narrow)
-        if not narrow:
-            _draw_left(row[1], efforts, column)
+        name, unit = efforts.joints[column], efforts.units[column]
+        zero_lines(row[0])
+        for values, colour, width, order in (
+            (efforts.rigid, BEFORE, 1.2, 2),
+            (efforts.measured, _MEASURED, 1.6, 3),
+            (efforts.predicted, AFTER, 1.1, 4),
+        ):
+            own = np.insert(values[shown, column], gaps, np.nan)
+            row[0].plot(np.insert(time, gaps, np.nan), own, color=colour, lw=width, zorder=order)
+        drawn, found = (number(100 * efforts.shares[name][of], 3) for of in ("rigid", "heldout"))
+        text = f"{drawn} % of it unexplained as drawn, {found} % with the findings"
+        row[0].set_title(
+            f"{name}\n{text}" if narrow else f"{name}: {text}", fontsize=8.5 if narrow else 9.5, loc="left"
+        )
+        plain_axes(row[0], 8.5, labels=("", f"effort [{unit}]"))
+        for axes in row[1:]:
+            good = efforts.good[:, column]
+            speed = efforts.speed[good, column]
+            zero_lines(axes)
+            for values, colour, order in ((efforts.rigid, BEFORE, 2), (efforts.predicted, AFTER, 3)):
+                left = (efforts.measured - values)[good, column]
+                axes.scatter(speed, left, s=3, color=colour, linewidths=0, alpha=0.5, zorder=order, rasterized=True)
+            turning = "m/s" if name in efforts.sliding else "rad/s"
+            plain_axes(axes, 8.5, labels=(f"speed [{turning}]", f"left [{unit}]"))
     grid[-1, 0].set_xlabel("time [s]", fontsize=9)
     keys = {"measured": _MEASURED, "rigid, as drawn": BEFORE, "with the findings": AFTER}
     handles = [Line2D([], [], color=colour, lw=2, label=word) for word, colour in keys.items()]
@@ -380,39 +393,6 @@ def _window(efforts: EffortDiagnosis) -> np.ndarray:
     return np.flatnonzero((time >= start) & (time < start + _SECONDS))
 
 
-def _draw_time(axes, efforts: EffortDiagnosis, column: int, shown: np.ndarray, narrow: bool) -> None:
-    name, unit = efforts.joints[column], efforts.units[column]
-    time = efforts.time[shown]
-    # pieces apart in time are no line
-    steps = np.diff(time)
-    gaps = np.flatnonzero(steps > 5 * np.median(steps)) + 1 if len(time) > 2 else np.zeros(0, int)
-    zero_lines(axes)
-    for values, colour, width, order in (
-        (efforts.rigid, BEFORE, 1.2, 2),
-        (efforts.measured, _MEASURED, 1.6, 3),
-        (efforts.predicted, AFTER, 1.1, 4),
-    ):
-        own = np.insert(values[shown, column], gaps, np.nan)
-        axes.plot(np.insert(time, gaps, np.nan), own, color=colour, lw=width, zorder=order)
-    share = efforts.shares[name]
-    drawn, found = (number(100 * share[of], 3) for of in ("rigid", "heldout"))
-    text = f"{drawn} % of it unexplained as drawn, {found} % with the findings"
-    axes.set_title(f"{name}\n{text}" if narrow else f"{name}: {text}", fontsize=8.5 if narrow else 9.5, loc="left")
-    plain_axes(axes, 8.5, labels=("", f"effort [{unit}]"))
-
-
-def _draw_left(axes, efforts: EffortDiagnosis, column: int) -> None:
-    good = efforts.good[:, column]
-    speed = efforts.speed[good, column]
-    zero_lines(axes)
-    for values, colour, order in ((efforts.rigid, BEFORE, 2), (efforts.predicted, AFTER, 3)):
-        left = (efforts.measured - values)[good, column]
-        axes.scatter(speed, left, s=3, color=colour, linewidths=0, alpha=0.5, zorder=order, rasterized=True)
-    unit = "m/s" if efforts.joints[column] in efforts.sliding else "rad/s"
-    plain_axes(axes, 8.5, labels=(f"speed [{unit}]", f"left [{efforts.units[column]}]"))
-
-
-@plain_words
 def effort_curve_figure(finding: Finding, curve: EffortCurve, *, narrow: bool = False) -> Figure:
     """Return what the efforts ask for at a joint against what drives it, before any law, and the law.
 
@@ -426,6 +406,7 @@ def formula_figure(proposal: Proposal, curve: EffortCurve, *, narrow: bool = Fal
     return _effort_curve(f"A formula for {proposal.joint}", f"{proposal.law.symbol} = {proposal.text}", curve, narrow)
 
 
+@plain_words
 def _effort_curve(title: str, law: str, curve: EffortCurve, narrow: bool) -> Figure:
     figure = page_figure(4.6, narrow, title)
     axes: Any = figure.subplots()

@@ -44,9 +44,7 @@ from .plotting import (
     Drawing,
     Figure,
     Layout,
-    Line2D,
     ListedColormap,
-    Patch,
     Polygon,
     plain_axes,
     plain_words,
@@ -117,7 +115,7 @@ def pose_figure(
     draw_compass(figure, camera, robot.mechanism.gravity, layout)
     if compliance is not None:
         draw_ellipsoid(figure, camera, compliance, layout)
-    draw_legend(figure, parts, load is not None and bool(load.any()), scale if ghost is not None else None, layout)
+    draw_legend(figure, drawing, layout)
     if ghost is not None and top:
         _draw_scale(figure, top, layout)
     _write_title(figure, robot, pose, compliance, load, scale if ghost is not None else None, layout)
@@ -138,25 +136,27 @@ def draw_mechanism(drawing: Drawing, parts: Skeleton, pale: bool = False) -> Non
     """Draw bodies, joints and loop closures; pale, where the deflected ones are to be drawn over them."""
     axes, camera = drawing.axes, drawing.camera
     beam, link = (PALE, PALE) if pale else (BEAM, INK)
+    elastic = "elastic beam without load" if pale else "elastic beam"
     for plate in parts.plates:
         outline = hull(camera.flat(plate.corners))
         if len(outline) >= 3:
             ground = plate.body == 0
             order = (5 if ground else 10) + camera.depth(plate.corners) * 0.1
-            axes.add_patch(
-                Polygon(outline, facecolor=_PLATE, alpha=0.35 if ground else 0.5, edgecolor=INK, lw=1.2, zorder=order)
+            plain = Polygon(
+                outline, facecolor=_PLATE, edgecolor=INK, alpha=0.35 if ground else 0.5, lw=1.2, zorder=order
             )
+            axes.add_patch(plain).set_label("rigid body, base")
             drawing.labels.avoid(np.vstack((outline, outline[:1])))
     for anchor in parts.anchors:
         _draw_ground(drawing, anchor, parts.size)
     for segment in sorted(parts.segments, key=lambda s: camera.depth(np.array([s.start, s.end]))):
         line = np.array([segment.start, segment.end])
         if segment.kind == "beam":
-            drawing.rod(line, beam)
+            drawing.rod(line, beam, elastic)
         elif segment.kind == "slide":
-            drawing.line(line, GHOST if pale else INK, 1.6, linestyle=(0, (4, 2)))
+            drawing.line(line, GHOST if pale else INK, 1.6, linestyle=(0, (4, 2)), label="slide")
         else:
-            drawing.line(line, link, 4.0)
+            drawing.line(line, link, 4.0, label="rigid link")
     marks: dict[tuple, tuple] = {}
     rank = [*ROLES].index
     for joint in parts.joints:
@@ -167,11 +167,12 @@ def draw_mechanism(drawing: Drawing, parts: Skeleton, pale: bool = False) -> Non
         if present is None or (rank(style), shape == "o") > (rank(present[1]), present[2] == "o"):
             marks[key] = (joint.at, style, shape)
     for at, style, shape in marks.values():
-        drawing.mark(at, shape, 10.5 if style == "actuated" else 7.5, ROLES[style], GHOST if pale else INK)
+        edge = GHOST if pale else INK
+        drawing.mark(at, shape, 10.5 if style == "actuated" else 7.5, ROLES[style], edge, label=f"{style} joint")
     for first, second, _, _ in parts.closures:
         if np.linalg.norm(first - second) > 1e-6:
             drawing.line(np.array([first, second]), INK, 1.2, linestyle=":")
-        drawing.mark(second, "D", 10, "none", INK, lift=19)
+        drawing.mark(second, "D", 10, "none", INK, lift=19, label="loop closure")
 
 
 def _draw_ground(drawing: Drawing, at: Array, size: float) -> None:
@@ -196,6 +197,8 @@ def _draw_deflected(
     def there(body: int, point: Array) -> Array:
         return point + ghost.shift(body, point, scale)
 
+    sign = (_MIDDLE, 4.5) if any(segment.kind == "beam" for segment in parts.segments) else (INK, 2.2)
+    drawing.sign(f"deflected, drawn × {number(scale)}", *sign)
     for segment in parts.segments:
         beam = segment.kind == "beam"
         colour = colours.get(segment.name, MAP[0]) if beam else INK
@@ -221,13 +224,14 @@ def draw_tool(drawing: Drawing, parts: Skeleton) -> list[tuple]:
         drawing.arrow(at, tip, colour, 2.0, 9, lift=40)
         flat = drawing.camera.flat(np.array([at, tip]))
         texts.append((name, flat[1], colour, flat[1] - flat[0]))
-    drawing.mark(at, "o", 5, "black", "white", lift=45, width=1.0)
+    drawing.mark(at, "o", 5, "black", "white", lift=45, mew=1.0)
     return texts
 
 
 def _draw_wrench(drawing: Drawing, at: Array, load: Array, size: float) -> list[tuple]:
     """Draw a force as an arrow and a moment as an arc around its axis; return their labels."""
     camera = drawing.camera
+    drawing.sign("load on the tool", LOAD, 3.0)
     texts: list[tuple] = []
     for block, unit in ((load[:3], "N"), (load[3:], "N m")):
         amount = float(np.linalg.norm(block))
@@ -278,39 +282,13 @@ def draw_compass(figure: Figure, camera: Camera, gravity: Array, layout: Layout)
     labels.put("base", np.zeros(2), FAINT, np.array([-1, -1]), 8.5)
 
 
-def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, scale: float | None, layout: Layout) -> None:
-    """Explain every sign that occurs; `scale`: how many times larger the deflection is drawn, where it is."""
-    kinds = {segment.kind for segment in parts.segments}
-    roles = {word.strip() for joint in parts.joints for word in joint.role.split(",")}
-    slides = {joint.type == "prismatic" for joint in parts.joints if "actuated" in joint.role}
-    still, beams = scale is None, "beam" in kinds
-
-    def line(colour: str, width: float, **style) -> dict:
-        return {"color": colour, "lw": width, **style}
-
-    def mark(marker: str, face: str, size: float) -> dict:
-        return {"marker": marker, "ls": "", "mfc": face, "mec": INK, "ms": size}
-
-    signs = [
-        (beams, "elastic beam" if still else "elastic beam without load", line(BEAM if still else PALE, 7)),
-        (not still, f"deflected, drawn × {number(scale or 0)}", line(*((_MIDDLE, 4.5) if beams else (INK, 2.2)))),
-        ("link" in kinds, "rigid link", line(INK if still else PALE, 4)),
-        ("slide" in kinds, "slide", line(INK, 1.6, ls=(0, (4, 2)))),
-        (bool(parts.plates), "", None),
-        ("actuated" in roles, "actuated joint", mark("s" if slides == {True} else "o", ROLES["actuated"], 10)),
-        ("passive" in roles, "passive joint", mark("o", ROLES["passive"], 7.5)),
-        ("sprung" in roles and "actuated" not in roles, "sprung joint", mark("o", ROLES["sprung"], 7.5)),
-        ("locked" in roles, "locked joint", mark("o", ROLES["locked"], 7.5)),
-        (bool(parts.closures), "loop closure", mark("D", "none", 8)),
-        (loaded, "load on the tool", line(LOAD, 3)),
-    ]
-    plate = Patch(facecolor=_PLATE, edgecolor=INK, alpha=0.5, label="rigid body, base")
-    handles = [
-        plate if style is None else Line2D([], [], label=label, **style) for holds, label, style in signs if holds
-    ]
-    figure.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=layout.legend, frameon=False, fontsize=9.5, handlelength=2.4
-    )
+def draw_legend(figure: Figure, drawing: Drawing, layout: Layout) -> None:
+    """Explain every sign that was drawn, each once."""
+    handles, labels = drawing.axes.get_legend_handles_labels()
+    signs = dict(zip(labels, handles, strict=True))
+    handles, labels = list(signs.values()), list(signs)
+    at = layout.legend
+    figure.legend(handles, labels, loc="upper left", bbox_to_anchor=at, frameon=False, fontsize=9.5, handlelength=2.4)
 
 
 def _write_title(

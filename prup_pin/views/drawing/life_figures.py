@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...life.fleet import Fleet, Off
+from ...life.fleet import Fleet
 from ...life.life import Life, Series
 from ...numbers import readable_unit, some
 from ...recordings.recording import moment
@@ -104,19 +104,15 @@ def _devices(axes, fleet: Fleet, narrow: bool) -> None:
         axes.plot(x, (fleet.own[:, own] / sizes).ravel(), "o", ms=2.2, color=_LIKE, mec="none", zorder=2)
     for item in fleet.outliers:
         if item.kind in spread:
-            _apart(axes, fleet.devices.index(item.device), item, spread[item.kind], n)
+            # a device that stands apart, with the parameter's name on the side where there is room
+            place, value = fleet.devices.index(item.device), item.value / spread[item.kind]
+            axes.plot(place, value, "o", ms=6, color=_MOMENT, zorder=4)
+            right = place > n / 2
+            axes.annotate(
+                " or ".join(some([item.parameter, *item.others], 2)), (place, value), (-7 if right else 7, 0),
+                textcoords="offset points", ha="right" if right else "left", va="center", fontsize=8, color=_MOMENT,
+            )  # fmt: skip
     shown = range(0, n, -(-n // _MOST_NAMES[narrow]))
     axes.set_xticks(list(shown), [fleet.devices[place] for place in shown], rotation=60, ha="right")
     axes.set_xlim(-0.7, n - 0.3)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-
-
-def _apart(axes, place: int, item: Off, spread: float, count: int) -> None:
-    """Draw a device that stands apart, with the parameter's name on the side where there is room."""
-    value = item.value / spread
-    axes.plot(place, value, "o", ms=6, color=_MOMENT, zorder=4)
-    right = place > count / 2
-    axes.annotate(
-        " or ".join(some([item.parameter, *item.others], 2)), (place, value), (-7 if right else 7, 0),
-        textcoords="offset points", ha="right" if right else "left", va="center", fontsize=8, color=_MOMENT,
-    )  # fmt: skip

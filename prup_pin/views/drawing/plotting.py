@@ -210,9 +210,13 @@ class Drawing:
         self.axes.plot(*flat.T, color=colour, lw=width, solid_capstyle="round", zorder=order + 1e-6, **style)
         self.labels.avoid(flat)
 
-    def rod(self, points: Array, colour: str) -> None:
+    def sign(self, label: str, colour: str, width: float) -> None:
+        """Let a line stand in the legend for what is drawn in several colours or as an arrow."""
+        self.axes.plot([], [], color=colour, lw=width, label=label)
+
+    def rod(self, points: Array, colour: str, label: str) -> None:
         """Draw a beam: a thick line with a light along its middle."""
-        self.line(points, colour, 7.0)
+        self.line(points, colour, 7.0, label=label)
         flat, depth = self.camera.flat(points), self.camera.depth(points)
         self.axes.plot(*flat.T, color="white", alpha=0.35, lw=2.0, solid_capstyle="round", zorder=10 + depth + 2e-6)
 
@@ -225,11 +229,8 @@ class Drawing:
         self.axes.annotate("", xy=b, xytext=a, zorder=10 + lift, arrowprops=style)
         self.labels.avoid(np.array([a, b]))
 
-    def mark(
-        self, point: Array, marker: str, size: float, face: str, edge: str, lift: float = 20.0, width: float = 1.3
-    ) -> None:
-        flat = self.camera.flat(point)
-        self.axes.plot(
-            *flat, marker, ms=size, mfc=face, mec=edge, mew=width, zorder=10 + lift + 0.01 * self.camera.depth(point)
-        )
+    def mark(self, point: Array, sign: str, size: float, face: str, edge: str, lift: float = 20.0, **style) -> None:
+        """Draw a marker of constant size, nearer ones over farther ones."""
+        flat, order = self.camera.flat(point), 10 + lift + 0.01 * self.camera.depth(point)
+        self.axes.plot(*flat, sign, ms=size, mfc=face, mec=edge, zorder=order, **{"mew": 1.3, **style})
         self.labels.avoid(flat)

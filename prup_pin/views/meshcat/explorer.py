@@ -1,14 +1,14 @@
 """The explorer: a robot under sliders for pose and load, served to browsers on this machine.
 
 Every browser has its own sliders. What it sends is a question, answered like any other: pose, compliance, scene; sent
-back is what differs from the scene that the browser has.
+back is what of the scene the browser says that it does not have.
 """
 
 from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -20,12 +20,11 @@ from ...robot import Robot
 from ...spatial import WRENCH_NAMES, Array, as_wrench
 from ..scene.elastic import Deflections, fitting_scale
 from ..scene.painter import Painter
-from ..scene.scene import Part, Scene
+from ..scene.scene import Scene
 from ..text.answer import Answer, rigid_texts, stiffness_table
 from ..text.values import clean, coordinate_dimensions, dimension, limits
-from .commands import changes, packed, stage
-from .server import Message, Served
-from .view import words
+from .server import Served
+from .view import message
 
 #: How far sliders of task coordinates reach from where they start: share of the robot's size [m], and [rad].
 REACH, TURN = 0.5, np.radians(45)
@@ -129,10 +128,9 @@ class Explorer(Served):
             return {"title": "K does not exist", "detail": f"no module yields under {texts}"}
         return asdict(table)
 
-    def controls(self) -> dict[str, Any]:
-        """Return the sliders as the page makes them."""
+    def message(self) -> dict[str, Any]:
         groups = [("pose", "Pose", self.poses), ("load", "Load on the tool", self.loads)]
-        return {
+        controls = {
             "title": self.robot.name,
             "scale": self.scale,
             "groups": [
@@ -141,54 +139,26 @@ class Explorer(Served):
                 if controls
             ],
         }
+        return {"controls": controls, "scale": self.scale, **self._told(self.first, self.pose, self.wrench)}
 
-    def session(self) -> Session:
-        """Return a browser's own sliders."""
-        return Session(self)
-
-
-class Session:
-    """One browser at the explorer: it knows which parts that browser has."""
-
-    def __init__(self, explorer: Explorer):
-        self.explorer = explorer
-        self._shown: Sequence[Part] = ()
-
-    def greeting(self) -> list[Message]:
-        """Return the stage, the first scene and the sliders."""
-        explorer = self.explorer
-        told = {"id": 0, "controls": explorer.controls(), "scale": explorer.scale}
-        begin = [*map(packed, stage(explorer.first)), *self._difference(explorer.first)]
-        return [*begin, self._told(explorer.first, explorer.pose, explorer.wrench, told)]
-
-    def reply(self, message: str | bytes) -> list[Message]:
+    def reply(self, question: str | bytes) -> dict[str, Any]:
         """Return what makes the page follow its sliders, or the reason why it cannot, in words."""
-        told: dict[str, Any] = {}
         try:
-            question = json.loads(message)
-            told["id"] = int(question["id"])
-            values, load, scale = question["pose"], question["load"], question["scale"]
+            asked = json.loads(question)
+            values, load, scale, known = asked["pose"], asked["load"], asked["scale"], set(asked["known"])
             if scale is not None and not 0 < float(scale) < np.inf:
                 raise InputError(f"the deflection cannot be drawn {scale} times larger; expected a number above 0")
             wrench = as_wrench({name: float(value) for name, value in load.items()})
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always", JointLimitWarning)
-                pose = self.explorer.pose_at(values)
-            scene = self.explorer.scene(pose, wrench, None if scale is None else float(scale))
+                pose = self.pose_at(values)
+            scene = self.scene(pose, wrench, None if scale is None else float(scale))
             said = {"scale": scene.scale or None, "trouble": " ".join(str(item.message) for item in caught)}
-            answer = self._told(scene, pose, wrench, {**told, **said})
+            return {**said, **self._told(scene, pose, wrench, known)}
         except PrupPinError as error:
-            return [json.dumps({**told, "trouble": str(error)})]
+            return {"trouble": str(error)}
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
-            return [json.dumps({**told, "trouble": "this question was not understood"})]
-        return [*self._difference(scene), answer]
+            return {"trouble": "this question was not understood"}
 
-    def _difference(self, scene: Scene) -> list[Message]:
-        """Return the commands from what the browser has to a scene."""
-        commands = changes(self._shown, scene.parts, self.explorer.first.display_from_base)
-        self._shown = scene.parts
-        return list(map(packed, commands))
-
-    def _told(self, scene: Scene, pose: ClosedPose, wrench: Array, told: dict[str, Any]) -> str:
-        shown = words([scene], seen=self.explorer.first)
-        return json.dumps({**told, "words": shown, "matrix": self.explorer.matrix(pose, wrench)}, allow_nan=False)
+    def _told(self, scene: Scene, pose: ClosedPose, wrench: Array, known: Container[str] = ()) -> dict[str, Any]:
+        return {**message([scene], seen=self.first, known=known), "matrix": self.matrix(pose, wrench)}

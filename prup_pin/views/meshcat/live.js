@@ -1,16 +1,22 @@
-// A served page. What comes goes to the page; the explorer has sliders besides (`controls`), whose values go to the
-// server, and what follows from them. One question is on its way at a time; when its answer is there, the values of that
-// moment are asked next.
+// A served page. The explorer has sliders (`controls`), whose values go to the server, and what follows from them comes
+// back. One question is on its way at a time; when its answer is there, the values of that moment are asked next. A page
+// without sliders asks every second whether something else is to be seen.
 const panel = document.getElementById("panel"), inputs = {};
-let asked = 0, waiting = false, changed = false, drawn = null, sent = {}, shownScale = null;
+let waiting = false, changed = false, scale = null, sent = {}, shownScale = null;
 
-const socket = new WebSocket(`ws://${location.host}/socket`);
-socket.binaryType = "arraybuffer";
-socket.onmessage = (message) => {
-  const told = receive(message.data);
-  if (told) tell(told);
-};
-socket.onclose = () => trouble("The program that answers has ended; start it again.");
+async function send(question) {
+  const asking = { method: "POST", body: JSON.stringify({ ...question, known: Object.keys(commands) }) };
+  try {
+    const answer = await fetch("/", asking), told = await answer.json();
+    receive(told);
+    return told;
+  } catch { return { trouble: "The program that answers has ended; start it again." }; }
+}
+
+async function poll(version) {
+  const told = await send({ version });
+  if (!told.trouble) setTimeout(poll, 1000, told.version ?? version);
+}
 
 function trouble(text) {
   const box = document.getElementById("trouble"); // beside sliders
@@ -49,15 +55,15 @@ function build(controls) {
   row.style.cssText = "display: flex; align-items: center; gap: 6px; margin: 8px 0 2px";
   if (controls.scale !== null) {
     element("span", "", "drawn ×", row);
-    drawn = element("input", "", undefined, row);
-    Object.assign(drawn, { type: "number", min: 0, step: "any", value: controls.scale });
-    drawn.addEventListener("blur", () => { if (!waiting) settle(); });
-    drawn.style.width = "5em";
-    drawn.setAttribute("aria-label", "deflection drawn so many times larger");
-    drawn.addEventListener("input", () => { if (Number(drawn.value) > 0) ask(); });
+    scale = element("input", "", undefined, row);
+    Object.assign(scale, { type: "number", min: 0, step: "any", value: controls.scale });
+    scale.addEventListener("blur", () => { if (!waiting) settle(); });
+    scale.style.width = "5em";
+    scale.setAttribute("aria-label", "deflection drawn so many times larger");
+    scale.addEventListener("input", () => { if (Number(scale.value) > 0) ask(); });
     const fit = element("button", "", "fit", row);
     fit.type = "button";
-    fit.addEventListener("click", () => { drawn.value = ""; ask(); });
+    fit.addEventListener("click", () => { scale.value = ""; ask(); });
   }
   const back = element("button", "", "reset", row);
   back.type = "button";
@@ -72,19 +78,19 @@ function build(controls) {
 function ask() {
   if (waiting) { changed = true; return; }
   waiting = true; changed = false;
-  const question = { id: ++asked, pose: {}, load: {}, scale: drawn && drawn.value !== "" ? Number(drawn.value) : null };
+  const question = { pose: {}, load: {}, scale: scale && scale.value !== "" ? Number(scale.value) : null };
   sent = {};
   for (const [name, input] of Object.entries(inputs)) {
     sent[name] = Number(input.number.value);
     question[input.group][name] = sent[name] * input.factor;
   }
-  socket.send(JSON.stringify(question));
+  send(question).then(tell);
 }
 
 function tell(told) {
   waiting = false;
   trouble(told.trouble);
-  panel.dataset.answered = told.id || 0;
+  if (told.words && !panel.children.length) setTimeout(poll, 1000, told.version);
   if (told.words) {
     for (const [name, value] of Object.entries(sent)) inputs[name].shown = value;
     shownScale = told.scale;
@@ -102,7 +108,7 @@ function settle() {
     slider.value = shown;
     if (document.activeElement !== number) number.value = shown;
   }
-  if (drawn && shownScale && document.activeElement !== drawn) drawn.value = shownScale;
+  if (scale && shownScale && document.activeElement !== scale) scale.value = shownScale;
 }
 
 function showMatrix(matrix) {

@@ -1,50 +1,50 @@
-"""The page, and a small server for it, on this machine only: browsers get the scene through a socket."""
+"""The page, and a small server for it, on this machine only."""
 
 from __future__ import annotations
 
-import asyncio
+import base64
+import gzip
 import html
 import importlib.util
+import json
 import re
-import socket
-import threading
-from collections.abc import Sequence
 from pathlib import Path
+from threading import Lock, Thread
 from typing import Any
 
 from ...errors import InputError
 
-#: Binary ones are meshcat's commands, a text is JSON of what the page shows beside them; live.js reads both.
-Message = bytes | str
 
-
-def viewer_script() -> str:
-    """Return meshcat's viewer, without loading meshcat."""
-    spec = importlib.util.find_spec("meshcat")
+def page_html(title: str, first: dict[str, Any], live: bool = False) -> str:
+    """Return the page that shows a first message (`View.message`); a live one may ask its server for more."""
+    spec = importlib.util.find_spec("meshcat")  # whose viewer is read without loading meshcat
     assert spec is not None
     assert spec.origin is not None
-    return (Path(spec.origin).parent / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")
-
-
-def page_html(title: str, start: str, connect: str = "'none'") -> str:
-    """Return the page; `connect` is what its content security policy lets it connect to."""
-    fields = {"TITLE": html.escape(title), "MESHCAT": viewer_script(), "START": start, "CONNECT": connect}
-    template = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
-    return re.sub("__([A-Z]+)__", lambda match: fields[match[1]], template)
+    here = Path(__file__).parent
+    packed = gzip.compress(json.dumps(first, allow_nan=False).encode(), 6, mtime=0)
+    fields = {
+        "TITLE": html.escape(title),
+        "MESHCAT": (Path(spec.origin).parent / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8"),
+        "LIVE": (here / "live.js").read_text(encoding="utf-8") if live else "",
+        "FIRST": base64.b64encode(packed).decode("ascii"),
+        "CONNECT": "'self'" if live else "'none'",
+    }
+    return re.sub("__([A-Z]+)__", lambda match: fields[match[1]], (here / "page.html").read_text(encoding="utf-8"))
 
 
 class Served:
-    """What may be looked at through a server of its own: it has a title, and a session for every browser.
-
-    The server runs in a thread that ends with the program.
-    """
+    """What may be looked at through a server of its own, in a thread that ends with the program."""
 
     title: str
     #: Address of the page, or None where nothing serves it.
     url: str | None = None
 
-    def session(self) -> Any:
-        """Return what a new browser sees: its `greeting()` is sent first, its `reply(message)` for each message."""
+    def message(self) -> dict[str, Any]:
+        """Return what a new page shows."""
+        raise NotImplementedError
+
+    def reply(self, question: bytes) -> dict[str, Any]:
+        """Return the answer to what a page asks, nothing where nothing is new to it."""
         raise NotImplementedError
 
     def serve(self, port: int = 0) -> str:
@@ -52,9 +52,55 @@ class Served:
 
         Raises InputError where the port is taken.
         """
-        if self.url is None:
-            self._start(port)
-        assert self.url is not None
+        from http.server import BaseHTTPRequestHandler
+        from socketserver import ThreadingTCPServer
+
+        if self.url is not None:
+            return self.url
+        shown, one_by_one = self, Lock()
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                self._answer(lambda: page_html(shown.title, shown.message(), live=True), "text/html; charset=utf-8")
+
+            def do_POST(self) -> None:
+                question = self.rfile.read(int(self.headers.get("Content-Length", 0)))
+                self._answer(lambda: json.dumps(shown.reply(question), allow_nan=False), "application/json")
+
+            def _answer(self, make, kind: str) -> None:
+                own = (f"127.0.0.1:{port}", f"localhost:{port}")
+                # by other names of this machine, and from pages of its own, a foreign site could reach the page
+                asked_by = self.headers.get("Origin", f"http://{own[0]}").removeprefix("http://")
+                allowed = self.headers.get("Host") in own and asked_by in own
+                if not allowed or self.path != "/":
+                    self.send_error(404 if allowed else 403)
+                    return
+                with one_by_one:
+                    content = make().encode()
+                self.send_response(200)
+                self.send_header("Content-Type", kind)
+                self.send_header("Content-Length", str(len(content)))
+                self.send_header("Cache-Control", "no-store")
+                self.end_headers()
+                self.wfile.write(content)
+
+            def log_message(self, *_: Any) -> None:
+                pass
+
+        class Server(ThreadingTCPServer):
+            daemon_threads = True
+
+            def handle_error(self, *_: Any) -> None:  # a browser that leaves is no error
+                pass
+
+        try:
+            self._server = Server(("127.0.0.1", port), Handler)
+        except (OSError, OverflowError) as error:
+            raise InputError(f"port {port} cannot be used ({error}); 0 takes a free one") from error
+        port = self._server.server_address[1]
+        self._thread = Thread(target=self._server.serve_forever, name="prup_pin view", daemon=True)
+        self._thread.start()
+        self.url = f"http://127.0.0.1:{port}/"
         return self.url
 
     def wait(self) -> None:
@@ -66,84 +112,5 @@ class Served:
         """Stop the server, if one runs."""
         if self.url is not None:
             self.url = None
-            self._loop.call_soon_threadsafe(self._loop.stop)
-            self._thread.join(5)
-
-    def _start(self, port: int) -> None:
-        import tornado.httpserver  # heavy; comes with meshcat
-        import tornado.web
-        import tornado.websocket
-
-        listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        try:
-            listening.bind(("127.0.0.1", port))
-            listening.listen(16)
-            listening.setblocking(False)
-        except (OSError, OverflowError) as error:
-            listening.close()
-            raise InputError(f"port {port} cannot be used ({error}); 0 takes a free one") from error
-        port = listening.getsockname()[1]
-        # by other names of this machine a foreign site could reach the page
-        hosts = (f"127.0.0.1:{port}", f"localhost:{port}")
-        title, script = self.title, (Path(__file__).parent / "live.js").read_text(encoding="utf-8")
-        sockets: set[Any] = set()
-        self._sockets, session = sockets, self.session
-
-        class Page(tornado.web.RequestHandler):
-            def get(self) -> None:
-                if self.request.host not in hosts:
-                    self.set_status(403)
-                    return
-                self.set_header("Cache-Control", "no-store")
-                self.write(page_html(title, script, f"ws://{self.request.host}"))
-
-        class Socket(tornado.websocket.WebSocketHandler):
-            def check_origin(self, origin: str) -> bool:
-                return self.request.host in hosts and super().check_origin(origin)
-
-            def open(self, *_: str, **__: str) -> None:
-                sockets.add(self)
-                self.own = session()
-                _send(self, self.own.greeting())
-
-            def on_message(self, message: str | bytes) -> None:
-                _send(self, self.own.reply(message))
-
-            def on_close(self) -> None:
-                sockets.discard(self)
-
-        ready = threading.Event()
-        loop = self._loop = asyncio.new_event_loop()
-
-        def run() -> None:
-            asyncio.set_event_loop(loop)
-            pages = tornado.web.Application([(r"/", Page), (r"/socket", Socket)], log_function=lambda handler: None)
-            http = tornado.httpserver.HTTPServer(pages)
-            http.add_sockets([listening])
-            loop.call_soon(ready.set)
-            loop.run_forever()
-            http.stop()
-            for browser in list(sockets):
-                browser.close()
-            loop.run_until_complete(asyncio.sleep(0.05))
-            loop.close()
-
-        self._thread = threading.Thread(target=run, name="prup_pin view", daemon=True)
-        self._thread.start()
-        ready.wait(10)
-        self.url = f"http://127.0.0.1:{port}/"
-
-    def tell(self, messages: Sequence[Message]) -> None:
-        """Send messages to all browsers that look at it."""
-
-        def send() -> None:
-            for browser in list(self._sockets):
-                _send(browser, messages)
-
-        if self.url is not None:
-            self._loop.call_soon_threadsafe(send)
-
-
-def _send(browser: Any, messages: Sequence[Message]) -> None:
-    for message in messages:
-        browser.write_message(message, binary=isinstance(message, bytes))
+            self._server.shutdown()
+            self._server.server_close()

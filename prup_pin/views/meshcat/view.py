@@ -5,11 +5,10 @@ Meshcat is loaded when it is first used.
 
 from __future__ import annotations
 
-import base64
 import html
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
@@ -24,66 +23,62 @@ from ...statics import Compliance
 from ...workspace import Workspace
 from ..scene.motions import Motion, load_ramp, path_motion, vibration
 from ..scene.painter import pose_scene
-from ..scene.scene import Scene
+from ..scene.scene import Label, Scene
 from ..scene.workspace import boundary_scene, workspace_cloud
-from .commands import Command, folders, motion_commands, packed, scene_commands, tree_path
-from .server import Message, Served, page_html
+from .commands import named, scene_commands, tree_path
+from .server import Served, page_html
 
 PoseLike = ClosedPose | Mapping[str, float]
 
 
-def words(frames: Sequence[Scene], rate: float = 1.0, seen: Scene | None = None) -> dict[str, Any]:
-    """Return what the page shows besides meshcat's scene: legend, labels, what the eye must see.
+def message(
+    frames: Sequence[Scene], rate: float = 1.0, seen: Scene | None = None, known: Container[str] = ()
+) -> dict[str, Any]:
+    """Return what a page makes of scenes in a row: meshcat's commands by name, and by frame which of them, and words.
 
-    `seen`: the scene whose display and bounds hold; none: the first frame's, and all frames' bounds.
+    `seen`: the scene whose display and bounds hold; none: the first frame's, and all frames' bounds. Commands that are
+    `known` to the page are left out.
     """
     first = seen or frames[0]
     display = first.display_from_base
 
     def there(points: Array) -> list:
-        return np.round(np.asarray(points) @ display[:3, :3].T + display[:3, 3], 6).tolist()
+        return np.round(np.asarray(points) @ display[:3, :3].T + display[:3, 3], 5).tolist()
 
-    def label(item) -> dict[str, Any]:
+    def label(item: Label) -> dict[str, Any]:
         folder = tree_path(item.path).lstrip("/")
         look = {"colour": item.colour, "strong": item.strong}
         return {"path": folder, "text": item.text, "at": there(item.at), "beside": there(item.beside), **look}
 
     bounds = np.concatenate([frame.bounds for frame in (frames if seen is None else [seen])])
-    if len(bounds) > 3000:
-        bounds = _hull(bounds)
+    if len(bounds) > 3000:  # those that lie farthest out in many directions
+        directions = np.random.default_rng(0).normal(size=(3, 80))
+        bounds = bounds[np.unique(np.argmax(bounds @ directions, axis=0))]
+    drawn = [dict(map(named, scene_commands(frame, display))) for frame in frames]
     return {
-        "elevation": first.elevation,
-        "bounds": there(bounds),
-        "rate": rate,
-        "frames": [
-            {
-                "legend": asdict(frame.legend),
-                "labels": [label(item) for item in frame.labels],
-                "avoid": there(frame.obstacles),
-            }
-            for frame in frames
-        ],
+        "commands": {name: each for table in drawn for name, each in table.items() if name not in known},
+        "words": {
+            "elevation": first.elevation,
+            "bounds": there(bounds),
+            "rate": rate,
+            "frames": [
+                {
+                    "drawn": list(table),
+                    "legend": asdict(frame.legend),
+                    "labels": [label(item) for item in frame.labels],
+                    "avoid": there(frame.obstacles),
+                }
+                for frame, table in zip(frames, drawn, strict=True)
+            ],
+        },
     }
-
-
-def _hull(points: Array) -> Array:
-    """Return the points that lie farthest out in many directions."""
-    directions = np.random.default_rng(0).normal(size=(3, 80))
-    return points[np.unique(np.argmax(points @ directions, axis=0))]
-
-
-def _script(message: Message) -> str:
-    """Return a message as a page's own script has it; a text in it cannot end the script."""
-    if isinstance(message, bytes):
-        return f'bytes("{base64.b64encode(message).decode("ascii")}")'
-    return json.dumps(message).replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 class View(Served):
     """A scene or a motion, ready to be looked at: a page, a file, a notebook's cell, or a server on this machine."""
 
     def __init__(self, shown: Scene | Motion):
-        self.shown = shown
+        self.shown, self._version = shown, 0
         self.title = self.scene.name
 
     @property
@@ -91,13 +86,14 @@ class View(Served):
         """The scene, or a motion's first frame."""
         return self.shown.frames[0] if isinstance(self.shown, Motion) else self.shown
 
-    def commands(self) -> list[Command]:
-        """Return meshcat's commands."""
-        return motion_commands(self.shown) if isinstance(self.shown, Motion) else scene_commands(self.shown)
+    def message(self) -> dict[str, Any]:
+        shown = self.shown
+        told = message(shown.frames, shown.rate) if isinstance(shown, Motion) else message([shown])
+        return {"version": self._version, **told}
 
     def static_html(self) -> str:
         """Return a self-contained page: it needs no network."""
-        return page_html(self.scene.name, "\n".join(f"receive({_script(message)});" for message in self.greeting()))
+        return page_html(self.title, self.message())
 
     def save(self, path: str | Path) -> Path:
         """Write the self-contained page to a file and return its path. Raises InputError."""
@@ -109,25 +105,13 @@ class View(Served):
             raise InputError(f"cannot write '{target}': {error.strerror}") from error
         return target
 
-    def session(self) -> View:
-        """Return the view itself: all browsers see the same."""
-        return self
-
-    def greeting(self) -> list[Message]:
-        """Return the scene and its words."""
-        shown = self.shown
-        told = words(shown.frames, shown.rate) if isinstance(shown, Motion) else words([shown])
-        return [*map(packed, self.commands()), json.dumps({"words": told}, allow_nan=False)]
-
-    def reply(self, message: str | bytes) -> list[Message]:
-        """Return nothing: these pages ask nothing."""
-        return []
+    def reply(self, question: bytes) -> dict[str, Any]:
+        return {} if json.loads(question)["version"] == self._version else self.message()
 
     def update(self, shown: Scene | Motion | View) -> None:
-        """Show another scene; browsers that look at the server follow."""
-        gone = [packed({"type": "delete", "path": f"/{folder}"}) for folder in folders(self.scene.parts)]
+        """Show another scene; browsers that look at the server follow within a second."""
         self.shown = shown.shown if isinstance(shown, View) else shown
-        self.tell([*gone, *self.greeting()])
+        self._version += 1
 
     def _repr_html_(self) -> str:
         return (
@@ -154,7 +138,8 @@ def view(
     serve: bool = False,
 ) -> View:
     """Return a view of the robot, in meshcat's viewer; the arguments are explained at `Robot.view`."""
-    poses = [_pose(robot, item) for item in _several(pose)]
+    several = [] if pose is None else [pose] if isinstance(pose, ClosedPose | Mapping) else pose
+    poses = [_pose(robot, item) for item in several]
     single = poses[0] if poses else None
     shown: Scene | Motion
     if workspace is not None:
@@ -173,12 +158,6 @@ def view(
     if serve:
         result.serve()
     return result
-
-
-def _several(pose: PoseLike | Sequence[PoseLike] | None) -> list[PoseLike]:
-    if pose is None:
-        return []
-    return [pose] if isinstance(pose, ClosedPose | Mapping) else list(pose)
 
 
 def _pose(robot: Robot, pose: PoseLike) -> ClosedPose:

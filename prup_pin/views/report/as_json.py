@@ -14,19 +14,18 @@ import numpy as np
 
 from ...errors import PrupPinError
 from ...mechanism.tolerances import value_tolerances
+from ...review import number_remarks
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, WRENCH_NAMES
-from ..text.answer import Answer, to_look_at
+from ..text.answer import Answer
 from ..text.values import coordinate_dimensions, dimension, joint_type, limits
 
 if TYPE_CHECKING:
     from ...diagnosis import Diagnosis, Finding
-    from ...diagnosis.calibrate import CalibratedParameter
     from ...diagnosis.diagnosis import ByRecording, FittedParameter
     from ...diagnosis.efforts import EffortDiagnosis
     from ...diagnosis.locate import LocalCurve
     from ...diagnosis.proposal import Proposal
-    from ...diagnosis.since import Since
     from ...recordings import Tolerances
     from ...sensitivity import Sensitivity
 
@@ -48,18 +47,7 @@ def answer_as_json(
     frames = {} if answer.frame is None else {answer.frame: answer.frame_deflection}
     deflection = {tool: answer.deflection, **frames}
     sag = {tool: answer.sag, **{name: compliance.sag(frame=name) for name in frames}}
-    shares = answer.shares or {}
-    modules = {
-        module.name: {
-            "kind": module.kind.kind,
-            "leg": module.leg,
-            "group": "bodies" if module.kind.is_body else "joints",
-            "share": shares.get(module.name),
-            "deflection": compliance.parts[module.name] @ answer.load.wrench,
-            "C": compliance.parts[module.name],
-        }
-        for module in mechanism.modules
-    }
+    own = compliance.to_dict(answer.load.wrench)
     document = {
         "prup_pin": version,
         "robot": {
@@ -89,20 +77,17 @@ def answer_as_json(
             "joints": pose.joints,
             "base_from_tool": pose.base_from_tool,
         },
-        "C": compliance.C,
-        "K": answer.stiffness,
+        **{name: own[name] for name in ("C", "K", "rigid_directions", "modules")},
         "K_task": answer.task_stiffness,
-        "rigid_directions": compliance.rigid_directions,
         "load": {"wrench": answer.load.wrench, "source": "given" if answer.load.given else "softest direction"},
         "linearised_at": compliance.load,
         "deflection": deflection,
         "stiffness_along_load": {kind: answer.stiffness_along.get(kind) for kind in ("force", "moment")},
-        "modules": modules,
         "legs": {leg: {"share": answer.share_of(part), "C": part} for leg, part in compliance.legs.items()},
         "bodies": {"share": answer.share_of(compliance.bodies), "C": compliance.bodies},
         "joints": {"share": answer.share_of(compliance.joints), "C": compliance.joints},
         "sag": sag,
-        "to_look_at": to_look_at(robot),
+        "to_look_at": list(number_remarks(robot)),
         "assumptions": list(robot.assumptions),
         "notes": list(notes),
     }
@@ -187,7 +172,6 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
         sizes = {"how": efforts.how, "efforts": efforts.noise}  # of a sample of each joint's effort
         estimated = {key: dict(zip(efforts.joints, each, strict=True)) for key, each in sizes.items()}
     hidden = "physics location parameter smallest below unit reason"
-    several = [_recording(part) for part in diagnosis.recordings] if len(diagnosis.recordings) > 1 else []
     document: dict[str, Any] = {
         "prup_pin": version,
         "robot": None if robot is None else robot.name,
@@ -200,19 +184,32 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
             "by_channel": diagnosis.by_channel,
         },
         "findings": [_finding(finding, robot, efforts) for finding in diagnosis.findings],
-        "calibration": [_calibrated(item) for item in diagnosis.calibration],
+        "calibration": [
+            picked(item, "nominal value sd tolerance learned") | {"parameter": item.name, "unit": item.deviation.unit}
+            for item in diagnosis.calibration
+        ],
         "not_detectable": [picked(item, hidden) for item in diagnosis.not_detectable],
-        **({"seen": [each._asdict() for each in diagnosis.seen]} if diagnosis.seen else {}),
         "next_experiment": diagnosis.next_experiment,
-        **({"proposals": proposed} if (proposed := [_proposal(item) for item in diagnosis.proposals]) else {}),
-        **({"judged": judged} if (judged := [picked(item, "physics word why") for item in diagnosis.judged]) else {}),
-        **({"recordings": several} if several else {}),
         **picked(diagnosis, "premises remarks unused_columns"),
     }
-    if diagnosis.since is not None:
-        document["since"] = _since(diagnosis.since)
-    if diagnosis.own_by_run:
-        document["own_sensors"] = {"by_run": diagnosis.own_by_run}
+    there = {
+        "seen": [each._asdict() for each in diagnosis.seen],
+        "proposals": [_proposal(item) for item in diagnosis.proposals],
+        "judged": [picked(item, "physics word why") for item in diagnosis.judged],
+        "recordings": [_recording(part) for part in diagnosis.recordings] if len(diagnosis.recordings) > 1 else [],
+        "own_sensors": {"by_run": diagnosis.own_by_run} if diagnosis.own_by_run else {},
+    }
+    document |= {key: each for key, each in there.items() if each}
+    if (since := diagnosis.since) is not None:
+        document["since"] = picked(since, "notes explained set_up") | {
+            "values": [
+                picked(item, "physics location aspect parameter unit")
+                | {name: _fitted(getattr(item, name)) for name in ("then", "now", "difference")}
+                | {"changed": item.has_changed, "seen_from": item.seen}
+                for item in since.values
+            ],
+            "seen": [each._asdict() for each in since.seen],
+        }
     return plain(document)
 
 
@@ -223,21 +220,6 @@ def picked(item: object, names: str) -> dict[str, Any]:
 
 def _fitted(fitted: FittedParameter) -> dict[str, Any]:
     return {"value": fitted.value, "ci95": sorted(fitted.interval)}
-
-
-def _since(since: Since) -> dict[str, Any]:
-    """Return what has changed since an earlier test: values then and now, and what would have been seen."""
-    values = [
-        picked(item, "physics location aspect parameter unit")
-        | {name: _fitted(getattr(item, name)) for name in ("then", "now", "difference")}
-        | {"changed": item.has_changed, "seen_from": item.seen}
-        for item in since.values
-    ]
-    return {
-        **picked(since, "notes explained set_up"),
-        "values": values,
-        "seen": [each._asdict() for each in since.seen],
-    }
 
 
 def _proposal(item: Proposal) -> dict[str, Any]:
@@ -264,11 +246,6 @@ def _recording(part: ByRecording) -> dict[str, Any]:
     }
 
 
-def _calibrated(item: CalibratedParameter) -> dict[str, Any]:
-    values = picked(item, "nominal value sd tolerance")
-    return {"parameter": item.name, **values, "unit": item.deviation.unit, "learned": item.learned}
-
-
 def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | None = None) -> dict[str, Any]:
     from ...diagnosis.efforts import effort_curve_of
     from ...recordings.conventions import as_json
@@ -277,7 +254,7 @@ def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | N
         "aspect": "" if finding.effect is None else finding.effect.place.aspect,
         "candidates": finding.candidates,
         "parameters": {
-            name: {"value": fitted.value, "unit": fitted.unit, "ci95": sorted(fitted.interval)}
+            name: {**_fitted(fitted), "unit": fitted.unit}
             | ({} if fitted.drawn is None else {"robot_file": fitted.drawn})
             | ({} if fitted.before is None else {"before": fitted.before})
             for name, fitted in finding.parameters.items()

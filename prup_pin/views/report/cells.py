@@ -32,6 +32,10 @@ _SHOWN = 6
 def robot_html(robot: Robot) -> str:
     """Return what a robot consists of, and what is assumed."""
     mechanism = robot.mechanism
+    try:
+        home = _some(pose_text(robot, robot.home.coordinates or robot.home.actuators, 4, "°"))
+    except PrupPinError as error:
+        home = f"none: {error}"
     kinds = Counter(module.kind.kind.replace("_", " ") for module in mechanism.modules)
     actuated = f"of which {len(mechanism.actuated)} actuated: {_some(mechanism.actuated)}"
     tool = "none; load(..., tool=…) says where forces act" if mechanism.tool is None else mechanism.tool.name
@@ -40,20 +44,12 @@ def robot_html(robot: Robot) -> str:
         "loops": str(len(mechanism.loops) or "none"),
         "tool": tool,
         "task coordinates": _some(robot.task_coordinates) or "none",
-        "home": _home(robot),
+        "home": home,
         "compliant modules": ", ".join(f"{count} × {kind}" for kind, count in kinds.items()) or "none",
         "parameters": f"{len(robot.parameters)}: robot.parameters, robot.to_dataframe()",
         "assumed": "; ".join(robot.assumptions) or "nothing besides small deflections",
     }
     return _cell(robot.name, facts=facts)
-
-
-def _home(robot: Robot) -> str:
-    try:
-        home = robot.home
-        return _some(pose_text(robot, home.coordinates or home.actuators, 4, "°"))
-    except PrupPinError as error:
-        return f"none: {error}"
 
 
 def _some(names: Iterable[str]) -> str:
@@ -68,9 +64,8 @@ def compliance_html(compliance: Compliance) -> str:
     facts = {"pose": f"{at or 'home'} [m, rad]"}
     if answer.stiffness is None:
         facts["K does not exist"] = f"no module yields under {'; '.join(rigid_texts(answer))}"
-    tables = []
-    for table in (*stiffness_tables(answer), compliance_table(answer)):
-        tables.append((f"{table.title} {table.detail}", table.headers, table.lines))
+    matrices = (*stiffness_tables(answer), compliance_table(answer))
+    tables = [(f"{each.title} {each.detail}", each.headers, each.lines) for each in matrices]
     bars = first_shares(answer.shares or {}, _SHOWN)
     largest = max((abs(share) for _, share in bars), default=0.0) or 1.0
     amount = quantity(answer.amount, "rad" if answer.load.turns else "m")

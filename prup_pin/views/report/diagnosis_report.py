@@ -30,6 +30,7 @@ _MOST_DRAWN = 200
 def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Sequence[Recording]) -> str:
     """Return one self-contained HTML page on a diagnosis of `recording`, or of several."""
     recordings = [recording] if isinstance(recording, Recording) else list(recording)
+    channels = words.channel_rows(diagnosis)
     begun = "robot file" if diagnosis.since is None else "earlier model"
     white = diagnosis.residuals
     plan = diagnosis.next_experiment.get("plan") or {}
@@ -44,6 +45,8 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         several=len(recordings) > 1,
         begun=begun,
         facts=_facts(diagnosis, begun),
+        channels=channels,
+        after=[(what, after, unit) for what, _, after, unit in channels],
         measured=_measured(diagnosis, robot, recordings),
         residuals=white if white is not None and white.exists.any() else None,
         many=len(diagnosis.samples) > _MOST_DRAWN,
@@ -88,12 +91,18 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording
     for block, unit in ((slice(0, 3), "N"), (slice(3, 6), "N m")):
         size = np.linalg.norm(np.nan_to_num(recording.wrench[:, block]), axis=1).max(initial=0.0)
         sizes.append(f"up to {number(float(size), 3)} {unit}")
-    rows.append(("Loads", sizes if recording.has_wrench else [_unloaded(diagnosis)]))
+    moving = diagnosis.efforts is not None and not diagnosis.efforts.standing
+    unloaded = f"none measured: its own weight{' and motion' if moving else ''}"
+    rows.append(("Loads", sizes if recording.has_wrench else [unloaded]))
     names = [
         name for name in ("position", "rotation", "gravity", "temperature") if getattr(recording, name) is not None
     ]
     names += [f"marker {name}" for name in recording.marker_names if name in robot.mechanism.frame_names]
-    rows.append(("Channels", [*names, *_efforts_measured(diagnosis, recording)] or ["none"]))
+    if diagnosis.efforts is not None:
+        names.append(f"efforts of {', '.join(diagnosis.efforts.joints)}")
+    elif recording.efforts:
+        names.append("efforts, not used")
+    rows.append(("Channels", names or ["none"]))
     warm = recording.temperature
     if warm is not None and np.isfinite(warm).any():
         ends = dict.fromkeys(number(float(end), 3) for end in (np.nanmin(warm), np.nanmax(warm)))
@@ -106,18 +115,6 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording
         if item.notes:
             rows.append(("Notes", [item.notes]))
     return rows
-
-
-def _unloaded(diagnosis: Diagnosis) -> str:
-    """Return what loads a robot on which no wrench was measured."""
-    moving = diagnosis.efforts is not None and not diagnosis.efforts.standing
-    return f"none measured: its own weight{' and motion' if moving else ''}"
-
-
-def _efforts_measured(diagnosis: Diagnosis, recording: Recording) -> list[str]:
-    if diagnosis.efforts is not None:
-        return [f"efforts of {', '.join(diagnosis.efforts.joints)}"]
-    return ["efforts, not used"] if recording.efforts else []
 
 
 def _response(diagnosis: Diagnosis, finding: Finding) -> Picture | None:

@@ -24,14 +24,9 @@ from .pages import page
 TOLERANCES = "tolerances.json"
 
 
-def check_life(folder: Path) -> None:
-    """Raise InputError, before anything is computed, where a file would replace what it must not."""
-    check_folder_for(folder, _names("life"))
-
-
-def check_fleet(folder: Path) -> None:
-    """Raise InputError, before anything is computed, where a file would replace what it must not."""
-    check_folder_for(folder, (*_names("fleet"), TOLERANCES))
+def check_before(folder: Path, what: str) -> None:
+    """Raise InputError, before anything is computed, where a file of a life or fleet would replace what it must not."""
+    check_folder_for(folder, (*_names(what), TOLERANCES) if what == "fleet" else _names(what))
 
 
 def write_life(life: Life, robot: Robot, folder: Path) -> tuple[list[Path], list[str]]:

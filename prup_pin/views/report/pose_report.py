@@ -7,7 +7,6 @@ the page allows only its own scripts, by their hashes.
 from __future__ import annotations
 
 import base64
-import gzip
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
@@ -18,7 +17,7 @@ import numpy as np
 from ...errors import InputError
 from ...kinematics import ClosedPose
 from ...numbers import fixed, number, quantity, readable_unit, some
-from ...review import STEP, Lever, find_levers
+from ...review import STEP, Lever, find_levers, number_remarks
 from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
@@ -41,10 +40,8 @@ from .pages import page
 _MINUS = "\u2212"
 #: Modules and levers that are listed.
 SOFTEST, LEVERS = 10, 8
-#: Largest size of the packed scene [bytes]; a heavier one would make a page that cannot be mailed.
-SCENE_LIMIT = 2_620_000
-#: Up to this size [characters] the scene stands in the page as it is; a heavier one is packed.
-PLAIN_LIMIT = 1_900_000
+#: Largest size of the scene [characters]; a heavier one would make a page that cannot be mailed.
+SCENE_LIMIT = 3_500_000
 
 
 def report_html(
@@ -81,7 +78,7 @@ def report_html(
     elif compliance.pose is not pose:
         raise InputError("this compliance belongs to another pose; ask for robot.compliance(pose)")
     answer = Answer(compliance, None if wrench is None else as_wrench(wrench), frame)
-    scene, packed, scene_note = _scene(robot, answer, scale)
+    scene, scene_note = _scene(robot, answer, scale)
     load = answer.load.wrench if answer.load.wrench.any() else None
     levers = find_levers(robot, compliance, answer.load.wrench, _softest_names(answer))
     columns, rows, down = _displacements(answer)
@@ -92,13 +89,12 @@ def report_html(
         words=words,
         figures=figures,
         load=words.load_text(answer),
+        doubts=list(number_remarks(robot)),
         asked=_asked(robot, answer, changes or {}),
         facts=_facts(answer),
         scene=scene,
-        packed="" if len(scene) <= PLAIN_LIMIT else packed,
         scene_note=scene_note,
         script_hashes=_script_hashes(scene),
-        script=_LOADER,
         pictured=(robot, pose, compliance, load, scale),
         displacement_columns=columns,
         displacement_rows=rows,
@@ -243,48 +239,23 @@ def _lever(answer: Answer, lever: Lever) -> dict[str, str]:
 # -- what the page shows -----------------------------------------------------------------------------------------------
 
 
-def _scene(robot: Robot, answer: Answer, scale: float | None) -> tuple[str, str, str]:
-    """Return the page of the 3-D scene, the same packed, and what must be said about it or its absence."""
+def _scene(robot: Robot, answer: Answer, scale: float | None) -> tuple[str, str]:
+    """Return the page of the 3-D scene, and what must be said about it or its absence."""
     from ..meshcat.view import view
 
     compliance, wrench = answer.compliance, answer.load.wrench
-    notes = {True: "", False: "Its meshes are heavy, so the scene leaves out the deflection; prup-pin view shows it."}
     size = 0
-    for deflected in (True, False) if wrench.any() else (False,):
-        moved = wrench if deflected else None
+    for moved in (wrench, None) if wrench.any() else (None,):
         page = view(robot, compliance.pose, moved, scale, compliance=compliance).static_html()
-        packed = base64.b64encode(gzip.compress(page.encode(), mtime=0)).decode("ascii")
-        if len(packed) <= SCENE_LIMIT:
-            return page, packed, notes[deflected] if wrench.any() else ""
-        size = len(packed)
-    return "", "", f"The 3-D scene is not shown: its meshes take {number(size / 1e6, 2)} MB; prup-pin view shows it."
-
-
-#: Unpacks the scene when it is about to be seen. The frame is sealed off: nothing in it reaches this page.
-_LOADER = """
-"use strict";
-(() => {
-  const frame = document.getElementById("scene");
-  const fail = () => document.getElementById("scene-box").remove();
-  const load = async () => {
-    try {
-      const packed = Uint8Array.from(atob(document.getElementById("packed").textContent), (c) => c.charCodeAt(0));
-      const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
-      frame.srcdoc = await new Response(stream).text();
-    } catch { fail(); }
-  };
-  if (typeof DecompressionStream === "undefined") return fail();
-  const watch = new IntersectionObserver((seen) => {
-    if (seen.some((item) => item.isIntersecting)) { watch.disconnect(); load(); }
-  }, { rootMargin: "200px" });
-  watch.observe(frame);
-})();
-"""
+        size = len(page)
+        if size <= SCENE_LIMIT:
+            left_out = moved is None and wrench.any()
+            note = "Its meshes are heavy, so the scene leaves out the deflection; prup-pin view shows it."
+            return page, note if left_out else ""
+    return "", f"The 3-D scene is not shown: its meshes take {number(size / 1e6, 2)} MB; prup-pin view shows it."
 
 
 def _script_hashes(scene: str) -> list[str]:
     """Return the hashes of the scripts that may run: a frame obeys the page's policy as well as its own."""
-    if not scene:
-        return []
-    scripts = [_LOADER, *re.findall(r"<script>(.*?)</script>", scene.replace("\r\n", "\n"), re.DOTALL)]
+    scripts = re.findall(r"<script>(.*?)</script>", scene.replace("\r\n", "\n"), re.DOTALL)
     return [f"'sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode('ascii')}'" for s in scripts]

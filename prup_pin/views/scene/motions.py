@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -44,10 +45,9 @@ def load_ramp(
     scale: float | None = None,
     *,
     frames: int = 60,
-    seconds: float = 3.0,
     ellipsoids: str = "beside",
 ) -> Motion:
-    """Return the load growing from zero to `wrench` (6,), resting there, and falling again."""
+    """Return the load growing from zero to `wrench` (6,), resting there, and falling again, in three seconds."""
     pose = robot.home if pose is None else pose
     load = np.zeros(6) if wrench is None else as_wrench(wrench)
     if not load.any():
@@ -60,16 +60,14 @@ def load_ramp(
     factors = np.clip(1.5 * (1 - np.abs(2 * phase - 1)), 0, 1)
     factors = factors * factors * (3 - 2 * factors)
     scenes = tuple(
-        painter.scene(pose, compliance, load, scale, moved=moved, factor=f, arrow=f, ellipsoids=ellipsoids)
+        painter.scene(pose, compliance, load, scale, moved=moved, factor=f, ellipsoids=ellipsoids)
         for f in factors.tolist()
     )
-    return Motion(scenes, frames / seconds)
+    return Motion(scenes, frames / 3.0)
 
 
-def vibration(
-    robot: Robot, pose: ClosedPose | None = None, mode: int = 1, *, frames: int = 48, seconds: float = 2.0
-) -> Motion:
-    """Return one period of a vibration mode of the tool, slowed down; mode 1 has the lowest frequency.
+def vibration(robot: Robot, pose: ClosedPose | None = None, mode: int = 1, *, frames: int = 48) -> Motion:
+    """Return one period of a vibration mode of the tool, slowed down to two seconds; mode 1 has the lowest frequency.
 
     See `prup_pin.statics.vibration`. The amplitude is free; it is drawn so that it can be seen.
     """
@@ -90,19 +88,11 @@ def vibration(
         f"All modes: {others} Hz",
     )
     angles = np.linspace(0, 2 * np.pi, frames, endpoint=False)
-    scenes = []
-    for factor in np.sin(angles).tolist():
-        scene = painter.scene(
-            pose, compliance, chosen.wrench, scale, moved=moved, factor=factor, ellipsoids="none", headline=headline
-        )
-        kept = tuple(part for part in scene.parts if not part.path.startswith(("wrench/", "deflection/")))
-        labels = tuple(label for label in scene.labels if not label.path.startswith(("wrench", "deflection")))
-        signs = tuple(row for row in scene.legend.signs if row.sign == "ghost")
-        title = "Share of each module in the mode's elastic energy"
-        scenes.append(
-            replace(scene, parts=kept, labels=labels, legend=replace(scene.legend, signs=signs, scale_title=title))
-        )
-    return Motion((*scenes, scenes[0]), frames / seconds)
+    drawn: dict[str, Any] = {"moved": moved, "ellipsoids": "none", "headline": headline}
+    scenes = [painter.scene(pose, compliance, chosen.wrench, scale, factor=f, **drawn) for f in np.sin(angles).tolist()]
+    title = "Share of each module in the mode's elastic energy"
+    scenes = [replace(scene, legend=replace(scene.legend, scale_title=title)) for scene in scenes]
+    return Motion((*scenes, scenes[0]), frames / 2.0)
 
 
 def path_motion(
@@ -111,12 +101,11 @@ def path_motion(
     wrench=None,
     scale: float | None = None,
     *,
-    seconds: float | None = None,
     ellipsoids: str = "beside",
 ) -> Motion:
     """Return the robot going through poses, deflected by a constant wrench (6,) on the tool where one is given.
 
-    One `scale` holds for the whole path. It takes `seconds`, or a twentieth of a second a pose.
+    One `scale` holds for the whole path. It takes a twentieth of a second a pose.
     """
     if not poses:
         raise InputError("a path needs at least one pose")
@@ -138,4 +127,4 @@ def path_motion(
     for pose, compliance, moved in zip(poses, compliances, moves, strict=True):
         scene = painter.scene(pose, compliance, load, scale, moved=moved, ellipsoids=ellipsoids)
         scenes.append(replace(scene, parts=(*scene.parts, trail)))
-    return Motion(tuple(scenes), len(poses) / seconds if seconds else 20.0)
+    return Motion(tuple(scenes), 20.0)

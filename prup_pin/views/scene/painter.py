@@ -164,7 +164,7 @@ class Painter:
                     put(name, visual.shape, body(frame.joint, seat) @ visual.placement, colour, visual.opacity)
         for module in self.bare_beams:
             frame_, length = beam_frame(module, pose)
-            visual = Visual("", rod(self._beam_radius(module), length), np.eye(4), METAL)
+            visual = Visual(rod(self._beam_radius(module), length), np.eye(4), METAL)
             middle = frame_ @ placement(np.eye(3), np.array([0, 0, length / 2]))
             shape, where = self._bent(module, pose, moved, scale, visual, middle)
             put(f"beams/{module.name}", shape, where, visual.colour if colours is None else colours[module.name])
@@ -198,8 +198,7 @@ class Painter:
             shape = box_mesh(shape.size, int(np.argmax(np.abs(own[2, :3]))), SECTIONS)
         if isinstance(shape, Mesh):
             points = shape.vertices @ own[:3, :3].T + own[:3, 3]
-            normals = None if shape.normals is None else shape.normals @ own[:3, :3].T
-            return Mesh(points + line.displacement(points), shape.faces, normals), frame
+            return Mesh(points + line.displacement(points), shape.faces, shape.smooth), frame
         centre = own[:3, 3]
         turned = rotation_exp(line.rotation(centre[None])[0]) @ own[:3, :3]
         return shape, frame @ placement(turned, centre + line.displacement(centre[None])[0])
@@ -253,17 +252,26 @@ class Painter:
         *,
         moved: Deflections | None = None,
         factor: float = 1.0,
-        arrow: float = 1.0,
         ellipsoids: str = "beside",
         headline: Sequence[str] = (),
     ) -> Scene:
-        """Return the scene of a pose; the deflection is drawn `factor * scale` times larger, the load `arrow` times."""
+        """Return the scene of a pose; the deflection is drawn `factor * scale` times larger, the load `factor` times.
+
+        A `headline` takes the place of what is told of the load, which is not drawn: it stands for something else.
+        """
         shares: dict[str, float] = {}
         if wrench is None or compliance is None or not wrench.any():
             wrench = moved = scale = None
         else:
             moved = moved or Deflections(compliance, wrench)
-            scale = fitting_scale(moved, self.size) if scale is None else self._drawable(scale, moved)
+            metres, radians = moved.largest()
+            far = max(metres / float(self.size), radians)
+            if scale is not None and scale * far > _FARTHEST:
+                raise InputError(
+                    f"the deflection of {quantity(metres, 'm')} cannot be drawn {number(scale, 3)} times larger: it "
+                    f"would leave the picture. Expected at most {number(nice_below(_FARTHEST / far), 3)}"
+                )
+            scale = fitting_scale(moved, self.size) if scale is None else scale
             with suppress(InputError):  # nothing deflects
                 shares = compliance.shares(wrench)
         colours, top = share_colours(shares)
@@ -285,8 +293,8 @@ class Painter:
             folder = "modules" if symbol.module is not None else "drives"
             parts.append(Part(f"{folder}/{symbol.name}", symbol.shape, at, colour))
         signs = [self._triad("base", np.eye(4)), self._triad("tool", there)]
-        if wrench is not None and moved is not None:
-            signs += [self._wrench(there, wrench, arrow), self._deflection(tool, there, moved, factor)]
+        if wrench is not None and moved is not None and not headline:
+            signs += [self._wrench(there, wrench, factor), self._deflection(tool, there, moved, factor)]
         balls: dict[str, ComplianceEllipsoid] = {}
         if compliance is not None and ellipsoids != "none":
             balls, found = self._ellipsoids(compliance, there, ellipsoids)
@@ -299,17 +307,6 @@ class Painter:
         return Scene(
             self.robot.name, tuple(parts), tuple(labels), legend, self.up, self.viewer, balls, float(scale or 0.0)
         )
-
-    def _drawable(self, scale: float, moved: Deflections) -> float:
-        """Return the factor asked for. Raises InputError where the deflection would leave any picture by it."""
-        metres, radians = moved.largest()
-        far = max(metres / float(self.size), radians)
-        if scale * far > _FARTHEST:
-            raise InputError(
-                f"the deflection of {quantity(metres, 'm')} cannot be drawn {number(scale, 3)} times larger: it would "
-                f"leave the picture. Expected at most {number(nice_below(_FARTHEST / far), 3)}"
-            )
-        return scale
 
     # -- signs -----------------------------------------------------------------------------------------------------
 
@@ -324,22 +321,22 @@ class Painter:
             labels.insert(index, Label(path, letter, origin + 0.118 * self.size * at[:3, index], origin, colour))
         return parts, labels
 
-    def _wrench(self, at: Array, wrench: Array, arrow: float) -> Signs:
+    def _wrench(self, at: Array, wrench: Array, factor: float) -> Signs:
         parts: list[Part] = []
         labels: list[Label] = []
         force, moment = np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])
         origin, size = at[:3, 3], self.size
         if force > 0:
             frame = placement(axis_as_z(wrench[:3] / force), origin)
-            length = 0.3 * size * max(arrow, 0.02)
+            length = 0.3 * size * max(factor, 0.02)
             parts += _arrow("wrench/force", frame, length, 0.0105 * size, LOAD)
             tip = origin + length * frame[:3, 2]
-            labels.append(Label("wrench/force", f"{number(arrow * force, 4)} N", tip, origin, LOAD, True))
+            labels.append(Label("wrench/force", f"{number(factor * force, 4)} N", tip, origin, LOAD, True))
         if moment > 0:
             frame = placement(axis_as_z(wrench[3:] / moment), origin)
             # the gap of the arc faces away from the eye
             to_eye = np.arctan2(frame[:3, 1] @ self.viewer, frame[:3, 0] @ self.viewer)
-            angle = to_eye + np.linspace(-0.5, 0.5, 49) * np.radians(280) * arrow
+            angle = to_eye + np.linspace(-0.5, 0.5, 49) * np.radians(280) * factor
             points = 0.115 * size * np.column_stack((np.cos(angle), np.sin(angle), np.zeros(49)))
             tangent = np.array([-np.sin(angle[-1]), np.cos(angle[-1]), 0.0])
             head = frame @ placement(axis_as_z(tangent), points[-1] + 0.03 * size * tangent)
@@ -348,7 +345,7 @@ class Painter:
             parts.append(Part("wrench/moment/head", cone, head, LOAD))
             parts.append(Part("wrench/moment/axis", rod(0.003 * size, 0.3 * size), frame, LOAD))
             middle = (frame @ np.append(points[24], 1.0))[:3]
-            labels.append(Label("wrench/moment", f"{number(arrow * moment, 4)} N m", middle, origin, LOAD, True))
+            labels.append(Label("wrench/moment", f"{number(factor * moment, 4)} N m", middle, origin, LOAD, True))
         return parts, labels
 
     def _deflection(self, tool: Array, there: Array, moved: Deflections, factor: float) -> Signs:
@@ -446,7 +443,7 @@ class Painter:
             for name, share in first_shares(shares, 6) if top else ():
                 colour = map_colour(share / top) if name in shares else ""
                 rows.append(Row(colour, name, f"{100 * share:.1f} %"))
-            signs += _LOADED
+            signs += _LOADED[:1] if headline else _LOADED
         elif any(not module.kind.spans_frames for module in pose.mechanism.modules):
             signs.append(Row(SYMBOL, "drives, bearings and springs, as symbols"))
         for name, (_, si, words, around) in _BLOCKS.items():

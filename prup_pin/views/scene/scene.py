@@ -65,25 +65,27 @@ class Lines:
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles: `vertices` (n, 3), `faces` (m, 3), and per vertex a `normal` or a `colour` (0 to 1) where given."""
+    """Triangles: `vertices` (n, 3), `faces` (m, 3), and per vertex a colour (0 to 1) where given.
+
+    A `smooth` one is shaded as round where triangles share a vertex, others triangle by triangle.
+    """
 
     vertices: Array
     faces: np.ndarray
-    normals: Array | None = None
+    smooth: bool = False
     colours: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", frozen(self.vertices, (-1, 3)))
         object.__setattr__(self, "faces", frozen(self.faces, (-1, 3), np.uint32))
-        for name in ("normals", "colours"):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, frozen(getattr(self, name), (-1, 3)))
+        if self.colours is not None:
+            object.__setattr__(self, "colours", frozen(self.colours, (-1, 3)))
 
 
 def clustered(mesh: Mesh, cell: float) -> Mesh:
     """Return a coarser mesh: vertices in one cell of a grid [m] become one at their mean, triangles without area go.
 
-    Normals and colours are left out; a vertex moves by less than the cell's diagonal.
+    Colours are left out; a vertex moves by less than the cell's diagonal.
     """
     from trimesh import Trimesh, grouping
 
@@ -120,18 +122,14 @@ class Tube:
         normals = np.cos(angles)[:, None] * across[:, None] + np.sin(angles)[:, None] * other[:, None]
         radii = np.broadcast_to(self.radius, count)
         rings = points[:, None] + radii[:, None, None] * normals
-        faces = [_between_rings(count, sides)]
-        vertices, directions = [rings.reshape(-1, 3)], [normals.reshape(-1, 3)]
-        if self.capped:
-            for end, sign in ((0, -1.0), (-1, 1.0)):
-                start = sum(len(block) for block in vertices)
-                vertices += [rings[end], points[end][None]]
-                directions += [np.broadcast_to(sign * tangents[end], (sides + 1, 3))]
-                around = start + np.arange(sides)
-                after = start + (np.arange(sides) + 1) % sides
-                middle = np.full(sides, start + sides)
-                faces.append(np.column_stack((middle, around, after) if sign > 0 else (middle, after, around)))
-        return Mesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(directions))
+        vertices, faces = [rings.reshape(-1, 3)], [_between_rings(count, sides)]
+        for end in (0, -1) if self.capped else ():
+            start = sum(len(block) for block in vertices)
+            vertices += [rings[end], points[end][None]]  # once more: an edge is not round
+            around, after = start + np.arange(sides), start + (np.arange(sides) + 1) % sides
+            middle = np.full(sides, start + sides)
+            faces.append(np.column_stack((middle, around, after) if end else (middle, after, around)))
+        return Mesh(np.concatenate(vertices), np.concatenate(faces), smooth=True)
 
 
 Shape = Solid | Lines | Mesh | Tube
@@ -172,7 +170,7 @@ def ball_mesh(level: int = 1) -> Mesh:
     from trimesh.creation import icosphere
 
     ball = icosphere(level)
-    return Mesh(ball.vertices, ball.faces, ball.vertices)
+    return Mesh(ball.vertices, ball.faces, smooth=True)
 
 
 def dots(points: Array, radius: float, colours: Array, level: int = 1) -> Mesh:
@@ -181,8 +179,7 @@ def dots(points: Array, radius: float, colours: Array, level: int = 1) -> Mesh:
     count = len(ball.vertices)
     vertices = (points[:, None] + radius * ball.vertices).reshape(-1, 3)
     faces = (np.arange(len(points))[:, None, None] * count + ball.faces).reshape(-1, 3)
-    normals = np.tile(ball.vertices, (len(points), 1))
-    return Mesh(vertices, faces, normals, np.repeat(colours, count, axis=0))
+    return Mesh(vertices, faces, smooth=True, colours=np.repeat(colours, count, axis=0))
 
 
 def box_mesh(size: tuple[float, float, float], along: int, count: int) -> Mesh:
@@ -330,11 +327,7 @@ class Scene:
 
     def part(self, path: str) -> Part:
         """Return the part of a path. Raises KeyError."""
-        return self._by_path[path]
-
-    @cached_property
-    def _by_path(self) -> dict[str, Part]:
-        return {part.path: part for part in self.parts}
+        return {part.path: part for part in self.parts}[path]
 
     @cached_property
     def bounds(self) -> Array:

@@ -24,7 +24,6 @@ class Segment:
     end: Array
     bodies: tuple[int, int]
     name: str
-    leg: str | None = None
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ def skeleton(pose: ClosedPose) -> Skeleton:
         assert module.root is not None
         root, tip = module.root, module.frame
         at = position(root), position(tip)
-        segments.append(Segment("beam", *at, (root.joint, tip.joint), module.name, module.leg))
+        segments.append(Segment("beam", *at, (root.joint, tip.joint), module.name))
         for end, there in zip((root, tip), at, strict=True):
             points[end.joint].append(there)
     for index in range(1, model.njoints):

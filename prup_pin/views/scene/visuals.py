@@ -33,7 +33,6 @@ PAGE_BYTES = 1_000_000
 class Visual:
     """A shape fixed to a link: `placement` is link_from_shape, 4 x 4."""
 
-    link: str
     shape: Shape
     placement: Array
     colour: str
@@ -45,11 +44,13 @@ def visuals(mechanism: Mechanism) -> tuple[dict[str, list[Visual]], tuple[str, .
     description = mechanism.description
     if description.source != "URDF":
         return {}, ()
-    folders = (*getattr(description, "package_folders", ()), *_example_folders(description.path))
+    folders, examples = (*getattr(description, "package_folders", ()),), example_folder()
+    if examples is not None and description.path.is_relative_to(examples):
+        folders = (*folders, examples.parents[1], examples.parent)
     root = etree.fromstring(
         description.content, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True, huge_tree=False)
     )
-    named = {m.get("name"): m for m in root.findall("material") if m.get("name")}
+    named = {each.get("name"): each.xpath("string(color/@rgba)") for each in root.findall("material")}
     found: dict[str, list[Visual]] = {}
     notes: list[str] = []
     known = set(mechanism.frame_names)
@@ -59,7 +60,7 @@ def visuals(mechanism: Mechanism) -> tuple[dict[str, list[Visual]], tuple[str, .
             continue
         for element in link.findall("visual"):
             try:
-                found.setdefault(name, []).extend(_read(name, element, named, description.path.parent, folders))
+                found.setdefault(name, []).extend(_read(element, named, description.path.parent, folders))
             except (ValueError, OSError) as error:
                 notes.append(f"link '{name}': {error}")
     return _lightened({name: shapes for name, shapes in found.items() if shapes}), tuple(notes)
@@ -70,12 +71,19 @@ def _lightened(found: dict[str, list[Visual]]) -> dict[str, list[Visual]]:
     meshes = {id(v.shape): v.shape for shapes in found.values() for v in shapes if isinstance(v.shape, Mesh)}
     coarse = meshes
     cell = max((float(np.ptp(mesh.vertices, axis=0).max()) for mesh in meshes.values()), default=0.0) / 600
-    while sum(map(_bytes, coarse.values())) > PAGE_BYTES:
+    # positions in single precision, and three corners a triangle
+    while sum(12 * (len(mesh.vertices) + len(mesh.faces)) for mesh in coarse.values()) > PAGE_BYTES:
         fewer = {key: clustered(mesh, cell) for key, mesh in meshes.items()}
-        heavier = sum(29 * len(mesh.faces) for mesh in fewer.values()) / PAGE_BYTES  # about what shading makes of them
+        heavier = sum(21 * len(mesh.faces) for mesh in fewer.values()) / PAGE_BYTES  # about what shading makes of them
         cell *= max(1.1, 0.95 * heavier**0.5)  # half as many cells along each edge, a quarter of the triangles
-        if heavier <= 1:
-            coarse = {key: _shaded(mesh) for key, mesh in fewer.items() if len(mesh.faces)}
+        if heavier <= 1:  # smooth where it is, its sharp edges sharp
+            import trimesh
+
+            bare = {
+                key: trimesh.Trimesh(m.vertices, m.faces, process=False) for key, m in fewer.items() if len(m.faces)
+            }
+            shaded = {key: mesh.smooth_shaded for key, mesh in bare.items()}
+            coarse = {key: Mesh(mesh.vertices, mesh.faces, smooth=True) for key, mesh in shaded.items()}
     shown = {id(mesh): coarse.get(key) for key, mesh in meshes.items()}
     return {
         name: [
@@ -87,26 +95,6 @@ def _lightened(found: dict[str, list[Visual]]) -> dict[str, list[Visual]]:
     }
 
 
-def _bytes(mesh: Mesh) -> int:
-    """Return what a mesh takes: positions and normals in single precision, and three corners a triangle."""
-    return 24 * len(mesh.vertices) + 12 * len(mesh.faces)
-
-
-def _shaded(mesh: Mesh) -> Mesh:
-    """Return a mesh with normals: smooth where it is, its sharp edges sharp."""
-    import trimesh
-
-    piece = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).smooth_shaded
-    return Mesh(piece.vertices, piece.faces, np.array(piece.vertex_normals))
-
-
-def _example_folders(path: Path) -> tuple[Path, ...]:
-    examples = example_folder()
-    if examples is not None and path.is_relative_to(examples):
-        return (examples.parents[1], examples.parent)
-    return ()
-
-
 def _numbers(text: str | None, default: Sequence[float]) -> np.ndarray:
     values = np.array([float(word) for word in text.split()]) if text else np.array(default, float)
     if values.shape != (len(default),) or not np.isfinite(values).all():
@@ -114,15 +102,14 @@ def _numbers(text: str | None, default: Sequence[float]) -> np.ndarray:
     return values
 
 
-def _read(link: str, element, named: Mapping, home: Path, folders: Sequence[Path]) -> list[Visual]:
-    """Return the shapes of one <visual>."""
-    origin = element.find("origin")
-    xyz = _numbers(None if origin is None else origin.get("xyz"), (0, 0, 0))
-    rpy = _numbers(None if origin is None else origin.get("rpy"), (0, 0, 0))
+def _read(element, named: Mapping[str, str], home: Path, folders: Sequence[Path]) -> list[Visual]:
+    """Return the shapes of one <visual>; `named` colours by their materials."""
+    xyz, rpy = (_numbers(element.xpath(f"string(origin/@{name})"), (0, 0, 0)) for name in ("xyz", "rpy"))
     at = placement(rotation_rpy(*rpy), xyz)
-    colour, opacity = _colour(element.find("material"), named)
-    geometry = element.find("geometry")
-    shape = None if geometry is None else next((child for child in geometry if isinstance(child.tag, str)), None)
+    painted = element.xpath("string(material/color/@rgba)") or named.get(element.xpath("string(material/@name)"), "")
+    *rgb, alpha = _numbers(painted, (0.6, 0.6, 0.6, 1.0))
+    colour, opacity = (hex_of(rgb), float(np.clip(alpha, 0, 1))) if painted else (None, 1.0)
+    shape = next(iter(element.xpath("geometry/*")), None)
     if shape is None:
         return []
     if shape.tag == "mesh":
@@ -133,8 +120,7 @@ def _read(link: str, element, named: Mapping, home: Path, folders: Sequence[Path
             raise ValueError(f"mesh '{path.name}' has {stamp.st_size / 1e6:.0f} MB and is not drawn")
         parts = _load_mesh(str(path), stamp.st_mtime_ns)
         return [
-            Visual(link, _scaled(mesh, scale), at, colour or own or _PLAIN, opacity if colour else 1.0)
-            for mesh, own in parts
+            Visual(_scaled(mesh, scale), at, colour or own or _PLAIN, opacity if colour else 1.0) for mesh, own in parts
         ]
     if shape.tag not in ("box", "sphere", "cylinder", "capsule"):
         raise ValueError(f"a <{shape.tag}> is not drawn")
@@ -143,19 +129,7 @@ def _read(link: str, element, named: Mapping, home: Path, folders: Sequence[Path
     else:
         radius = float(shape.get("radius"))
         solid = ball(radius) if shape.tag == "sphere" else rod(radius, float(shape.get("length")))
-    return [Visual(link, solid, at, colour or _PLAIN, opacity)]
-
-
-def _colour(material, named: Mapping) -> tuple[str | None, float]:
-    if material is None:
-        return None, 1.0
-    colour = material.find("color")
-    if colour is None and material.get("name") in named:
-        colour = named[material.get("name")].find("color")
-    if colour is None:
-        return None, 1.0
-    rgba = _numbers(colour.get("rgba"), (0.6, 0.6, 0.6, 1.0))
-    return hex_of(rgba), float(np.clip(rgba[3], 0, 1))
+    return [Visual(solid, at, colour or _PLAIN, opacity)]
 
 
 def _mesh_path(name: str, home: Path, folders: Sequence[Path]) -> Path:
@@ -198,7 +172,7 @@ def _load_mesh(path: str, _changed: int) -> tuple[tuple[Mesh, str | None], ...]:
         own = None
         if material is not None and piece.visual.kind == "texture":
             own = hex_of(np.asarray(material.main_color[:3]) / 255)
-        shapes.append((Mesh(piece.vertices, piece.faces, np.array(piece.vertex_normals)), own))
+        shapes.append((Mesh(piece.vertices, piece.faces, smooth=True), own))
     if not shapes:
         raise ValueError(f"mesh '{Path(path).name}' has no triangles")
     return tuple(shapes)
@@ -208,5 +182,4 @@ def _scaled(mesh: Mesh, scale: np.ndarray) -> Mesh:
     if (scale == 1).all():
         return mesh
     faces = mesh.faces if np.prod(scale) > 0 else mesh.faces[:, ::-1]
-    normals = None if mesh.normals is None else mesh.normals / scale
-    return Mesh(mesh.vertices * scale, faces, normals)
+    return Mesh(mesh.vertices * scale, faces, mesh.smooth)

@@ -88,8 +88,6 @@ def boundary_scene(found: Workspace, name: str) -> Scene:
 
     A coordinate z stands upright, else the last one. Raises InputError where not three coordinates vary.
     """
-    import trimesh
-
     points, faces = found.surface
     lows, highs = (np.array([axis[end] for axis in found.axes]) for end in (0, -1))
     sizes = highs - lows
@@ -104,12 +102,11 @@ def boundary_scene(found: Workspace, name: str) -> Scene:
     vertices = place(points)
     turned = np.linalg.det(np.eye(3)[order]) < 0
     faces = faces[:, ::-1] if turned else faces
-    normals = trimesh.Trimesh(vertices, faces, process=False).vertex_normals
     ends = place(np.array([lows, highs]))
     corners = np.array([[ends[at, axis] for axis, at in enumerate(corner)] for corner in product((0, 1), repeat=3)])
     edges = [(a, b) for a in corners for b in corners if (a < b).sum() == 1 and (a == b).sum() == 2]
     parts = (
-        Part("workspace/boundary", Mesh(vertices, faces, normals), np.eye(4), BEAM, 0.92),
+        Part("workspace/boundary", Mesh(vertices, faces, smooth=True), np.eye(4), BEAM, 0.92),
         Part("workspace/spans", Lines(np.array(edges)), np.eye(4), FAINT),
     )
     middle = ends.mean(axis=0)

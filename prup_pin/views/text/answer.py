@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...errors import InputError, NoStiffnessError
 from ...kernel import NEGLIGIBLE_ENERGY
 from ...numbers import finer_units, fixed, number, quantity, readable_unit
-from ...review import number_remarks, yielding_beside
+from ...review import yielding_beside
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, wrench_text
 from ...statics import Compliance
@@ -357,8 +357,8 @@ def _cells(matrix: Array, turns: NDArray[np.bool_]) -> tuple[tuple[str, ...], ..
 
 def rigid_texts(answer: Answer) -> list[str]:
     """Return each wrench that deflects nothing: 'a force along z (fz)', or 'fx 1 N, my 0.5 N m'."""
-    turned = answer.compliance.pose.base_from_tool[:3, :3].T
-    return [_wrench_words(direction, turned) for direction in answer.compliance.rigid_directions]
+    tool_axes = answer.compliance.pose.base_from_tool[:3, :3].T
+    return [_wrench_words(direction, tool_axes) for direction in answer.compliance.rigid_directions]
 
 
 def _wrench_words(direction: Array, tool_axes: Array) -> str:
@@ -444,11 +444,6 @@ def sag_cells(answer: Answer) -> tuple[list[str], str, str] | None:
     total = float(np.linalg.norm(answer.sag[:3]))
     unit, factor = readable_unit(total, "m")
     return _small([*answer.sag[:3], total], factor), unit, direction_text(gravity / np.linalg.norm(gravity))
-
-
-def to_look_at(robot: Robot) -> list[str]:
-    """Return what of a robot makes every number doubtful, as `prup-pin check` tells it."""
-    return list(number_remarks(robot))
 
 
 def assumptions(robot: Robot, answer: Answer) -> list[str]:

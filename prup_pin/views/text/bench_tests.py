@@ -26,10 +26,8 @@ if TYPE_CHECKING:  # the command line begins without them
     from ...diagnosis import Diagnosis
     from ...diagnosis.calibration import Calibration
     from ...diagnosis.diagnosis import Detectable
-    from ...diagnosis.since import Since
     from ...export import Exported
     from ...imports import Conversion, Log, LogMap
-    from ...imports.map import Column
 
 
 def print_log(out: Console, log: Log) -> None:
@@ -43,6 +41,7 @@ def print_log(out: Console, log: Log) -> None:
 def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> None:
     """Print a recording column by column beside the columns it came from, and the remarks."""
     from ...imports.map import ROTATIONS
+    from ...imports.units import SI_WORDS, dimension_of
 
     print_log(out, log)
     recording = done.recording
@@ -58,7 +57,9 @@ def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> 
         known = values[np.isfinite(values)]
         ends = [number(float(end), 4) for end in (known.min(), known.max())] if len(known) else ["", ""]
         factor = f" x {number(column.sign * column.scale, 4)}" if column.sign * column.scale != 1 else ""
-        rows.append((name, column.source, column.unit.name + factor, *ends, _si_of(name, column)))
+        dimension = dimension_of(column.unit.name)
+        si = SI_WORDS[dimension] if dimension is not None else unit_of(name)
+        rows.append((name, column.source, column.unit.name + factor, *ends, si))
     show_table(out, ("recording", "column of the log", "in", ">from", ">to", ""), rows)
     for name, rotation in plan.rotations.items():
         angles = f" in {rotation.unit.name}" if ROTATIONS[rotation.manner] == 3 else ""
@@ -70,14 +71,6 @@ def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> 
     if names := (*done.unused, *log.left_out):
         heading(out, "Not used")
         listed(out, "", names)
-
-
-def _si_of(name: str, column: Column) -> str:
-    """Return the SI unit of a column of the recording."""
-    from ...imports.units import SI_WORDS, dimension_of
-
-    dimension = dimension_of(column.unit.name)
-    return SI_WORDS[dimension] if dimension is not None else unit_of(name)
 
 
 # -- a simulation ------------------------------------------------------------------------------------------------------
@@ -109,7 +102,11 @@ def print_simulation(
     how = "the efforts of its motion" if not prediction.position.shape[1] else "loaded, in its deformed position"
     out.print(Text(f"{robot.name}, {how}", style="bold"))
     listed(out, "with", _effects_told(effects, source), "; ")
-    _print_rows(out, prediction)
+    failures = prediction.failures
+    failed = sum(len(rows) for rows in failures.values())
+    good = f"{len(prediction) - failed} predicted" if failed else "all predicted"
+    listed(out, "rows", [f"{len(prediction)}, {good}"])
+    print_failures(out, failures, prediction.reasons)
     found = compare(recording, prediction, effort_noise, robot.mechanism, band)
     if found:
         _print_agreement(out, robot, found, _in_own_units(effects))
@@ -154,14 +151,6 @@ def _in_own_units(effects: Sequence[Effect]) -> frozenset[str]:
 
     gains = {e.place.name: 1 + e.values["gain"] for e in effects if isinstance(e.law, EffortUnit)}
     return frozenset(gains) if gains_apart(gains) else frozenset()
-
-
-def _print_rows(out: Console, prediction: Prediction) -> None:
-    failures = prediction.failures
-    failed = sum(len(rows) for rows in failures.values())
-    good = f"{len(prediction) - failed} predicted" if failed else "all predicted"
-    listed(out, "rows", [f"{len(prediction)}, {good}"])
-    print_failures(out, failures, prediction.reasons)
 
 
 def print_failures(out: Console, failures: Mapping[str, np.ndarray], reasons: Mapping[str, str]) -> None:
@@ -219,8 +208,8 @@ def print_diagnosis(
     listed(out, "robot", [robot.name])
     recordings = [recording] if isinstance(recording, Recording) else list(recording)
     if len(recordings) > 1:
-        for name, *texts in words.recording_rows(diagnosis):
-            listed(out, "recording", [name, *texts], ", ")
+        for parts in words.recording_rows(diagnosis):
+            listed(out, "recording", parts, ", ")
     else:
         held, samples = words.length_of(diagnosis, recordings[0]), len(recordings[0])
         listed(out, "recording", [held, counted(samples, "sample"), words.used_text(diagnosis, samples)], ", ")
@@ -251,16 +240,18 @@ def print_diagnosis(
         show_table(out, words.EFFORT_COLUMNS, rows)
         if note := words.multiple_text(diagnosis):
             paragraph(out, f"({note})")
+    if since is not None and since.values:
+        heading(out, "What was found before")
+        names = ("", ">then", ">now", ">changed by (95 %)", ">would show from")
+        show_table(out, names, words.then_and_now_rows(since))
     if since is not None:
-        _print_since(out, since)
-    if shown := words.visible_rows(diagnosis.seen):
-        heading(out, "What would have been seen", f"({_SIZES}; the hardest to see first)")
-        for physics, sizes in shown[:_MOST_SEEN]:
-            paragraph(out, f"{physics}: {sizes}", "- ")
-        if more := shown[_MOST_SEEN:]:
-            paragraph(out, f"{counted(len(more), 'other kind')} of effects that show better still", "- ")
-    if diagnosis.not_detectable:
-        print_hidden(out, diagnosis.not_detectable)
+        others = [f"{physics}: {sizes}" for physics, sizes in words.seen_rows(since.seen)]
+        bullets(out, "What else would have been seen", others, f"({_SIZES})")
+    shown = [f"{physics}: {sizes}" for physics, sizes in words.visible_rows(diagnosis.seen)]
+    if more := shown[_MOST_SEEN:]:
+        shown[_MOST_SEEN:] = [f"{counted(len(more), 'other kind')} of effects that show better still"]
+    bullets(out, "What would have been seen", shown, f"({_SIZES}; the hardest to see first)")
+    print_hidden(out, diagnosis.not_detectable)
     why = diagnosis.next_experiment.get("why")
     if why:
         heading(out, "Next experiment")
@@ -268,23 +259,11 @@ def print_diagnosis(
     bullets(out, "Remarks", diagnosis.remarks)
 
 
-def _print_since(out: Console, since: Since) -> None:
-    """Print what was found before beside what it is now, and how large a change would have been seen."""
-    if since.values:
-        heading(out, "What was found before")
-        columns = ("", ">then", ">now", ">changed by (95 %)", ">would show from")
-        show_table(out, columns, words.then_and_now_rows(since))
-    if rows := words.seen_rows(since.seen):
-        heading(out, "What else would have been seen", f"({_SIZES})")
-        for physics, sizes in rows:
-            paragraph(out, f"{physics}: {sizes}", "- ")
-
-
 def print_hidden(out: Console, hidden: Sequence[Detectable]) -> None:
     """Print what data could not show, and the size from which they would."""
-    heading(out, "What these data could not show", "(and from which size they would)")
-    for physics, where, needed in words.hidden_rows(hidden):
-        paragraph(out, f"{physics}: {needed}{f', at {where}' if where else ''}", "- ")
+    rows = words.hidden_rows(hidden)
+    texts = [f"{physics}: {needed}{f', at {where}' if where else ''}" for physics, where, needed in rows]
+    bullets(out, "What these data could not show", texts, "(and from which size they would)")
 
 
 def _verdict(out: Console, text: str) -> None:
@@ -306,7 +285,11 @@ _NAMED = 3
 
 def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording], found: Calibration) -> None:
     """Print before and after, what was learned, what these data tell only together and what they never saw."""
-    _verdict(out, _within_tolerances(found))
+    before, after = number(found.nominal, 3), number(found.calibrated, 3)
+    end = (
+        "which is noise" if found.is_explained else "more than noise: the model lacks something, see prup-pin diagnose"
+    )
+    _verdict(out, f"The drawing leaves {before} times the noise; within its tolerances it leaves {after}, {end}.")
     out.print()
     listed(out, "robot", [robot.name])
     for recording in recordings:
@@ -314,8 +297,7 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
         listed(out, "recording", [*name, counted(len(recording), "sample")], ", ")
     listed(out, "used", [counted(found.samples, "sample")])
     listed(out, "parameters", [f"{len(found.parameters)} that may be off"], ", ")
-    acting = [effect.statement(robot.mechanism) for effect in found.effects[1:]]
-    if acting:
+    if acting := [effect.statement(robot.mechanism) for effect in found.effects[1:]]:
         listed(out, "acting", acting)
     heading(out, "What was learned", "(off: in tolerances; known: share of the tolerance that is left)")
     rows = []
@@ -328,28 +310,15 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
             value = uncertain(factor * item.value, factor * item.sd)
             rows.append((item.name, value, unit, f"{item.x:+.2f}", f"{number(100 * item.share, 2)} %"))
     show_table(out, ("", ">calibrated", "", ">off", ">known"), rows)
-    if found.twins:
-        heading(out, "Told only together")
-        for group in found.twins:
-            paragraph(out, ", ".join(group), "- ")
+    bullets(out, "Told only together", [", ".join(group) for group in found.twins])
     unseen = [item.name for item in found.parameters if item.learned <= _UNSEEN]
-    if unseen:
-        heading(out, "Never seen by these data", f"({len(unseen)} parameters)")
-        alike: dict[str, list[str]] = {}
-        for parameter in unseen:
-            owner, _, kind = parameter.rpartition(".")
-            alike.setdefault(kind, []).append(owner)
-        for kind, owners in alike.items():
-            paragraph(out, f"{kind} of {', '.join(some(owners, _NAMED))}", "- ")
+    alike: dict[str, list[str]] = {}
+    for parameter in unseen:
+        owner, _, kind = parameter.rpartition(".")
+        alike.setdefault(kind, []).append(owner)
+    texts = [f"{kind} of {', '.join(some(owners, _NAMED))}" for kind, owners in alike.items()]
+    bullets(out, "Never seen by these data", texts, f"({len(unseen)} parameters)")
     bullets(out, "Remarks", found.remarks)
-
-
-def _within_tolerances(found: Calibration) -> str:
-    before, after = number(found.nominal, 3), number(found.calibrated, 3)
-    end = (
-        "which is noise" if found.is_explained else "more than noise: the model lacks something, see prup-pin diagnose"
-    )
-    return f"The drawing leaves {before} times the noise; within its tolerances it leaves {after}, {end}."
 
 
 # -- an exported model: what the robot file holds, and what it leaves out --------------------------------------------
@@ -363,21 +332,19 @@ def print_exported(out: Console, made: Exported) -> None:
     """Print which effects the file holds, and of what is left out how much it explained."""
     heading(out, "In the file", "" if made.said else "  the robot as it was drawn")
     if made.said:
-        rows = [(item.physics, item.place, _values(item.values)) for item in made.said]
+        rows = []
+        for item in made.said:
+            more = len(item.values) - _LISTED_VALUES
+            values = [*item.values[:_LISTED_VALUES], *[f"and {more} more"] * (more > 0)]
+            rows.append((item.physics, item.place, "\n".join(values)))
         show_table(out, ("physics", "place", "values"), rows)
     if made.left_out:
         heading(out, "Left out", "  and what its effect explained of the held-out squared residual")
-        lost = [(item.physics, item.place, item.what, _share(item.share)) for item in made.left_out]
+        lost = []
+        for left in made.left_out:
+            share = "unknown" if left.share is None else f"{number(100 * left.share, 3)} %"
+            lost.append((left.physics, left.place, left.what, share))
         show_table(out, ("physics", "place", "what", ">explained"), lost)
     if made.remarks:
         heading(out, "To know")
         listed(out, "", made.remarks)
-
-
-def _values(values: tuple[str, ...]) -> str:
-    more = len(values) - _LISTED_VALUES
-    return "\n".join((*values[:_LISTED_VALUES], *([f"and {more} more"] if more > 0 else [])))
-
-
-def _share(share: float | None) -> str:
-    return "unknown" if share is None else f"{number(100 * share, 3)} %"

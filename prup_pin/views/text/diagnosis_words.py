@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ...diagnosis.diagnosis import Detectable, FittedParameter, Seen
     from ...diagnosis.locate import LocalCurve
     from ...diagnosis.proposal import Proposal
-    from ...diagnosis.since import Changed, Since
+    from ...diagnosis.since import Since
 
 #: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
 _ABSURD = 1e9
@@ -98,7 +98,11 @@ def verdict_text(diagnosis: Diagnosis) -> str:
             f"Unexplained: with {told} {takes}, but no law of the library explains the "
             f"rest{left and f', {left}'}{where}."
         )
-    stands = "no noise is known to compare with" if math.isnan(before) else f"the residual is {_times(before)}"
+    stands = (
+        "no noise is known to compare with"
+        if math.isnan(before)
+        else f"the residual is {number(before, 3)} times the noise"
+    )
     return f"Unexplained: {stands}, and no law of the library explains it{left and f': it is {left}'}{where}."
 
 
@@ -130,9 +134,9 @@ def _takes(before: float, after: float) -> str:
     if math.isnan(before):
         return "the residual falls"
     if number(before, 3) == number(after, 3):
-        return f"the residual is {_times(after)}"
+        return f"the residual is {number(after, 3)} times the noise"
     way = "falls" if after < before else "rises"
-    return f"the residual {way} from {number(before, 3)} to {_times(after)}"
+    return f"the residual {way} from {number(before, 3)} to {number(after, 3)} times the noise"
 
 
 def _not_declared(diagnosis: Diagnosis) -> str:
@@ -165,10 +169,6 @@ def _of_efforts(shares: Mapping[str, float], after: float, ends_there: bool = Tr
         f"{falls or f'the residual is {ends[1]} of the efforts'}, {number(after, 3)} times the scatter of a single "
         f"sample{_NO_MOTION if ends_there else ''}"
     )
-
-
-def _times(multiple: float) -> str:
-    return f"{number(multiple, 3)} times the noise"
 
 
 def _percent(share: float) -> str:
@@ -520,11 +520,6 @@ def ends_of(values: Mapping[str, float], unit: str) -> tuple[str, str, str]:
     return number(factor * before, 3), number(factor * after, 3), shown
 
 
-def only_after(rows: Sequence[tuple[str, str, str, str]]) -> list[tuple[str, str, str]]:
-    """Return rows of residuals with the last one alone, of a diagnosis that changes nothing."""
-    return [(what, after, unit) for what, _, after, unit in rows]
-
-
 #: Columns of `effort_rows`.
 EFFORT_COLUMNS = ("joint", ">noise", ">× noise, fitted", ">% of the effort, held out")
 
@@ -666,16 +661,12 @@ def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
     if not below:
         sized = [each for each in sized if each[0] <= _ABSURD]
     ends = [end(sized, key=lambda each: each[0]) for end in ((max, min) if below else (min, max))]
-    return f"{parameter.replace('_', ' ')} {'below' if below else 'above'} {_at_each(ends, unit, 2)}"
-
-
-def _at_each(ends: Sequence[tuple[float, str]], unit: str, digits: int = 3) -> str:
-    """Return sizes with their places, of the most and the least sensitive one; one size where they are alike."""
-    return _from_to_at([quantity(size, unit, digits) for size, _ in ends], [place for _, place in ends])
+    sizes = _from_to_at([quantity(size, unit, 2) for size, _ in ends], [place for _, place in ends])
+    return f"{parameter.replace('_', ' ')} {'below' if below else 'above'} {sizes}"
 
 
 def _from_to_at(shown: Sequence[str], places: Sequence[str], alike: str = "") -> str:
-    """Return '3 µm at motor to 5 µm at nut'; one text, and `alike`, where both are the same."""
+    """Return '3 µm at motor to 5 µm at nut', the most sensitive place first; one text, and `alike`, of equal ones."""
     if len(dict.fromkeys(shown)) == 1:
         return f"{shown[0]}{alike}"
     return " to ".join(f"{text} at {place}" for text, place in zip(shown, places, strict=True))
@@ -738,19 +729,14 @@ def _from_to(finding: Finding) -> str:
 
 def _largest_unseen(since: Since) -> Iterator[str]:
     """Yield how large a change would have been seen: of what was found before, and of the first law of the library."""
-    first = [item for item in since.values if item.seen is not None and item is _first_of(since, item)]
+    firsts = {(item.physics, item.location, item.aspect): item for item in reversed(since.values)}.values()
+    first = [item for item in since.values if item.seen is not None and any(item is each for each in firsts)]
     for item in first[:_MOST_CHANGED]:
         words, size = item.parameter.replace("_", " "), quantity(item.seen or 0.0, item.unit)
         yield f"a {words} at {item.location} larger or smaller by {size} would have shown"
     for physics, ends in _ends(since.seen)[:1]:
         told = ", ".join(f"by {_off(item)} at {item.location}" for item in ends)
         yield f"so would {physics} {told}" if first else f"{physics} {told} would have shown"
-
-
-def _first_of(since: Since, item: Changed) -> Changed:
-    """Return the first value of the effect that a value is of."""
-    key = (item.physics, item.location, item.aspect)
-    return next(other for other in since.values if (other.physics, other.location, other.aspect) == key)
 
 
 def then_and_now_rows(since: Since) -> list[tuple[str, str, str, str, str]]:

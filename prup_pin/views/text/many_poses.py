@@ -145,17 +145,10 @@ def print_compensation(out: Console, robot: Robot, effects: Sequence[Effect], fo
             cells += [f"< {_LEAST_ERROR:g}" if size < _LEAST_ERROR else number(float(size), 4) for size in sizes]
         rows.append((name, *cells, "µm" if unit == "m" else "µrad"))
     show_table(out, ("", ">before", ">largest", ">after", ">largest", ""), rows)
-    moved = [
-        f"{name} by up to {_largest(found, name)} {'mm' if robot.mechanism.joint(name).unit == 'm' else 'mrad'}"
-        for name in robot.mechanism.actuated
-    ]
+    moved = []
+    for name in robot.mechanism.actuated:
+        known = found.corrections[name][np.isfinite(found.corrections[name])]
+        largest = number(1e3 * float(np.abs(known).max()), 4) if len(known) else "-"
+        moved.append(f"{name} by up to {largest} {'mm' if robot.mechanism.joint(name).unit == 'm' else 'mrad'}")
     listed(out, "moved", moved, ", ")
-    remarks = [*found.path.recording.remarks, *found.remarks]
-    bullets(out, "Remarks", remarks)
-
-
-def _largest(found: Compensation, name: str) -> str:
-    """Return the largest correction of an actuator [mm or mrad]."""
-    moved = found.corrections[name]
-    known = moved[np.isfinite(moved)]
-    return number(1e3 * float(np.abs(known).max()), 4) if len(known) else "-"
+    bullets(out, "Remarks", [*found.path.recording.remarks, *found.remarks])

@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ...numbers import fixed, number, readable_unit, some
+from ...review import number_remarks
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, wrench_text
 from . import answer as words
@@ -38,16 +39,22 @@ def print_answer(
     notes: Sequence[str] = (),
 ) -> None:
     """Print pose, K, C, deflection, shares, sag and assumptions."""
-    if doubts := [in_options(text) for text in words.to_look_at(robot)]:  # what is wrong there is in every number
+    if doubts := [in_options(text) for text in number_remarks(robot)]:  # what is wrong there is in every number
         bullets(out, "To look at first", doubts)
         out.print()
     _print_pose(out, robot, answer, pose_source, changes)
     if answer.stiffness is None:
-        _print_rigid(out, robot, answer)
+        directions = words.rigid_texts(answer)
+        loads = "this load" if len(directions) == 1 else f"these {len(directions)} loads"
+        heading(out, "K does not exist:", f"no module yields, the model is rigid, under {loads}:")
+        for direction in directions:
+            listed(out, "", [direction])
+        paragraph(out, words.why_rigid(robot, answer))
     for table in (*words.stiffness_tables(answer), words.compliance_table(answer)):
         _print_matrix(out, table)
     _print_deflection(out, answer)
-    _print_along(out, answer)
+    for title, text in words.along_texts(answer).items():
+        heading(out, f"{title}:", f"{text}; {words.ALONG}")
     _print_shares(out, answer)
     _print_sag(out, answer)
     bullets(out, "Assumed", words.assumptions(robot, answer))
@@ -81,15 +88,6 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
     listed(out, "tool", [f"'{answer.tool}' at {' '.join(at)} mm"])
 
 
-def _print_rigid(out: Console, robot: Robot, answer: Answer) -> None:
-    directions = words.rigid_texts(answer)
-    some = "this load" if len(directions) == 1 else f"these {len(directions)} loads"
-    heading(out, "K does not exist:", f"no module yields, the model is rigid, under {some}:")
-    for direction in directions:
-        listed(out, "", [direction])
-    paragraph(out, words.why_rigid(robot, answer))
-
-
 def _print_deflection(out: Console, answer: Answer) -> None:
     heading(out, "Deflection", words.load_text(answer) + ("" if answer.load.given else "; another load with --wrench"))
     columns, cells, _ = words.displacements(answer)
@@ -102,11 +100,6 @@ def _print_deflection(out: Console, answer: Answer) -> None:
         shown = [column.replace(" ", f" {cell} ", 1) for column, cell in zip(columns, own, strict=True)]
         listed(out, "moves", shown[:4])
         listed(out, "turns", shown[4:])
-
-
-def _print_along(out: Console, answer: Answer) -> None:
-    for title, text in words.along_texts(answer).items():
-        heading(out, f"{title}:", f"{text}; {words.ALONG}")
 
 
 def _print_shares(out: Console, answer: Answer) -> None:
@@ -128,9 +121,10 @@ def _print_shares(out: Console, answer: Answer) -> None:
     names = [name for name in names if name not in small] if len(small) > _SMALL_ROWS else names
     largest = max(shares.values())
     amounts = fixed([answer.contributions[name] * factor for name in names])
-    bars = [_bar(shares[name] / largest if largest > 0 else 0.0) for name in names]
-    cells = [(percent_text(shares[name]), amount) for name, amount in zip(names, amounts, strict=True)]
-    rows = [(name, bar, *own) for name, bar, own in zip(names, bars, cells, strict=True)]
+    rows: list[tuple[str | Text, ...]] = [
+        (name, _bar(shares[name] / largest if largest > 0 else 0.0), percent_text(shares[name]), amount)
+        for name, amount in zip(names, amounts, strict=True)
+    ]
     table = make_table(("module", "", ">%", f">{unit}"), rows)
     if out.width < _BARRED and not fits(out, table):
         table = make_table(("module", ">%", f">{unit}"), [(row[0], *row[2:]) for row in rows])

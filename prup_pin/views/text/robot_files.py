@@ -77,13 +77,11 @@ def _print_other_readers(out: Console, robot: Robot) -> None:
     """Print whether the tools around a robot, which read its file by themselves, see the same."""
     if robot.mechanism.description.source != "URDF":
         return
-    heading(out, "Other readers")
     try:
         told = second_opinion(robot.mechanism)
     except MissingExtraError as error:
         told = (f"not asked: {error}",)
-    for line in told or ("yourdfpy reads the same links and joints, at the same places",):
-        paragraph(out, line, "- ")
+    bullets(out, "Other readers", told or ("yourdfpy reads the same links and joints, at the same places",))
 
 
 def _print_joints(out: Console, robot: Robot) -> None:
@@ -288,16 +286,10 @@ def print_check(out: Console, robot: Robot) -> None:
     except PrupPinError:
         pass  # among the remarks
     remarks = list(robot_remarks(robot))
-    assumed = [text for text in robot.assumptions if text not in remarks]
-    print_remarks(out, [in_options(text) for text in remarks], assumed)
-
-
-def print_remarks(out: Console, remarks: list[str], assumed: list[str]) -> None:
-    """Print remarks, or that there are none, and what is taken for granted."""
-    heading(out, "To look at" if remarks else "Nothing to object")
-    for text in remarks:
-        paragraph(out, text, "- ")
-    bullets(out, "Assumed", assumed)
+    if not remarks:
+        heading(out, "Nothing to object")
+    bullets(out, "To look at", map(in_options, remarks))
+    bullets(out, "Assumed", [text for text in robot.assumptions if text not in remarks])
 
 
 # -- what a recording could show ---------------------------------------------------------------------------------------
@@ -318,12 +310,8 @@ def print_prospects(out: Console, robot: Robot, recording: Recording, found: Pro
             effort = "not recorded" if item.effort is None else f"up to {number(item.effort, 3)} {unit}"
             rows.append((item.joint, travel, speed, f"{100 * item.rest:.0f} %", effort))
         show_table(out, ("joint", ">travel", ">top speed", ">at rest", ">effort"), rows)
-    if found.alike:
-        heading(out, "What this motion cannot tell apart")
-        for text in _alike(found.alike):
-            paragraph(out, text, "- ")
-    if found.not_detectable:
-        print_hidden(out, found.not_detectable)
+    bullets(out, "What this motion cannot tell apart", _alike(found.alike))
+    print_hidden(out, found.not_detectable)
     bullets(out, "Remarks", found.remarks)
 
 
@@ -404,8 +392,8 @@ def print_laws(out: Console, laws: Sequence[Law], robot: Robot) -> None:
         if index:
             out.print()
         out.print(Text(law.physics + (", in efforts" if isinstance(law, EffortLaw) else ""), style="bold"))
-        for text in _paragraphs(law):
-            paragraph(out, text)
+        for text in (inspect.getdoc(law) or law.summary).split("\n\n"):
+            paragraph(out, " ".join(text.split()))
         if law.source:
             listed(out, "source", [law.source])
         if law.physics in brought:
@@ -420,11 +408,6 @@ def print_laws(out: Console, laws: Sequence[Law], robot: Robot) -> None:
             if len(places) > len(there):
                 listed(out, "at", _grouped(there), ", ")
             _print_quantities(out, quantities)
-
-
-def _paragraphs(law: Law) -> list[str]:
-    text = inspect.getdoc(law) or law.summary
-    return [" ".join(part.split()) for part in text.split("\n\n")]
 
 
 def _grouped(places: Sequence[Place]) -> list[str]:

@@ -135,11 +135,11 @@ def paragraph(out: Console, text: str, bullet: str = "") -> None:
         out.print(Text(line), soft_wrap=True)
 
 
-def bullets(out: Console, title: str, texts: Iterable[str]) -> None:
+def bullets(out: Console, title: str, texts: Iterable[str], detail: str = "") -> None:
     """Print a heading and a paragraph for each text; nothing where there is none."""
     for index, text in enumerate(texts):
         if not index:
-            heading(out, title)
+            heading(out, title, detail)
         paragraph(out, text, "- ")
 
 

@@ -62,16 +62,8 @@ def joint_role(mechanism: Mechanism, name: str) -> str:
     """Return 'actuated', 'locked', 'sprung' or 'passive', or two of them."""
     index = mechanism.joint_id(name)
     sprung = any(module.joint == index and mechanism.holds(module) for module in mechanism.modules)
-    roles = [
-        word
-        for word, holds in (
-            ("actuated", name in mechanism.actuated),
-            ("locked", name in mechanism.locked),
-            ("sprung", sprung),
-        )
-        if holds
-    ]
-    return ", ".join(roles) or "passive"
+    roles = {"actuated": name in mechanism.actuated, "locked": name in mechanism.locked, "sprung": sprung}
+    return ", ".join(word for word, holds in roles.items() if holds) or "passive"
 
 
 def coordinate_dimensions(robot: Robot) -> Mapping[str, str]:
@@ -150,23 +142,19 @@ def percent_text(share: float | None, coarse: bool = False) -> str:
     return f"{percent:.{1 if coarse and percent >= 1 else 2}f}"
 
 
-def mobility_text(mechanism: Mechanism, found: Mobility) -> str:
-    """Return '3 degrees of freedom = …'; a tree's are its joints'."""
-    freedoms = f"{found.mobility} degree{'s' if found.mobility != 1 else ''} of freedom"
-    if not found.closures:
-        return f"{freedoms}, {len(mechanism.actuated_dofs)} actuated"
-    return (
-        f"{freedoms} = {found.velocities} joint velocities - rank {found.rank} of "
-        f"{found.closures} closures; {len(mechanism.actuated_dofs)} actuated"
-    )
-
-
 def mobility_rows(mechanism: Mechanism, found: Mobility) -> list[tuple[str, list[str]]]:
-    """Return what is told of a mobility, by label: freedom, redundancy where there are loops, idle joints."""
-    rows = [("Freedom", [mobility_text(mechanism, found)])]
-    if found.closures:
-        rows.append(("Redundant", [redundancy_text(found)]))
-    return [*rows, ("Idle joints", list(found.idle_joints) or ["none"])]
+    """Return what is told of a mobility, by label: freedom, redundancy where there are loops, idle joints.
+
+    Freedom is '3 degrees of freedom = …'; a tree's are its joints'.
+    """
+    freedoms = f"{found.mobility} degree{'s' if found.mobility != 1 else ''} of freedom"
+    actuated = f"{len(mechanism.actuated_dofs)} actuated"
+    idle = ("Idle joints", list(found.idle_joints) or ["none"])
+    if not found.closures:
+        return [("Freedom", [f"{freedoms}, {actuated}"]), idle]
+    closed = f"{found.velocities} joint velocities - rank {found.rank} of {found.closures} closures"
+    freedom = f"{freedoms} = {closed}; {actuated}"
+    return [("Freedom", [freedom]), ("Redundant", [redundancy_text(found)]), idle]
 
 
 def module_parameters(robot: Robot, module: Module) -> list[Parameter]:
