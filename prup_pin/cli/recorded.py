@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import typer
 
+from .. import loading
 from ..errors import InputError, RecordingFileError, folder_holds, nearest_names
 from ..files import as_path, is_file, is_path
 from ..laws import Effect
@@ -18,7 +19,15 @@ from ..recordings.table import ROBOT
 from ..robot import Robot
 from ..simulation import CorrectedModel, foreign_joints
 from ..views.text import terminal
-from .options import Reading, changes_of
+from .options import (
+    ConventionOption,
+    Reading,
+    RecordingFiles,
+    RobotOption,
+    SetParameters,
+    TolerancesOption,
+    changes_of,
+)
 from .typed_effect import parse_effect
 
 
@@ -91,18 +100,36 @@ def _note(text: str) -> None:
     typer.echo(terminal.error_text(f"Note: {text}", terminal.console(stderr=True).width), err=True)
 
 
-def robot_of_all(recordings: Sequence[Recording]) -> str:
-    """Return the robot that the first of several recordings names that names one."""
-    named = next((recording for recording in recordings if recording.robot is not None), recordings[0])
-    return robot_beside(named.robot, Path(named.path))
+@dataclass(frozen=True)
+class Bench:
+    """The options that every command takes about recordings of one device: which, of which robot, written how."""
 
+    recordings: RecordingFiles
+    robot: RobotOption = None
+    tolerances: TolerancesOption = None
+    convention: ConventionOption = None
+    set_parameters: SetParameters = None
+    reading: Reading = field(default_factory=Reading)
 
-def recorded(
-    paths: Sequence[Path], tolerances: str | None, robot: str | None, conventions: Sequence[str] | None = None
-) -> tuple[list[Recording], str]:
-    """Return recordings of one device within the tolerances that were typed, and the robot typed or named by them."""
-    read = [_with_tolerances(recording_typed(path, robot, conventions), tolerances) for path in paths]
-    return read, robot or robot_of_all(read)
+    def understood(self, earlier: CorrectedModel | None = None) -> tuple[list[Recording], str, Robot, loading.Reading]:
+        """Return the recordings, the robot's name, the robot, and how it was read; of an earlier model, its robot.
+
+        What is typed wins over the model, and over what the recordings say.
+        """
+        of_model = earlier is not None and self.robot is None
+        named = earlier.robot if earlier is not None and of_model else self.robot
+        read = [
+            _with_tolerances(recording_typed(path, named, self.convention), self.tolerances) for path in self.recordings
+        ]
+        if named is None:
+            first = next((recording for recording in read if recording.robot is not None), read[0])
+            named = robot_beside(first.robot, Path(first.path))
+        if earlier is not None and of_model:
+            loaded, understood = robot_of_model(self.reading, earlier, self.set_parameters), earlier.read
+        else:
+            loaded, understood = self.reading.changed(named, self.set_parameters)
+        note_foreign_joints(read, loaded)
+        return read, named, loaded, understood
 
 
 def with_conventions(recording: Recording, typed: Sequence[str] | None) -> Recording:

@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation as Turn
+from scipy.spatial.transform import Slerp
 
 from ..errors import Problem, RecordingFileError
 from ..mechanism import Mechanism
@@ -203,11 +206,10 @@ def resampled(at: Array, values: Array, time: Array) -> Array:
     at, values = at[known], values[known]
     period, wanted = float(np.median(np.diff(at))), float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if wanted > FASTER * period:
-        area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(at))])
+        area = make_interp_spline(at, values, k=1).antiderivative()
         half = np.clip(np.minimum(time - at[0], at[-1] - time), 1e-6 * wanted, wanted / 2)  # as far to both sides
         low, high = np.clip(time - half, at[0], at[-1]), np.clip(time + half, at[0], at[-1])
-        width = np.maximum(high - low, 1e-12)
-        out = (_area(high, at, values, area) - _area(low, at, values, area)) / width
+        out = (area(high) - area(low)) / np.maximum(high - low, 1e-12)
         out = np.where(half < 1e-3 * wanted, np.interp(time, at, values), out)
     else:
         out = np.interp(time, at, values)
@@ -215,14 +217,6 @@ def resampled(at: Array, values: Array, time: Array) -> Array:
     silent = (at[after] - at[after - 1] > max(GAP * period, 2 * wanted)) & ~np.isin(time, at)
     out[silent | (time < at[0] - 1e-9) | (time > at[-1] + 1e-9)] = np.nan
     return out
-
-
-def _area(x: Array, at: Array, values: Array, area: Array) -> Array:
-    """Return the integral of the broken line up to x."""
-    k = np.clip(np.searchsorted(at, x, side="right") - 1, 0, len(at) - 2)
-    step = x - at[k]
-    slope = (values[k + 1] - values[k]) / (at[k + 1] - at[k])
-    return area[k] + step * (values[k] + 0.5 * slope * step)
 
 
 def _sources(plan: LogMap) -> list[str]:
@@ -322,8 +316,6 @@ def _told_at(time: Array, told: Mapping[str, _Told]) -> Array:
 
 def _vectors(log: Log, stream: Stream, rotation: Rotation, told: _Told, time: Array) -> Array:
     """Return rotation vectors (M, 3) [rad] at the recording's times."""
-    from scipy.spatial.transform import Slerp
-
     known, turns = turns_of(log, stream, rotation, told.rows)
     out = np.full((len(time), 3), np.nan)
     at = told.time[known]
@@ -338,8 +330,6 @@ def _vectors(log: Log, stream: Stream, rotation: Rotation, told: _Told, time: Ar
 
 def turns_of(log: Log, stream: Stream, rotation: Rotation, rows: Any = slice(None)) -> tuple[np.ndarray, Any]:
     """Return which of some rows of a stream tell an orientation, and these orientations, as scipy's `Rotation`."""
-    from scipy.spatial.transform import Rotation as Turn
-
     raw = np.column_stack([stream.columns[name][rows] for name in rotation.sources])
     known: np.ndarray = np.isfinite(raw).all(axis=1)
     kind, _, how = rotation.manner.partition("_")

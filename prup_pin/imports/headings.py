@@ -34,7 +34,10 @@ class Heading:
     """Where the rows of a table begin (counted from 0), how its columns are called, and what is said of all of them.
 
     rate: rows, or frames, in a second, where that is told. lost: a column of three zeros is a marker that was not seen.
-    ends: a blank line ends the table. labels: what is said of all columns, such as how orientations are written.
+    ends: a blank line ends the table. labels: what is said of all columns, such as how orientations are written, and
+    the word of columns of one word alone.
+    What the rows show: encoding; stamps, columns of dates and times of day; vectors, columns of lists in brackets ->
+    how long they are; texts, names of columns of text.
     """
 
     separator: str
@@ -46,6 +49,10 @@ class Heading:
     lost: bool = False
     ends: bool = False
     labels: Mapping[str, str] = field(default_factory=dict)
+    encoding: str = ""
+    stamps: Sequence[int] = ()
+    vectors: Mapping[int, int] = field(default_factory=dict)
+    texts: Sequence[str] = ()
 
 
 def cells_of(line: str, separator: str) -> list[str]:

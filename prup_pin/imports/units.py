@@ -103,6 +103,12 @@ def dimension_of(unit: str) -> str | None:
     return next((dimension for dimension, units in UNITS.items() if unit in units), None)
 
 
+def factor_of(unit: str | None) -> float:
+    """Return the SI value of a unit; 1 of none, and of those that take a scale."""
+    dimension = dimension_of(unit or "")
+    return 1.0 if dimension is None else UNITS[dimension][unit or ""]
+
+
 def unit_for(text: str, dimensions: tuple[str, ...]) -> Unit | None:
     """Return the unit of one of some dimensions that a text means, or None."""
     name = spelled(text)

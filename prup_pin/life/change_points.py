@@ -19,8 +19,6 @@ from ..diagnosis.criteria import FALSE_ALARM, FEW_ROUNDS, ROUNDING
 from ..spatial import Array
 from .likelihood import Likelihood, inverse
 
-__all__ = ["RAMP", "STEP", "ChangePoint", "Hypothesis", "Values", "change_points"]
-
 STEP, RAMP = "step", "ramp"
 
 

@@ -20,7 +20,6 @@ from .problems import (
     KeyReader,
     Problems,
     is_number,
-    joined,
     json_kind,
     read_json_object,
     shown,
@@ -150,7 +149,7 @@ def noise_value(keys: KeyReader, key: str, value: object, within: str = "") -> f
         span = "above 0" if not is_number(value) or value <= 0 else f"from {FINEST_NOISE:g} to {COARSEST_NOISE:g}"
         unit = f"one standard deviation {span} [{NOISE_UNITS[NOISE_KEYS[key]]}]"
         message = f"is {json_kind(value)}; expected {unit}, or no such key where it is not known"
-        keys.wrong(joined(within, key), message)
+        keys.wrong(keys.joined(within, key), message)
         return None
     return float(value)
 
@@ -183,10 +182,10 @@ def tolerances_of(keys: KeyReader, values: object, key: str) -> Tolerances:
     for name, value in values.items():
         if name not in _TOLERANCES:
             near = nearest_names(shown(name), list(_TOLERANCES))
-            keys.wrong(joined(key, name), f"no tolerance has this name. {near}")
+            keys.wrong(keys.joined(key, name), f"no tolerance has this name. {near}")
         elif value is not None:
             if wrong := _TOLERANCES[name].wrong(value):
-                keys.wrong(joined(key, name), f"is {json_kind(value)}; {wrong}")
+                keys.wrong(keys.joined(key, name), f"is {json_kind(value)}; {wrong}")
             else:
                 found[name] = float(value)
     return Tolerances(**found)

@@ -8,8 +8,10 @@ import itertools
 import re
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -273,21 +275,19 @@ def fast_table(content: bytes, header: Sequence[str], form: Form, labels: dict[s
 
     labels: of runs, with those that are new; first: the line of the first row.
     """
-    end = len(content)
-    while content[end - 1 : end].isspace():
-        end -= 1
-    body = content[content.find(b"\n") + 1 : end]
+    body = content[content.find(b"\n") + 1 :].rstrip().decode("utf-8")
     if not body:
         return None
     run = header.index("run") if "run" in header else None
-    used = _used(header, form)
-    known = dict(labels)
-    table = _loadtxt(body, header, used, run, known)
-    if table is None and b'"' not in body:
-        known = dict(labels)
-        table = _loadtxt(_filled_cells(body), header, used, run, known)
+    used, known = _used(header, form), dict(labels)
+    converters: dict[int, Callable[[str], float]] = {
+        i: (lambda cell: _label(known, cell)) if i == run else (lambda cell: 0.0)
+        for i in range(len(header))
+        if i not in used
+    }
+    table = plain_numbers(body, ",", converters=converters or None)
     # Where numpy skipped blank lines or took a quoted line end for one row, lines are no longer counted by rows.
-    if table is None or table.shape != (body.count(b"\n") + 1, len(header)) or np.isinf(table).any():
+    if table is None or table.shape != (body.count("\n") + 1, len(header)) or np.isinf(table).any():
         return None
     labels |= known
     numbers = {name: np.ascontiguousarray(table[:, i]) for i, name in used.items()}
@@ -295,39 +295,30 @@ def fast_table(content: bytes, header: Sequence[str], form: Form, labels: dict[s
     return Table(np.arange(first, len(table) + first), numbers, codes)
 
 
-def _filled_cells(body: bytes) -> bytes:
-    """Return rows without quotation marks with 'nan' in their empty cells."""
-    body = b"\n" + body + b"\n"
-    for old, new in ((b",,", b",nan,"), (b",,", b",nan,"), (b",\n", b",nan\n"), (b"\n,", b"\nnan,")):
-        body = body.replace(old, new)
+def plain_numbers(body: str, separator: str | None, **options: Any) -> Array | None:
+    """Return the numbers of rows at numpy's speed, nan where a cell is empty; None where one is no number.
+
+    separator: None of blanks; options: those of `numpy.loadtxt`.
+    """
+
+    def numbers(text: str) -> Array:
+        return np.loadtxt(io.StringIO(text), delimiter=separator, comments=None, quotechar='"', ndmin=2, **options)
+
+    with suppress(ValueError):
+        return numbers(body)
+    with suppress(ValueError):
+        return numbers(_filled(body, separator))
+    return None
+
+
+def _filled(body: str, separator: str | None) -> str:
+    """Return rows with 'nan' in their empty cells; as they are where quotation marks may hold separators."""
+    if separator is None or '"' in body:
+        return body
+    body = f"\n{body}\n"
+    for empty in (separator + separator, separator + separator, f"{separator}\n", f"\n{separator}"):
+        body = body.replace(empty, f"{empty[0]}nan{empty[1]}")
     return body[1:-1]
-
-
-def _loadtxt(
-    body: bytes, header: Sequence[str], used: Mapping[int, str], run: int | None, labels: dict[str, int]
-) -> Array | None:
-    """Return (rows, columns) with codes of labels in the column `run` and 0 in unused ones, or None."""
-
-    def code(cell: str) -> float:
-        return _label(labels, cell)
-
-    def ignored(cell: str) -> float:
-        return 0.0
-
-    converters: dict[int | str, Callable[[str], float]] = {
-        i: code if i == run else ignored for i in range(len(header)) if i not in used
-    }
-    try:
-        return np.loadtxt(
-            io.TextIOWrapper(io.BytesIO(body), encoding="utf-8"),
-            delimiter=",",
-            comments=None,
-            quotechar='"',
-            converters=converters or None,
-            ndmin=2,
-        )
-    except ValueError:
-        return None
 
 
 def careful_table(

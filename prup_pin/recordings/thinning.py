@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,18 +15,13 @@ class Thinning:
     """Pieces of `count` rows, evenly spread from the first to the last; all rows where there are at most `most`."""
 
     count: int
-    most: int | None = None  # MOST_ROWS
-    parts: int | None = None  # PIECES
-
-    @property
-    def pieces(self) -> int:
-        """How many pieces are kept."""
-        return PIECES if self.parts is None else self.parts
+    most: int = field(default_factory=lambda: MOST_ROWS)
+    pieces: int = field(default_factory=lambda: PIECES)
 
     @property
     def length(self) -> int:
         """The rows of a piece."""
-        return (MOST_ROWS if self.most is None else self.most) // self.pieces
+        return self.most // self.pieces
 
     @property
     def all_kept(self) -> bool:
@@ -38,7 +33,7 @@ class Thinning:
         if self.all_kept:
             return None
         starts = np.linspace(0, self.count - self.length, self.pieces).astype(np.int64)
-        piece = np.clip(np.searchsorted(starts, rows, side="right") - 1, 0, PIECES - 1)
+        piece = np.clip(np.searchsorted(starts, rows, side="right") - 1, 0, self.pieces - 1)
         return rows - starts[piece] < self.length
 
     @property

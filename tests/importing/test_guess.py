@@ -9,8 +9,6 @@ import yaml
 import prup_pin
 from prup_pin.imports import Log, Stream, convert, guess, read_log, read_map
 from prup_pin.imports.convert import at_rest
-from prup_pin.imports.draft import Guessing
-from prup_pin.imports.guess import _without
 from prup_pin.imports.log import frozen
 from prup_pin.imports.units import spelled, unit_in_name, words_of
 
@@ -247,14 +245,14 @@ def test_a_driven_joint_without_a_position_is_told(lift_and_arm):
     assert len(none.doubts) == 1
 
 
-def test_many_joints_without_a_column_are_listed_not_told_one_by_one(lift_and_arm):
-    made = Guessing(open={f"finger_{k}": () for k in range(9)})
-    (told,) = _without(made, lift_and_arm, lambda text, doubt, what: doubt)
-    assert told.startswith("9 joints are without a column, and taken to stand at home: finger_0, ")
+def test_many_joints_without_a_column_are_listed_not_told_one_by_one(ur5):
+    made = guess(log_of({"time [s]": logs.T, "elbow_joint position [rad]": Q[:, 0]}), ur5)
+    (doubt,) = (doubt for doubt in made.doubts if "without a column" in doubt)
+    assert doubt.startswith("q.JOINT: 5 joints are without a column, and taken to stand at home: shoulder_pan_joint, ")
     hand = prup_pin.load("panda").mechanism
-    made = Guessing(open={"panda_finger_joint1": ()})
-    (told,) = _without(made, hand, lambda text, doubt, what: pytest.fail(text))  # it carries no tool
-    assert told.endswith("# no column is its position; it is taken to stand at home")
+    arm = {f"panda_joint{k} [rad]": Q[:, k % 6] for k in range(1, 8)}
+    text = guess(log_of({"time [s]": logs.T} | arm), hand).text
+    assert "# q.panda_finger_joint1: {from: NAME, unit: m}  # no column is its position" in text  # it carries no tool
 
 
 def test_a_recording_with_other_separators_is_one(tmp_path):
