@@ -4,20 +4,11 @@ import json
 import re
 
 import pytest
-from typer.testing import CliRunner
 
 import prup_pin.diagnosis
-from prup_pin.cli import app
 from prup_pin.errors import PrupPinError
 from prup_pin.recordings import KINDS_OF_TOLERANCE, TYPICAL, Tolerances
 from prup_pin.robots import packaged_folder
-
-
-@pytest.fixture
-def run(monkeypatch):
-    monkeypatch.setenv("COLUMNS", "100")
-    runner = CliRunner()
-    return lambda *arguments: runner.invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture

@@ -9,22 +9,12 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 import prup_pin
-from prup_pin.cli import app
 from prup_pin.cli.files import file_name, write
 from prup_pin.errors import InputError
 
 POSE = "z=0.4,theta=25deg,phi=15deg"
-
-
-@pytest.fixture
-def run(monkeypatch, tmp_path):
-    monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.chdir(tmp_path)
-    runner = CliRunner()
-    return lambda *arguments: runner.invoke(app, list(arguments))
 
 
 def test_report_writes_one_page_and_says_where(run, tmp_path):

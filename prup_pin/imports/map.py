@@ -88,6 +88,11 @@ class Resampling:
     rate: float | None = None
     clock: str | None = None
 
+    @property
+    def as_they_are(self) -> bool:
+        """Whether rows stay as they are."""
+        return self.rate is None and self.clock is None
+
 
 @dataclass(frozen=True, eq=False)
 class LogMap:
@@ -108,11 +113,15 @@ class LogMap:
     noise: Noise = field(default_factory=Noise)
 
     @property
+    def measured(self) -> frozenset[str]:
+        """The log's columns of what was measured."""
+        turns = (name for rotation in self.rotations.values() for name in rotation.sources)
+        return frozenset((*(column.source for column in self.columns.values()), *turns))
+
+    @property
     def sources(self) -> frozenset[str]:
-        """The log's columns that are used."""
-        used = {column.source for column in self.columns.values()}
-        used |= {clock.source for clock in self.clocks.values() if clock.source is not None}
-        return frozenset(used | {name for rotation in self.rotations.values() for name in rotation.sources})
+        """The log's columns that are used, times among them."""
+        return self.measured | {clock.source for clock in self.clocks.values() if clock.source is not None}
 
 
 # -- the robot ---------------------------------------------------------------------------------------------------------

@@ -34,20 +34,8 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 UNSCALED = ("A", "mA", "V", "%", "counts", "raw")
 #: ... and of it what a drive takes.
 DRIVING = ("A", "mA")
-#: What stands for no unit at all.
-SI_WORDS: Mapping[str, str] = {
-    "time": "s",
-    "angle": "rad",
-    "length": "m",
-    "angular velocity": "rad/s",
-    "velocity": "m/s",
-    "angular acceleration": "rad/s^2",
-    "acceleration": "m/s^2",
-    "moment": "N m",
-    "force": "N",
-    "temperature": "degC",
-    "label": "1",
-}
+#: What stands for no unit at all: the first one of each dimension.
+SI_WORDS: Mapping[str, str] = {dimension: next(iter(units)) for dimension, units in UNITS.items()}
 _KELVIN = -273.15
 #: Other spellings, compared without case, spaces and dots.
 _SPELLED = {

@@ -361,42 +361,34 @@ class _PlanReader(ValueReader):
 
     def named_numbers(self, value: object, key: str, what: str) -> dict[str, float]:
         named = self.entries(value, key, ())
-        if isinstance(value, dict) and not value:
+        if value == {}:
             self.wrong(key, f"is empty; expected {what}")
         return {name: self.number(entry, self.joined(key, name), "m or rad") for name, entry in named.items()}
+
+    def listed(self, values: Mapping[str, Any], key: str, what: str, read: Callable[[Any, str], Any]) -> list[Any]:
+        """Return the items of a list that could be read."""
+        if key not in values:
+            self.wrong(key, "is missing; expected a list")
+            return []
+        found = [read(entry, f"{key}[{k}]") for k, entry in enumerate(self.items(values[key], key, what))]
+        return [item for item in found if item is not None]
 
     def plan(self, values: dict[str, Any]) -> TestPlan | None:
         """Return the plan, or None after reporting."""
         self.entries(values, "", self.KEYS)
-        for key in ("poses", "loads"):
-            if key not in values:
-                self.wrong(key, "is missing; expected a list")
-        poses = [
-            pose
-            for k, entry in enumerate(self.items(values["poses"], "poses", "poses") if "poses" in values else [])
-            if (pose := self.pose(entry, f"poses[{k}]")) is not None
-        ]
+        poses = self.listed(values, "poses", "poses", self.pose)
         count = sum(pose.count if isinstance(pose, RandomPoses) else 1 for pose in poses)
         if count > MAX_POSES:
             self.wrong("poses", f"has {count} poses; expected at most {MAX_POSES}")
         joints = [(k, set(pose.actuators)) for k, pose in enumerate(poses) if isinstance(pose, ActuatorPose)]
-        for k, names in joints[1:]:
-            for name in sorted(names ^ joints[0][1]):
-                less = "is missing" if name in joints[0][1] else "is not there"
-                where = (
-                    f"poses[{k}].actuators.{name}"
-                    if name in joints[0][1]
-                    else f"poses[{joints[0][0]}].actuators.{name}"
-                )
-                other = joints[0][0] if name in joints[0][1] else k
-                self.wrong(where, f"{less}, but poses[{other}] has it; every pose needs the same joints")
+        for other in joints[1:]:
+            for name in sorted(joints[0][1] ^ other[1]):
+                has, lacks = (joints[0], other) if name in joints[0][1] else (other, joints[0])
+                message = f"is missing, but poses[{has[0]}] has it; every pose needs the same joints"
+                self.wrong(f"poses[{lacks[0]}].actuators.{name}", message)
         # With a wrong pose, nothing is known of how many there are.
         known = None if self.problems else count
-        loads = [
-            load
-            for k, entry in enumerate(self.items(values["loads"], "loads", "programmes") if "loads" in values else [])
-            if (load := self.load(entry, f"loads[{k}]", known)) is not None
-        ]
+        loads = self.listed(values, "loads", "programmes", lambda entry, key: self.load(entry, key, known))
         interval = self.number(values.get("sample_interval", 1.0), "sample_interval", "s", 0.0, above=True)
         resolution = self.number(values.get("encoder_resolution", 0.0), "encoder_resolution", "m or rad", 0.0)
         temperature = self.temperature(values.get("temperature"))

@@ -34,9 +34,8 @@ class TableProblem(Problem):
     column: str | None = None
 
     def __str__(self) -> str:
-        place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
-        column = f"column '{shown(self.column)}'" if self.column is not None else ""
-        return ": ".join(part for part in (place, column, self.message) if part)
+        column = f"column '{shown(self.column)}': " if self.column is not None else ""
+        return str(Problem(f"{column}{self.message}", self.line, self.file))
 
 
 @dataclass(frozen=True)
@@ -46,8 +45,7 @@ class KeyProblem(Problem):
     key: str | None = None
 
     def __str__(self) -> str:
-        place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
-        return ": ".join(part for part in (place, self.key, self.message) if part)
+        return str(Problem(f"{self.key}: {self.message}" if self.key else self.message, self.line, self.file))
 
 
 class Problems:

@@ -5,32 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import prup_pin
 from prup_pin.errors import RecordingFileError
-from prup_pin.imports import Log, Stream, convert, guess, read_map
+from prup_pin.imports import Log, Stream, guess
 from prup_pin.imports.convert import resampled
 from prup_pin.imports.log import frozen
 from prup_pin.recordings import Noise, read_recording, write_recording
 from prup_pin.spatial import rotation_exp
 
 from . import logs
+from .logs import converted, log_of
 
 Q, QD, TAU = logs.motion()
 N = len(logs.T)
-
-
-@pytest.fixture(scope="module")
-def ur5():
-    return prup_pin.load("ur5").mechanism
-
-
-def log_of(columns, *others):
-    return Log("log.csv", (Stream("table", frozen(columns)), *others))
-
-
-def converted(tmp_path, text, log, mechanism=None):
-    (tmp_path / "map.yaml").write_text(text)
-    return convert(log, read_map(tmp_path / "map.yaml", log, mechanism), mechanism)
 
 
 def test_units_signs_scales_and_offsets(tmp_path, ur5):

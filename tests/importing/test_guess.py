@@ -7,38 +7,20 @@ import pytest
 import yaml
 
 import prup_pin
-from prup_pin.imports import Log, Stream, convert, guess, read_log, read_map
+from prup_pin.imports import convert, guess, read_log, read_map
 from prup_pin.imports.convert import at_rest
-from prup_pin.imports.log import frozen
 from prup_pin.imports.units import spelled, unit_in_name, words_of
 
 from . import logs
+from .logs import assert_motion, converted, log_of
 
 Q, QD, TAU = logs.motion()
-
-
-@pytest.fixture(scope="module")
-def ur5():
-    return prup_pin.load("ur5").mechanism
-
-
-def log_of(columns):
-    return Log("log.csv", (Stream("table", frozen(columns)),))
 
 
 def imported(tmp_path, log, mechanism):
     """Return the guess and the recording that it makes."""
     first = guess(log, mechanism, "robot")
-    (tmp_path / "map.yaml").write_text(first.text)
-    return first, convert(log, read_map(tmp_path / "map.yaml", log, mechanism), mechanism).recording
-
-
-def assert_motion(recording, velocities=True):
-    for k, joint in enumerate(logs.JOINTS):
-        assert np.abs(recording.positions[joint] - Q[: len(recording), k]).max() < 1e-6
-        assert np.abs(recording.efforts[joint] - TAU[: len(recording), k]).max() < 1e-6
-        if velocities:
-            assert np.abs(recording.velocities[joint] - QD[: len(recording), k]).max() < 1e-6
+    return first, converted(tmp_path, first.text, log, mechanism).recording
 
 
 CASES = {
@@ -65,7 +47,7 @@ def test_logs_of_controllers(tmp_path, ur5, case):
     )
     made, recording = imported(tmp_path, log, ur5)
     assert made.doubts == ()
-    assert_motion(recording)
+    assert_motion(recording, "q", "qd", "tau")
     assert np.abs(recording.time - logs.T).max() < 1e-9
 
 
@@ -77,7 +59,7 @@ def test_joints_by_their_names_in_any_order(tmp_path, ur5):
     columns |= {f"/joint_states/{joint}/effort": TAU[:, logs.JOINTS.index(joint)] for joint in names}
     made, recording = imported(tmp_path, log_of(columns), ur5)
     assert made.doubts == ()
-    assert_motion(recording, velocities=False)
+    assert_motion(recording, "q", "tau")
     assert list(recording.positions) == list(logs.JOINTS)
 
 
@@ -103,7 +85,7 @@ def test_an_arm_with_a_hand_and_a_controller_that_logs_much_besides(tmp_path):
 def test_a_bag_of_joint_states_and_a_wrench(tmp_path, ur5, storage):
     log = read_log(logs.ros2_bag(tmp_path / "bag", logs.T, Q, QD, TAU, storage))
     made, recording = imported(tmp_path, log, ur5)
-    assert_motion(recording)
+    assert_motion(recording, "q", "qd", "tau")
     assert all(doubt.startswith("w.") for doubt in made.doubts)
     assert "resample: {clock: /joint_states}" in made.text
     force = recording.wrench[:, 2]
