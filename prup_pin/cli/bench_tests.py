@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -94,13 +94,7 @@ def simulate(
     markers = tuple(dict.fromkeys((*programme.markers, *(marker or ()))))
     _refuse_idle(loaded, inputs, typed, markers)
     prediction = _simulated(loaded, inputs, effects, workers, stop, markers)
-    measured = inputs.with_measurements(
-        position=prediction.position,
-        rotation=prediction.rotation,
-        efforts=prediction.efforts,
-        markers=prediction.markers,
-        marker_rotations=prediction.marker_rotations,
-    )
+    measured = inputs.with_measurements(**_predicted(prediction))
     written = replace(add_noise(measured, programme.noise, programme.seed), robot=name)
     write_recording(written, out)
     print_simulation(terminal.console(), loaded, effects, written, prediction, [])
@@ -235,17 +229,13 @@ def _write_prediction(
     if conventions:
         prediction = prediction.as_logged(recording, robot, conventions)
     run = None if recording.run_names == ("",) else [recording.run_names[code] for code in recording.run.tolist()]
-    write_prediction(
-        out,
-        prediction.time,
-        position=prediction.position,
-        rotation=prediction.rotation,
-        efforts=prediction.efforts,
-        status=prediction.status,
-        run=run,
-        markers=prediction.markers,
-        marker_rotations=prediction.marker_rotations,
-    )
+    write_prediction(out, prediction.time, status=prediction.status, run=run, **_predicted(prediction))
+
+
+def _predicted(prediction: Prediction) -> dict[str, Any]:
+    """Return what is predicted of measurements, by fields of `Recording`."""
+    names = ("position", "rotation", "efforts", "markers", "marker_rotations")
+    return {name: getattr(prediction, name) for name in names}
 
 
 # -- diagnose and calibrate --------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import imported
 from ..recordings.problems import shown
-from ..recordings.thinning import MOST_ROWS, Thinning
+from ..recordings.table import MOST_ROWS, Thinning
 from ..spatial import Array
 from .log import MAX_VECTOR, Log, Stream, check_size, frozen, reading, refuse, spread
 

@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ..recordings.problems import MAX_PROBLEMS, Problems, read_bytes, shown
-from ..recordings.table import plain_numbers
-from ..recordings.thinning import Thinning
+from ..recordings.table import Thinning, plain_numbers
 from ..spatial import Array
 from .headings import Heading, cells_of, heading_of, unique_names
 from .log import MAX_COLUMNS, MAX_VECTOR, Log, Stream, frozen, refuse, spread

@@ -297,6 +297,16 @@ def planar(tmp_path_factory):
     return text, done, (a, b, bent)
 
 
+def test_two_markers_of_which_two_coordinates_were_seen_are_told_and_taken_for_no_body(tmp_path):
+    (tmp_path / "arm.urdf").write_text(PLANAR.format(links='<link name="upper"/><link name="fore"/>'))
+    arm = prup_pin.load(tmp_path / "arm.urdf").mechanism
+    joints = {"t [s]": logs.T, "shoulder [rad]": Q[:, 0], "elbow [rad]": Q[:, 1]}
+    seen = {f"marker{k} {axis} [mm]": 100 * k + Q[:, k + 1] for k in (1, 2) for axis in "xy"}
+    made = guess(log_of(joints | seen), arm)
+    assert "p.FRAME.x: {from: 'marker2 x [mm]', unit: mm}" in made.text
+    assert "seen were marker1, marker2" in made.doubts[-1]
+
+
 def test_rotation_vectors_have_the_unit_of_their_headings(planar):
     text, done, (*_, bent) = planar
     assert "as: rotation_vector, unit: °" in text
