@@ -23,15 +23,7 @@ from ..robot import Robot
 from ..simulation import CorrectedModel, foreign_joints
 from ..simulation.model_file import law_named, place_named
 from ..views.text import terminal
-from .options import (
-    ConventionOption,
-    Reading,
-    RecordingFiles,
-    RobotOption,
-    SetParameters,
-    TolerancesOption,
-    changes_of,
-)
+from .options import ConventionOption, Reading, RecordingFiles, RobotOption, SetParameters, TolerancesOption, changes_of
 from .typed import dimension_of, parse_quantity
 
 

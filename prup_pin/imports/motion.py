@@ -510,7 +510,7 @@ def delay_of(path: Path, time: Array, seen: Array) -> float | None:
         return _brought(path, time - near - more, seen)[1]
 
     beyond = 2 * step
-    found = float(minimize_scalar(left, bounds=(-beyond, beyond), method="bounded", options={"xatol": 1e-6 * step}).x)
+    found = float(minimize_scalar(left, bounds=(-beyond, beyond), method="bounded", options={"xatol": 1e-8 * step}).x)
     least, beside = left(found), min(left(found - beyond), left(found + beyond))
     return float(near + found) if least < _LEFT and beside > _SHARP * least else None
 

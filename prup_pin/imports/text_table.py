@@ -17,17 +17,11 @@ import numpy as np
 from ..recordings.problems import MAX_PROBLEMS, Problems, read_bytes, shown
 from ..recordings.table import Thinning, plain_numbers
 from ..spatial import Array
-from .headings import Heading, cells_of, heading_of, unique_names
+from .headings import SEPARATORS, Heading, cells_of, heading_of, number_in, unique_names
 from .log import MAX_COLUMNS, MAX_VECTOR, Log, Stream, frozen, refuse, spread
 from .units import spelled
 
-#: In the order in which they are tried; a comma may be a decimal comma, so it comes last.
-SEPARATORS = (";", "\t", "|", ",")
 _COMMENT = re.compile(r"\s*(?:#|%|//)")
-_MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "-inf", "+inf", "#n/a", "#nv", "#value!",
-            "#wert!", "#div/0!", "#num!", "#zahl!", "#ref!", "#bezug!", "<na>", "nat", ".", "?", "missing", "-nan",
-            "-nan(ind)", "1.#qnan", "-1.#ind")  # fmt: skip
-_FORMULA = {"true": 1.0, "false": 0.0}
 _LIST = re.compile(r"\s*[,;]\s*|\s+")
 #: A column of which more than this share is no number is a column of text.
 _TEXT = 0.5
@@ -100,7 +94,7 @@ def _vectors(texts: Sequence[str], size: int) -> Array:
     try:
         return np.array([row if len(row) == size else empty for row in rows], float).reshape(-1, size)
     except ValueError:
-        return np.array([[_number(cell, ".") for cell in row] if len(row) == size else empty for row in rows], float)
+        return np.array([[number_in(cell, ".") for cell in row] if len(row) == size else empty for row in rows], float)
 
 
 def _by_frames(columns: Mapping[str, Array], numbers: np.ndarray, rate: float | None) -> Array | None:
@@ -161,7 +155,7 @@ def _understood(path: Path) -> Heading:
         raise refuse(path, "holds comments alone; expected names of columns and rows of numbers")
     heading = _plain(lines, begin)
     if heading is None or not _fits(lines, heading):
-        heading = heading_of(lines, SEPARATORS, _number) or heading
+        heading = heading_of(lines) or heading
     if heading is None or heading.body >= len(lines) or not any(line.strip() for line in lines[heading.body :]):
         raise refuse(path, "holds names of columns but no rows", heading.body if heading else begin + 1)
     if len(heading.names) > MAX_COLUMNS:
@@ -174,9 +168,9 @@ def _with_texts(lines: list[str], table: Heading) -> Heading:
     names, decimal = table.names, table.decimal
     first = [cells_of(line, table.separator) for line in lines[table.body :][:_ROWS] if line.strip()]
     whole = [row for row in first if len(row) == len(names)]
-    strange = [k for k in range(len(names)) if sum(_number(row[k], decimal) is None for row in whole) > _TEXT * _ROWS]
+    strange = [k for k in range(len(names)) if sum(number_in(row[k], decimal) is None for row in whole) > _TEXT * _ROWS]
     cells = {k: [row[k] for row in whole if row[k]] for k in range(len(names))}
-    none = [k for k, column in cells.items() if column and all(_number(cell, decimal) is None for cell in column)]
+    none = [k for k, column in cells.items() if column and all(number_in(cell, decimal) is None for cell in column)]
     stamps = [k for k in none if np.isfinite(seconds_of(cells[k])).all()]
     vectors = {k: size for k in none if (size := _length(cells[k]))}
     labels = {names[k]: whole[0][k] for k in none if len({row[k] for row in whole}) == 1 and k not in stamps}
@@ -196,7 +190,7 @@ def _plain(lines: list[str], begin: int) -> Heading | None:
     """Return the heading of one line of names; of numbers alone, with names above in a comment, or numbered ones."""
     separator, decimal = _marks(lines[begin : begin + 20])
     header = cells_of(lines[begin], separator)
-    numbers = [_number(cell, decimal) for cell in header]
+    numbers = [number_in(cell, decimal) for cell in header]
     if any(number is not None and np.isfinite(number) for number in numbers):
         above = next((line for line in reversed(lines[:begin]) if line.strip()), "")
         spoken = cells_of(_COMMENT.sub("", above, count=1).strip(), separator)
@@ -209,7 +203,7 @@ def _plain(lines: list[str], begin: int) -> Heading | None:
     units: dict[str, str] = {}
     body = begin + 1
     row = cells_of(lines[body], separator) if body < len(lines) else []
-    plain = [_number(cell, decimal) for cell in row]
+    plain = [number_in(cell, decimal) for cell in row]
     if any(spelled(cell) for cell in row) and all(number is None or np.isnan(number) for number in plain):
         units = {name: cell.strip() for name, cell in zip(names, row, strict=False) if spelled(cell)}
         body += 1
@@ -222,7 +216,7 @@ def _fits(lines: list[str], heading: Heading) -> bool:
     if not rows:
         return True
     wide = sum(len(row) == len(heading.names) for row in rows)
-    numbers = [_number(cell, heading.decimal) for cell in rows[0]]
+    numbers = [number_in(cell, heading.decimal) for cell in rows[0]]
     return 2 * wide > len(rows) and any(number is not None and np.isfinite(number) for number in numbers)
 
 
@@ -266,19 +260,6 @@ def _marks(lines: list[str]) -> tuple[str, str]:
     return (" ", ".") if all(len(line.split()) > 1 for line in full) else (",", ".")
 
 
-def _number(cell: str, decimal: str) -> float | None:
-    """Return a cell's number, nan where it is missing, None where it is text."""
-    plain = cell.strip().strip('"')
-    if plain.lower() in _MISSING:
-        return np.nan
-    if plain.lower() in _FORMULA:
-        return _FORMULA[plain.lower()]
-    try:
-        return float(plain.replace(",", ".") if decimal == "," else plain)
-    except ValueError:
-        return None
-
-
 def _fast(lines: list[str], table: Heading, used: Sequence[int]) -> Array | None:
     """Return the numbers (N, used) of rows at numpy's speed, nan where a cell is empty; None where one is no number."""
     rows = [line for line in lines if not line.isspace()]
@@ -315,7 +296,7 @@ class _Strange:
                 self.problems.cells(None, "another number of cells", [(number, message)])
                 continue
             for j, column in enumerate(self._used):
-                value = _number(cells[column], heading.decimal)
+                value = number_in(cells[column], heading.decimal)
                 if value is None:
                     self._count[j] += 1
                     if self._count[j] <= MAX_PROBLEMS:

@@ -5,7 +5,7 @@ Efforts carry the robot's weight at least. Whatever is settled without proof is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
@@ -33,15 +33,17 @@ _TIMES = ("s", "ms", "us", "ns")
 
 def settle_units(draft: Draft) -> None:
     """Give a unit to positions and velocities: what makes positions the integral of velocities."""
-    slides = {joint: _slides(draft, joint) for joint in draft.joints}
-    for sliding in (False, True):
-        group = [joint for joint in slides if slides[joint] is sliding]
+    joints = draft.joints
+    slides = {joint: _slides(draft, joint, line) for joint, line in joints.items()}
+    for way in (False, True):
+        group = {joint: line for joint, line in joints.items() if slides[joint] is way}
         if group:
-            _settle_alike(draft, group, sliding)
+            _settle_alike(draft, group, way)
     for line in draft.lines:
         kind, _, joint = line.target.partition(".")
         if line.unit is None and kind in ("qdd", "tau"):
-            line.unit = {"qdd": ("rad/s^2", "m/s^2"), "tau": ("N m", "N")}[kind][_slides(draft, joint)]
+            turning, sliding = ("rad/s^2", "m/s^2") if kind == "qdd" else ("N m", "N")
+            line.unit = sliding if _slides(draft, joint, joints.get(joint)) else turning
         if kind == "q" and dimension_of(line.unit or "") == "angle":
             _settle_turns(draft, line, joint)
         if line.unit in UNSCALED:
@@ -51,9 +53,8 @@ def settle_units(draft: Draft) -> None:
             )
 
 
-def _slides(draft: Draft, joint: str) -> bool:
-    """Return whether a joint slides; one that the robot does not have, by its unit."""
-    line = draft.joints.get(joint)
+def _slides(draft: Draft, joint: str, line: Line | None) -> bool:
+    """Return whether a joint slides; one that the robot does not have, by the unit of its position."""
     return draft.slides.get(joint, line is not None and dimension_of(line.unit or "") == "length")
 
 
@@ -99,19 +100,19 @@ def _reaches(draft: Draft, joint: str, line: Line, reach: float, unit: str, slid
     return far <= room
 
 
-def _settle_alike(draft: Draft, joints: Sequence[str], sliding: bool) -> None:
-    """Give units to the positions and velocities of joints that all turn or all slide."""
-    lines = {joint: draft.joints[joint] for joint in joints}
+def _settle_alike(draft: Draft, lines: Mapping[str, Line], sliding: bool) -> None:
+    """Give units to the positions, by joint, and velocities of joints that all turn or all slide."""
+    targets = draft.targets
     first = next(iter(lines.values()))
     stream = draft.stream_of(first)
     clock, time_unit, clock_doubt = draft.clocks[stream.name]
     reaches = {j: float(np.nanmax(np.abs(draft.values_of(line)), initial=0.0)) for j, line in lines.items()}
     reach = max(reaches.values())
     usual = [first.unit] if first.unit else list(_POSITIONS[sliding])
-    fitting = [u for u in usual if all(_reaches(draft, j, lines[j], reaches[j], u, sliding) for j in joints)]
+    fitting = [u for u in usual if all(_reaches(draft, j, lines[j], reaches[j], u, sliding) for j in lines)]
     possible = fitting or usual
     raw = stream.clock if clock is None else stream.columns.get(clock)
-    speeds = {j: line for j in joints if (line := draft.targets.get(f"qd.{j}")) is not None}
+    speeds = {j: targets[f"qd.{j}"] for j in lines if f"qd.{j}" in targets}
     slopes = {
         j: _slope(raw, draft.values_of(lines[j]), draft.values_of(line))
         for j, line in speeds.items()

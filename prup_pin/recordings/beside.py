@@ -8,22 +8,9 @@ from typing import Any
 
 from ..errors import InputError, did_you_mean, nearest_names
 from ..files import as_path, is_file, is_path, named_beside
-from .columns import (
-    COARSEST_NOISE,
-    FINEST_NOISE,
-    NOISE_KEYS,
-    NOISE_UNITS,
-)
+from .columns import COARSEST_NOISE, FINEST_NOISE, NOISE_KEYS, NOISE_UNITS
 from .conventions import Convention, convention_of
-from .problems import (
-    KeyProblem,
-    KeyReader,
-    Problems,
-    is_number,
-    json_kind,
-    read_json_object,
-    shown,
-)
+from .problems import KeyProblem, KeyReader, Problems, ValueReader, is_number, json_kind, read_json_object, shown
 from .recording import Noise, moment
 from .tolerances import KINDS_OF_TOLERANCE, SENSORS, Tolerances
 
@@ -40,7 +27,7 @@ def said_beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> t
     remarks: list[str] = []
     found: dict[str, Any] = {}
     values = read_json_object(beside, "a JSON object", problems)
-    keys = KeyReader(problems, beside.name)
+    keys = ValueReader(problems, beside.name)
     noise = {}
     for key, value in values.items():
         if key in NOISE_KEYS:
@@ -57,12 +44,15 @@ def said_beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> t
         elif key == "frame" and value == "base":
             pass  # which they all are in
         elif key in ("robot", "notes", "date", "device"):
-            if isinstance(value, str):
-                found[key] = value
-                if key == "date" and not _is_date(value):
-                    keys.wrong(key, f"is {shown(value)}; expected a day or a moment, as 2026-03-01 or 2026-03-01T14:30")
-            elif value is not None:
-                keys.wrong(key, f"is {json_kind(value)}; expected a text")
+            text = keys.text(value, key)
+            if text is not None:
+                found[key] = text
+            if key == "date" and text is not None:
+                try:
+                    moment(text)
+                except ValueError:
+                    expected = "expected a day or a moment, as 2026-03-01 or 2026-03-01T14:30"
+                    keys.wrong(key, f"is {shown(text)}; {expected}")
         else:
             near = did_you_mean(shown(key), KEYS, 1)
             told = near or nearest_names(shown(key), KEYS)
@@ -76,14 +66,6 @@ def said_beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> t
             remarks.append(f"{beside.name}: {told}")
             found["misspelt"] = (*found.get("misspelt", ()), remarks[-1])
     return {**found, "noise": Noise(**noise)}, remarks
-
-
-def _is_date(text: str) -> bool:
-    try:
-        moment(text)
-    except ValueError:
-        return False
-    return True
 
 
 def own_sensors_of(keys: KeyReader, value: object, key: str) -> tuple[str, ...]:

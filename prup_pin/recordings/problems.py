@@ -88,23 +88,16 @@ class Problems:
         """Return the error to raise: what concerns a whole file first, then by lines, then what is not listed."""
         for problem in also:
             self.add(problem)
-        found = sorted(
-            self.found,
-            key=lambda problem: (
-                problem.file not in (None, self.path.name),
-                -1 if problem.line is None else problem.line,
-            ),
-        )
-        rest: list[Problem] = []
-        for (column, kind), count in self._per_column.items():
-            if count > MAX_PER_COLUMN and len(rest) < MAX_PROBLEMS // 2:
-                message = f"{count - MAX_PER_COLUMN} more are not listed ({kind})"
-                rest.append(TableProblem(message, column=column))
+        own = (None, self.path.name)
+        found = sorted(self.found, key=lambda each: (each.file not in own, -1 if each.line is None else each.line))
+        cut = {place: count - MAX_PER_COLUMN for place, count in self._per_column.items() if count > MAX_PER_COLUMN}
+        rest: list[Problem] = [
+            TableProblem(f"{more} more are not listed ({kind})", column=column) for (column, kind), more in cut.items()
+        ][: MAX_PROBLEMS // 2]
         room = MAX_PROBLEMS - len(rest)
         if self.more or len(found) > room:
-            more = self.more + len(found) - (room - 1)
+            rest.append(Problem(f"{self.more + len(found) - (room - 1)} more problems are not listed"))
             found = found[: room - 1]
-            rest.append(Problem(f"{more} more problems are not listed"))
         return RecordingFileError(self.path, [*found, *rest], self.advice)
 
 

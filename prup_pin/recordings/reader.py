@@ -27,13 +27,7 @@ from .columns import (
     unit_of,
     without_unit,
 )
-from .problems import (
-    Problems,
-    TableProblem,
-    check_readable,
-    read_bytes,
-    shown,
-)
+from .problems import Problems, TableProblem, check_readable, read_bytes, shown
 from .recording import Noise, Recording, ToolPath
 from .table import EXPECTED, Form, Table, Thinning, blocks, careful_table, fast_table, header_of, rows_in, text_of
 

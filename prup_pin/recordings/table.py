@@ -17,17 +17,8 @@ from numpy.typing import NDArray
 
 from ..errors import Problem, RecordingFileError
 from ..spatial import Array
-from .columns import (
-    is_known,
-    meant,
-    unit_of,
-)
-from .problems import (
-    MAX_NAMES,
-    Problems,
-    TableProblem,
-    shown,
-)
+from .columns import is_known, meant, unit_of
+from .problems import MAX_NAMES, Problems, TableProblem, shown
 
 #: Bytes of a table that are held as text at a time.
 _BLOCK = 2**25

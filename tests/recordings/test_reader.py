@@ -9,15 +9,7 @@ import numpy as np
 import pytest
 
 from prup_pin.errors import RecordingFileError
-from prup_pin.recordings import (
-    KeyProblem,
-    Noise,
-    TableProblem,
-    read_recording,
-    suspicions,
-    table,
-    write_recording,
-)
+from prup_pin.recordings import KeyProblem, Noise, TableProblem, read_recording, suspicions, table, write_recording
 
 from ..elsewhere import EMPS, PRACTICE, needs_emps, needs_practice
 
