@@ -16,7 +16,7 @@ from prup_pin.cli import app
 from prup_pin.cli.typed import parse_assignments, parse_list, parse_quantity
 from prup_pin.errors import InputError
 from prup_pin.modules import KINDS
-from prup_pin.numbers import fixed, number
+from prup_pin.numbers import fixed
 
 POSE = "z=0.4,theta=25deg,phi=15deg"
 SI_POSE = {"z": 0.4, "theta": np.radians(25), "phi": np.radians(15)}
@@ -524,14 +524,6 @@ def test_lists_and_assignments():
     assert parse_assignments("a = 1 ; b=2mm", {"a": "number", "b": "length"}, "--x", "name") == {"a": 1, "b": 0.002}
     with pytest.raises(InputError, match=r"1\^|\^"):
         parse_assignments("x" * 200 + "=1", {"a": "number"}, "--x", "name")
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(0, "0"), (1234.5, "1234"), (0.1, "0.1"), (-2.5e11, "-2.5e11"), (np.inf, "infinite"), (7.854e-9, "7.854e-9")],
-)
-def test_numbers(value, text):
-    assert number(value) == text
 
 
 def test_fixed_keeps_decimals_alike():

@@ -18,13 +18,6 @@ from prup_pin.spatial import rotation_exp, rotation_log
 FILES = {"diagnosis.json", "corrected_model.json", "report.html", "next_experiment.json"}
 
 
-@pytest.fixture
-def run(monkeypatch):
-    monkeypatch.setenv("COLUMNS", "100")
-    runner = CliRunner()
-    return lambda *arguments: runner.invoke(app, [str(argument) for argument in arguments])
-
-
 def table(path):
     with path.open(encoding="utf-8") as stream:
         rows = list(csv.reader(stream))

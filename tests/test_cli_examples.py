@@ -4,24 +4,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-from typer.testing import CliRunner
-
-from prup_pin.cli import app
 from prup_pin.robots import examples_folder
 
 FILES = [path for path in examples_folder().iterdir() if path.is_file()]
 
 
-@pytest.fixture
-def run(monkeypatch):
-    monkeypatch.setenv("COLUMNS", "100")
-    runner = CliRunner()
-    return lambda *arguments: runner.invoke(app, ["examples", *map(str, arguments)])
-
-
 def test_every_file_is_listed_with_what_it_is(run):
-    done = run()
+    done = run("examples")
     assert done.exit_code == 0
     rows = {words[0]: words[1:] for line in done.stdout.splitlines() if (words := line.split())}
     for path in FILES:
@@ -35,7 +24,7 @@ def test_every_file_is_listed_with_what_it_is(run):
 def test_they_are_copied_as_they_are_and_again_without_harm(run, tmp_path):
     folder = tmp_path / "new" / "folder"
     for _ in range(2):
-        done = run("--copy", folder)
+        done = run("examples", "--copy", folder)
         assert done.exit_code == 0, done.output
         copied = {path.name: path.read_bytes() for path in folder.iterdir()}
         assert copied == {path.name: path.read_bytes() for path in FILES}
@@ -44,7 +33,7 @@ def test_they_are_copied_as_they_are_and_again_without_harm(run, tmp_path):
 
 def test_a_file_of_ones_own_is_never_replaced(run, tmp_path):
     (tmp_path / "bench.csv").write_text("mine")
-    done = run("--copy", tmp_path)
+    done = run("examples", "--copy", tmp_path)
     assert done.exit_code == 2
     assert "has other files of these names: bench.csv. Nothing was copied" in " ".join(done.output.split())
     assert [path.name for path in tmp_path.iterdir()] == ["bench.csv"]
@@ -61,13 +50,13 @@ def test_a_disk_that_is_full_leaves_nothing_and_the_next_call_copies(run, tmp_pa
     assert done.returncode == 2, done.stderr
     assert "nothing was copied" in " ".join(done.stderr.split())
     assert not list(tmp_path.iterdir())
-    assert run("--copy", tmp_path).exit_code == 0
+    assert run("examples", "--copy", tmp_path).exit_code == 0
     assert (tmp_path / "bench.csv").read_bytes() == (examples_folder() / "bench.csv").read_bytes()
 
 
 def test_a_file_is_no_folder(run, tmp_path):
     (tmp_path / "file").write_text("")
-    done = run("--copy", tmp_path / "file")
+    done = run("examples", "--copy", tmp_path / "file")
     assert done.exit_code == 2
     assert "is not a folder" in " ".join(done.output.split())
 

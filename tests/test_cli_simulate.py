@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import prup_pin
 from prup_pin.cli import app
-from prup_pin.cli.typed_effect import parse_effect
+from prup_pin.cli.recorded import parse_effect
 from prup_pin.laws import LAWS
 from prup_pin.laws.efforts import EFFORT_LAWS
 from prup_pin.recordings import Noise, Recording, read_recording, write_plan, write_recording

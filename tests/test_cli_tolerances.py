@@ -4,20 +4,11 @@ import json
 import re
 
 import pytest
-from typer.testing import CliRunner
 
 import prup_pin.diagnosis
-from prup_pin.cli import app
 from prup_pin.errors import PrupPinError
 from prup_pin.recordings import KINDS_OF_TOLERANCE, TYPICAL, Tolerances
 from prup_pin.robots import packaged_folder
-
-
-@pytest.fixture
-def run(monkeypatch):
-    monkeypatch.setenv("COLUMNS", "100")
-    runner = CliRunner()
-    return lambda *arguments: runner.invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture
@@ -118,10 +109,6 @@ def test_diagnose_takes_a_named_set_or_a_file_instead(run, bench, asked, tmp_pat
             '{"stifness": 0.1}',
             "shop.json: stifness: no tolerance has this name. Did you mean 'stiffness'?",
         ),
-        ("shop.json", '{"stiffness": 0}', "stiffness: is the number 0; expected one standard deviation above 0"),
-        ("shop.json", '{"position": 50}', "position: is the number 50; expected at most 0.1 [m]"),
-        ("shop.json", "{}", "declares no tolerance; expected some of stiffness, bending"),
-        ("shop.json", "{", "is not valid JSON"),
     ],
 )
 @pytest.mark.parametrize("command", ["info", "diagnose"])

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -21,7 +21,7 @@ from ..laws import Effect
 from ..numbers import counted
 from ..recordings import Convention, Recording, add_noise, read_plan, write_prediction, write_recording
 from ..robot import Robot
-from ..simulation import CorrectedModel, Prediction, as_recorded, in_format, read_model
+from ..simulation import CorrectedModel, Prediction, as_recorded, in_format, read_model, write_model
 from ..views.text import terminal
 from ..views.text.bench_tests import print_exported, print_simulation
 from . import progress
@@ -33,15 +33,13 @@ from .options import (
     PredictionFile,
     Reading,
     RecordingFile,
-    RecordingFiles,
     RobotOption,
     SetParameters,
     Stop,
-    TolerancesOption,
     Workers,
 )
-from .processes import processes
-from .recorded import modelled, note_foreign_joints, recorded, recording_typed, robot_beside, robot_of_model
+from .progress import processes
+from .recorded import Bench, modelled, note_foreign_joints, recording_typed, robot_beside
 
 
 def simulate(
@@ -96,13 +94,7 @@ def simulate(
     markers = tuple(dict.fromkeys((*programme.markers, *(marker or ()))))
     _refuse_idle(loaded, inputs, typed, markers)
     prediction = _simulated(loaded, inputs, effects, workers, stop, markers)
-    measured = inputs.with_measurements(
-        position=prediction.position,
-        rotation=prediction.rotation,
-        efforts=prediction.efforts,
-        markers=prediction.markers,
-        marker_rotations=prediction.marker_rotations,
-    )
+    measured = inputs.with_measurements(**_predicted(prediction))
     written = replace(add_noise(measured, programme.noise, programme.seed), robot=name)
     write_recording(written, out)
     print_simulation(terminal.console(), loaded, effects, written, prediction, [])
@@ -237,24 +229,19 @@ def _write_prediction(
     if conventions:
         prediction = prediction.as_logged(recording, robot, conventions)
     run = None if recording.run_names == ("",) else [recording.run_names[code] for code in recording.run.tolist()]
-    write_prediction(
-        out,
-        prediction.time,
-        position=prediction.position,
-        rotation=prediction.rotation,
-        efforts=prediction.efforts,
-        status=prediction.status,
-        run=run,
-        markers=prediction.markers,
-        marker_rotations=prediction.marker_rotations,
-    )
+    write_prediction(out, prediction.time, status=prediction.status, run=run, **_predicted(prediction))
+
+
+def _predicted(prediction: Prediction) -> dict[str, Any]:
+    """Return what is predicted of measurements, by fields of `Recording`."""
+    names = ("position", "rotation", "efforts", "markers", "marker_rotations")
+    return {name: getattr(prediction, name) for name in names}
 
 
 # -- diagnose and calibrate --------------------------------------------------------------------------------------------
 
 
 def diagnose(
-    recordings: RecordingFiles,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -263,7 +250,6 @@ def diagnose(
             help="Folder for verdict, corrected model and report. Default: ./RECORDING_diagnosis.",
         ),
     ] = None,
-    robot: RobotOption = None,
     against: Annotated[
         Path | None,
         typer.Option(
@@ -280,12 +266,9 @@ def diagnose(
             help="Look for formulas where no law explains what is left, and write each as a law that --with takes.",
         ),
     ] = None,
-    tolerances: TolerancesOption = None,
-    convention: ConventionOption = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
-    set_parameters: SetParameters = None,
     *,
-    reading: Reading,
+    bench: Bench,
 ) -> None:
     """What recordings say that the simulation left out: where, which physics, how much of it."""
     from ..diagnosis import diagnose as diagnosed
@@ -294,29 +277,23 @@ def diagnose(
     from ..views.report.diagnosis_files import MODEL, check_before, write_diagnosis
     from ..views.text.bench_tests import print_diagnosis
 
-    out = Path(f"{file_name(recordings[0].stem)}_diagnosis") if out is None else out
+    out = Path(f"{file_name(bench.recordings[0].stem)}_diagnosis") if out is None else out
     folder_for(out, "--out")
     if propose is not None:
         folder_for(propose, "--propose")
-    check_before(out, recordings)
+    check_before(out, bench.recordings)
     if against is not None and (out / MODEL).resolve() == against.resolve():
         raise InputError(
             f"--out: '{out}' holds the earlier model, {against}, which would be written over; give another folder"
         )
     earlier = None if against is None else read_model(against)
-    named = robot if earlier is None or robot is not None else earlier.robot
-    read, name = recorded(recordings, tolerances, named, convention)
-    if earlier is not None and robot is None:
-        loaded, understood = robot_of_model(reading, earlier, set_parameters), earlier.read
-    else:
-        loaded, understood = reading.changed(name, set_parameters)
-    note_foreign_joints(read, loaded)
+    read, name, loaded, understood = bench.understood(earlier)
     with progress.stages() as tell:
         found = diagnosed(loaded, read, against=earlier, propose=propose is not None, tell=tell)
     written = write_diagnosis(found, loaded, read, out, robot_name=name, reading=understood, report=report)
     print_diagnosis(terminal.console(), loaded, read, found)
     if propose is not None:
-        laws = {f"{name}.py": (text,) for name, text in proposed_files(found.proposals, recordings)}
+        laws = {f"{name}.py": (text,) for name, text in proposed_files(found.proposals, bench.recordings)}
         write_folder(propose, laws, laws)
         written += [propose / name for name in laws]
         if not laws:
@@ -330,16 +307,7 @@ KeptFolder = Annotated[
 ]
 
 
-def follow(
-    recordings: RecordingFiles,
-    out: KeptFolder,
-    robot: RobotOption = None,
-    tolerances: TolerancesOption = None,
-    convention: ConventionOption = None,
-    set_parameters: SetParameters = None,
-    *,
-    reading: Reading,
-) -> None:
+def follow(out: KeptFolder, *, bench: Bench) -> None:
     """A machine's life: what changed between which of many recordings of one device; docs/life.md."""
     from ..life.follow import follow as followed
     from ..views.report.life_files import check_before, write_life
@@ -347,8 +315,7 @@ def follow(
 
     folder_for(out, "--out")
     check_before(out, "life")
-    read, name = recorded(recordings, tolerances, robot, convention)
-    loaded, understood = reading.changed(name, set_parameters)
+    read, name, loaded, understood = bench.understood()
     with progress.stages() as tell:
         life = followed(loaded, read, out, robot_name=name, reading=understood, tell=tell)
     written, missing = write_life(life, loaded, out)
@@ -356,17 +323,7 @@ def follow(
     list_written(written, missing)
 
 
-def fleet(
-    recordings: RecordingFiles,
-    out: KeptFolder,
-    robot: RobotOption = None,
-    tolerances: TolerancesOption = None,
-    convention: ConventionOption = None,
-    workers: Workers = 1,
-    set_parameters: SetParameters = None,
-    *,
-    reading: Reading,
-) -> None:
+def fleet(out: KeptFolder, workers: Workers = 1, *, bench: Bench) -> None:
     """Many devices of one drawing: what is common, by how much they scatter, who stands apart; docs/life.md."""
     from ..life.fleet import devices_of
     from ..life.fleet import fleet as together
@@ -375,9 +332,8 @@ def fleet(
 
     folder_for(out, "--out")
     check_before(out, "fleet")
-    read, name = recorded(recordings, tolerances, robot, convention)
+    read, name, loaded, understood = bench.understood()
     devices = devices_of(read)
-    loaded, understood = reading.changed(name, set_parameters)
     with progress.rows("devices") as show, processes(workers) as executor:
         found = together(devices, out, robot_name=name, reading=understood, executor=executor, tell=show)
     written, missing = write_fleet(found, loaded, out)
@@ -386,35 +342,25 @@ def fleet(
 
 
 def calibrate(
-    recordings: RecordingFiles,
     out: Annotated[Path, typer.Option("--out", metavar="MODEL.json", help="Where to write the calibrated model.")],
-    robot: RobotOption = None,
-    tolerances: TolerancesOption = None,
-    convention: ConventionOption = None,
-    set_parameters: SetParameters = None,
     *,
-    reading: Reading,
+    bench: Bench,
 ) -> None:
     """What recordings say of every parameter that may be off within its tolerance; no physics is looked for."""
     from ..diagnosis.calibration import calibrated
     from ..laws import lasting
-    from ..simulation import CorrectedModel, as_recorded, write_model
     from ..views.text.bench_tests import print_calibration
 
     check_folder(out, "--out", whole=True)
-    read, name = recorded(recordings, tolerances, robot, convention)
-    loaded, understood = reading.changed(name, set_parameters)
-    note_foreign_joints(read, loaded)
+    read, name, loaded, understood = bench.understood()
     adapted = as_recorded(loaded, read)
     with progress.stages() as tell:
         found = calibrated(loaded, read, tell=tell)
-    loaded = adapted.robot
+    loaded, understood = adapted.robot, adapted.read(understood)
     effects = lasting(found.effects, loaded.mechanism)
-    notes = f"calibrated on {', '.join(path.name for path in recordings)}"
-    understood = adapted.read(understood)
-    write_model(
-        CorrectedModel(name, effects, understood.variant, notes, understood, conventions=found.conventions), out
-    )
+    notes = f"calibrated on {', '.join(path.name for path in bench.recordings)}"
+    model = CorrectedModel(name, effects, understood.variant, notes, understood, conventions=found.conventions)
+    write_model(model, out)
     print_calibration(terminal.console(), loaded, read, found)
     list_written([out])
 

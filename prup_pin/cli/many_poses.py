@@ -32,7 +32,7 @@ from ..views.text.values import coordinate_text
 from . import progress
 from .files import check_csv, check_folder, folder_for, list_written, write_figures
 from .options import Effects, ModelOption, Reading, RobotName, RobotOption, SetParameters, Workers
-from .processes import processes
+from .progress import processes
 from .recorded import modelled, robot_beside
 from .typed import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
 

@@ -348,18 +348,14 @@ class Sight(Question):
 @contextmanager
 def limits_as_notes(notes: list[str]) -> Iterator[None]:
     """Collect warnings about joint limits; others go their way."""
-    with warnings.catch_warnings():
-        usual = warnings.showwarning
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", JointLimitWarning)
-
-        def show(message, category, *place, **more) -> None:
-            if issubclass(category, JointLimitWarning):
-                notes.append(str(message))
-            else:
-                usual(message, category, *place, **more)
-
-        warnings.showwarning = show
         yield
+    for item in caught:
+        if issubclass(item.category, JointLimitWarning):
+            notes.append(str(item.message))
+        else:
+            warnings.warn_explicit(item.message, item.category, item.filename, item.lineno)
 
 
 def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPose, str, list[str]]:

@@ -1,25 +1,30 @@
-"""What people type about recordings and corrected models: of which robot, written how, within which tolerances."""
+"""What people type about recordings and corrected models: of which robot, written how, within which tolerances, with
+which effects: 'physics@place[:aspect] name=value …'."""
 
 from __future__ import annotations
 
+import re
 import shlex
-from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import typer
 
-from ..errors import InputError, RecordingFileError, folder_holds, nearest_names
+from .. import loading
+from ..errors import InputError, RecordingFileError, UnknownNameError, folder_holds, nearest_names
 from ..files import as_path, is_file, is_path
-from ..laws import Effect
-from ..numbers import some
+from ..laws import Effect, Law, Place
+from ..mechanism import Mechanism
+from ..numbers import number, some
 from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
 from ..recordings.table import ROBOT
 from ..robot import Robot
 from ..simulation import CorrectedModel, foreign_joints
+from ..simulation.model_file import law_named, place_named
 from ..views.text import terminal
-from .options import Reading, changes_of
-from .typed_effect import parse_effect
+from .options import ConventionOption, Reading, RecordingFiles, RobotOption, SetParameters, TolerancesOption, changes_of
+from .typed import dimension_of, parse_quantity
 
 
 def robot_of_model(reading: Reading, model: CorrectedModel, settings: Sequence[str] | None) -> Robot:
@@ -91,18 +96,36 @@ def _note(text: str) -> None:
     typer.echo(terminal.error_text(f"Note: {text}", terminal.console(stderr=True).width), err=True)
 
 
-def robot_of_all(recordings: Sequence[Recording]) -> str:
-    """Return the robot that the first of several recordings names that names one."""
-    named = next((recording for recording in recordings if recording.robot is not None), recordings[0])
-    return robot_beside(named.robot, Path(named.path))
+@dataclass(frozen=True)
+class Bench:
+    """The options that every command takes about recordings of one device: which, of which robot, written how."""
 
+    recordings: RecordingFiles
+    robot: RobotOption = None
+    tolerances: TolerancesOption = None
+    convention: ConventionOption = None
+    set_parameters: SetParameters = None
+    reading: Reading = field(default_factory=Reading)
 
-def recorded(
-    paths: Sequence[Path], tolerances: str | None, robot: str | None, conventions: Sequence[str] | None = None
-) -> tuple[list[Recording], str]:
-    """Return recordings of one device within the tolerances that were typed, and the robot typed or named by them."""
-    read = [_with_tolerances(recording_typed(path, robot, conventions), tolerances) for path in paths]
-    return read, robot or robot_of_all(read)
+    def understood(self, earlier: CorrectedModel | None = None) -> tuple[list[Recording], str, Robot, loading.Reading]:
+        """Return the recordings, the robot's name, the robot, and how it was read; of an earlier model, its robot.
+
+        What is typed wins over the model, and over what the recordings say.
+        """
+        of_model = earlier is not None and self.robot is None
+        named = earlier.robot if earlier is not None and of_model else self.robot
+        read = [
+            _with_tolerances(recording_typed(path, named, self.convention), self.tolerances) for path in self.recordings
+        ]
+        if named is None:
+            first = next((recording for recording in read if recording.robot is not None), read[0])
+            named = robot_beside(first.robot, Path(first.path))
+        if earlier is not None and of_model:
+            loaded, understood = robot_of_model(self.reading, earlier, self.set_parameters), earlier.read
+        else:
+            loaded, understood = self.reading.changed(named, self.set_parameters)
+        note_foreign_joints(read, loaded)
+        return read, named, loaded, understood
 
 
 def with_conventions(recording: Recording, typed: Sequence[str] | None) -> Recording:
@@ -148,3 +171,71 @@ def _with_tolerances(recording: Recording, name: str | None) -> Recording:
     if declared and wanted != recording.tolerances:
         remarks = (*remarks, f"The declared tolerances of {', '.join(declared)} give way to --tolerances {name}.")
     return replace(recording, tolerances=wanted, remarks=remarks)
+
+
+# -- effects ----------------------------------------------------------------------------------------------------------
+
+
+_FORM = re.compile(r"\s*(?P<physics>[^@\s]+)@(?P<place>[^@=]*?)(?P<values>(?:\s+[^\s=]+=\S+)*)\s*")
+_EXPECTED = "expected 'physics@place[:aspect] name=value …', for example 'backlash@leg2/ball_nut half_gap=30um …'"
+
+
+def parse_effect(text: str, mechanism: Mechanism, option: str = "--effect") -> Effect:
+    """Return an effect on this robot; values are SI, or carry a unit. Raises InputError with what was expected."""
+    match = _FORM.fullmatch(text)
+    if match is None:
+        raise InputError(f"{option} '{text}': {_EXPECTED}; `prup-pin laws` lists them")
+    physics, typed = match["physics"], match["place"].strip()
+    try:
+        law_named(physics)
+        name, _, aspect = _split(typed, physics, mechanism)
+        place = place_named(physics, name, aspect, mechanism)
+        law = law_named(physics, place, mechanism)
+        quantities = {quantity.name: quantity for quantity in law.quantities_at(place, mechanism)}
+        values: dict[str, float] = {}
+        for assignment in match["values"].split():
+            key, _, value = assignment.partition("=")
+            if key not in quantities:
+                raise UnknownNameError(f"parameter of {physics}", key, list(quantities))
+            if key in values:
+                raise InputError(f"{key} is given twice")
+            unit = quantities[key].unit
+            values[key] = parse_quantity(value, dimension_of(unit), option, text, text.index(assignment), unit)
+        left_out = _neutral_beside(values, law, place, mechanism)
+        if left_out:
+            taken = ", ".join(f"{key} = {number(value)}" for key, value in left_out.items())
+            typer.echo(f"{option} {physics}@{typed}: not given, so without effect: {taken}", err=True)
+        values |= left_out
+        missing = [item for item in quantities.values() if item.name not in {*values, *law.optional}]
+        if missing:
+            usual = law.starts(place, mechanism)[0]
+            listed = ", ".join(
+                f"{item.name} ({item.expected()}; a fit starts at {number(usual[item.name])})" for item in missing
+            )
+            raise InputError(f"missing {listed}")
+        return Effect(law, place, values).checked(mechanism)
+    except InputError as error:
+        message = str(error)
+        raise InputError(message if message.startswith(option) else f"{option} '{text}': {message}") from None
+
+
+def _neutral_beside(values: Mapping[str, float], law: Law, place: Place, mechanism: Mechanism) -> dict[str, float]:
+    """Return the parameters that were not typed and change nothing at a value, beside one of their kind that was."""
+    starts, neutral = law.starts(place, mechanism)[0], law.neutral_at(place, mechanism)
+    kind = {
+        item.name: neutral[item.name]
+        for item in law.quantities_at(place, mechanism)
+        if neutral[item.name] != starts[item.name] and item.lowest <= neutral[item.name] <= item.upper
+    }
+    beside = not values.keys().isdisjoint(kind)
+    return {name: value for name, value in kind.items() if beside and name not in {*values, *law.optional}}
+
+
+def _split(typed: str, physics: str, mechanism: Mechanism) -> tuple[str, str, str]:
+    """Return name and aspect of 'leg1/R_lambda:tilting'; names of a robot may hold a colon themselves."""
+    try:
+        place_named(physics, typed, "", mechanism)
+        return typed, "", ""
+    except InputError:
+        name, colon, aspect = typed.rpartition(":")
+        return (name.strip(), colon, aspect.strip()) if colon else (typed, "", "")

@@ -11,7 +11,7 @@ from ..errors import InputError
 from ..mechanism import Mechanism
 from ..numbers import counted, number
 from ..recordings import Recording
-from ..recordings.thinning import Thinning
+from ..recordings.table import Thinning
 from ..spatial import Array
 from .clock import EvenClock, even_clock
 from .glitches import without_glitches

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from .log import Stream
@@ -74,92 +74,73 @@ def triples_of(stream: Stream) -> list[dict[str, str]]:
     return out
 
 
-@dataclass
-class _Parts:
-    """Columns of a stream by the body that they are of: its place and turn by axis, its matrix by number.
-
-    vectors: bodies whose turn is a rotation vector by its name.
-    """
-
-    places: dict[str, dict[str, str]] = field(default_factory=dict)
-    turns: dict[str, dict[str, str]] = field(default_factory=dict)
-    matrices: dict[str, dict[int, str]] = field(default_factory=dict)
-    vectors: set[str] = field(default_factory=set)
-
-
 def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Body]:
     """Return the bodies of a stream in the order of their columns; those that are `taken` are something else."""
-    parts = _by_name(stream, taken, frames)
-    _add_triples(stream, taken, parts)
-    bodies = {}
-    for called, place in parts.places.items():
-        if set(place) == set("xyz"):
-            bodies[called] = Body(called, stream, {axis: place[axis] for axis in "xyz"})
-    if not bodies:  # of a planar robot two may be all that was measured, where their units say what they are
-        for called, place in parts.places.items():
-            units = [dimension_of(stream.unit_of(name) or "") for name in place.values()]
-            if len(place) == 2 and "w" not in place and set(units) == {"length"}:
-                bodies[called] = Body(called, stream, {axis: place[axis] for axis in sorted(place)})
-    for called, axes in parts.turns.items():
-        _turn(bodies.setdefault(called, Body(called, stream)), axes, called in parts.vectors)
-    for called, cells in parts.matrices.items():
-        owner = bodies.get(_plain(called))
-        if owner is not None and sorted(cells) == list(range(9)):
-            owner.turn, owner.manner = tuple(cells[k] for k in range(9)), "matrix_columns"
-            owner.doubt = "" if stream.labels.get("data_included") == "6D" else "column by column, or matrix_rows?"
-            owner.unit = None
-    return [body for body in bodies.values() if body.place or body.turn]
-
-
-def _by_name(stream: Stream, taken: set[str], frames: Sequence[str]) -> _Parts:
-    """Return the columns that say in their names of which body they are, and what of it."""
-    parts, by_number = _Parts(), numbered_places(stream)
+    told: dict[str, dict[str, dict[str, str]]] = {"place": {}, "turn": {}, "vector": {}, "matrix": {}}
+    numbered = numbered_places(stream)
     for name in stream.columns:
-        match = _NUMBERED.fullmatch(name)
-        if match is not None and match["number"] in by_number and name not in taken:
-            number, axis = match["number"], match["axis"].lower()
-            if match["kind"]:
-                parts.turns.setdefault(number, {})[f"r{axis}"] = name
-            else:
-                parts.places.setdefault(number, {})[axis] = name
-            continue
-        if name in taken or _is_neither(name):
-            continue
-        cell = re.fullmatch(r"(.*?)[.\s_/]*(?:rot|R|rotation|matrix)[\[_ ]*(\d)\]?", name, re.I)
-        if cell is not None:
-            parts.matrices.setdefault(cell[1], {})[int(cell[2])] = name
-            continue
-        vector = _VECTOR.search(name) is not None
-        found = _AXIS.match(_VECTOR.sub("", name))
-        if found is None:
-            continue
-        kind, axis = (found["kind"] or "").lower(), found["axis"].lower()
-        dimension = dimension_of(stream.unit_of(name) or "")
-        spoken = set(words_of(found["body"]))
-        body = f"{_plain(found['body'])}{found['twice'] or ''}"
-        if vector:
-            parts.turns.setdefault(body, {})[f"r{axis}"] = name
-            parts.vectors.add(body)
-        elif kind == "q" or (spoken & set(_TURNED) and not spoken & set(_PLACE)):
-            parts.turns.setdefault(body, {})[axis] = name
-        elif kind == "r":
-            if dimension == "angle":
-                parts.turns.setdefault(body, {})[f"r{axis}"] = name
-        elif axis != "w" and (
-            kind == "t" or dimension == "length" or spoken & {*_PLACE, "tcp"} or frame_of(body, frames) or not body
-        ):
-            parts.places.setdefault(body, {})[axis] = name
-    return parts
-
-
-def _add_triples(stream: Stream, taken: set[str], parts: _Parts) -> None:
-    """Add what is left of three lengths whose names differ in x, y and z alone."""
-    spoken_for = {name for each in (*parts.places.values(), *parts.turns.values()) for name in each.values()}
-    for triple in triples_of(stream):
+        part = None if name in taken else _part(stream, name, numbered, frames)
+        if part is not None:
+            what, called, axis = part
+            told[what].setdefault(called, {})[axis] = name
+    spoken_for = {name for of in told.values() for axes in of.values() for name in axes.values()}
+    for triple in triples_of(stream):  # what is left of three lengths whose names differ in x, y and z alone
         names = set(triple.values())
         lengths = all(dimension_of(stream.unit_of(name) or "") == "length" for name in names)
         if lengths and not names & (taken | spoken_for) and not any(map(_is_neither, names)):
-            parts.places[_plain(_stem(triple))] = triple
+            told["place"][_plain(_stem(triple))] = triple
+    bodies = {}
+    for called, place in told["place"].items():
+        if set(place) == set("xyz"):
+            bodies[called] = Body(called, stream, {axis: place[axis] for axis in "xyz"})
+    if not bodies:  # of a planar robot two may be all that was measured, where their units say what they are
+        for called, place in told["place"].items():
+            units = [dimension_of(stream.unit_of(name) or "") for name in place.values()]
+            if len(place) == 2 and "w" not in place and set(units) == {"length"}:
+                bodies[called] = Body(called, stream, {axis: place[axis] for axis in sorted(place)})
+    for what in ("vector", "turn"):
+        for called, axes in told[what].items():
+            _turn(bodies.setdefault(called, Body(called, stream)), axes, what == "vector")
+    for called, cells in told["matrix"].items():
+        owner = bodies.get(_plain(called))
+        if owner is not None and sorted(cells) == [*"012345678"]:
+            owner.turn, owner.manner, owner.unit = tuple(cells[k] for k in "012345678"), "matrix_columns", None
+            owner.doubt = "" if stream.labels.get("data_included") == "6D" else "column by column, or matrix_rows?"
+    return [body for body in bodies.values() if body.place or body.turn]
+
+
+def _part(
+    stream: Stream, name: str, numbered: Mapping[str, object], frames: Sequence[str]
+) -> tuple[str, str, str] | None:
+    """Return what a column tells by its name (place, turn, vector, matrix), of which body, and of which axis or cell.
+
+    numbered: numbers of markers that have a place. None of a column that is neither.
+    """
+    marker = _NUMBERED.fullmatch(name)
+    if marker is not None and marker["number"] in numbered:
+        turned, axis = marker["kind"], marker["axis"].lower()
+        return "turn" if turned else "place", marker["number"], f"r{axis}" if turned else axis
+    if _is_neither(name):
+        return None
+    cell = re.fullmatch(r"(.*?)[.\s_/]*(?:rot|R|rotation|matrix)[\[_ ]*(\d)\]?", name, re.I)
+    if cell is not None:
+        return "matrix", cell[1], cell[2]
+    vector = _VECTOR.search(name) is not None
+    found = _AXIS.match(_VECTOR.sub("", name))
+    if found is None:
+        return None
+    kind, axis = (found["kind"] or "").lower(), found["axis"].lower()
+    dimension = dimension_of(stream.unit_of(name) or "")
+    spoken = set(words_of(found["body"]))
+    body = f"{_plain(found['body'])}{found['twice'] or ''}"
+    if vector:
+        return "vector", body, f"r{axis}"
+    if kind == "q" or (spoken & set(_TURNED) and not spoken & set(_PLACE)):
+        return "turn", body, axis
+    if kind == "r":
+        return ("turn", body, f"r{axis}") if dimension == "angle" else None
+    placed = kind == "t" or dimension == "length" or spoken & {*_PLACE, "tcp"} or frame_of(body, frames) or not body
+    return ("place", body, axis) if placed and axis != "w" else None
 
 
 def _is_neither(name: str) -> bool:

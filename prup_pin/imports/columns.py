@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence, Set
+from collections.abc import Sequence
 
 import numpy as np
 
-from ..mechanism import Mechanism
 from ..spatial import Array
 from .bodies import Body, bodies_of, frame_of, numbered_places, triples_of
-from .draft import Guessing, Line, Seen
+from .draft import Draft, Line, TimeColumn
 from .log import Log, Stream
-from .map import JOINT_DIMENSIONS, driven
+from .map import JOINT_DIMENSIONS
 from .units import CURRENT, DRIVING, IN_OUT, KIND, MEASURED, TIME, UNITS, WISHED, dimension_of, without_unit, words_of
 
 # -- the time ----------------------------------------------------------------------------------------------------------
 
 
-#: Column of a stream's time (None: stamps of the format, "": none), its unit, and what is not sure of it.
-TimeColumn = tuple[str | None, str, str]
-#: The same by stream.
-Clocks = dict[str, TimeColumn]
 #: Share of rows that may fall in a column of time.
 LATE = 0.01
 #: Periods of loggers [s].
@@ -83,6 +78,11 @@ def _rises(values: Array, late: float = 0.0) -> bool:
 # -- joints: by their names, by numbers in their order, by how many there are of a kind --------------------------------
 
 
+#: A column of a joint: the number in its name, its name, and the joint whose name stands in it, or ''.
+_Member = tuple[int, str, str]
+#: What is measured, and the name without number and joint -> the columns that are alike.
+_Groups = dict[tuple[str, str], list[_Member]]
+
 #: Not the joint itself, or not what was measured there, where something better is in the log.
 _ASIDE = ("d", "ext", "external", "estimated", "est", "filtered", "friction", "model", "gravity", "raw")
 #: Of the tool, not of joints.
@@ -92,37 +92,69 @@ _PLAIN = ("joint", "joints", "j", "axis", "axes", "a", "value", "val", "robot", 
           "test")  # fmt: skip
 #: What blocks of columns without names are, by how many there are.
 _BLOCKS = {1: ("q",), 2: ("q", "tau"), 3: ("q", "qd", "tau"), 4: ("q", "qd", "qdd", "tau")}
+#: What speaks for a group of columns, or against it, beside how many there are: per group that has such a word, and per
+#: such word.
+_FOR = ((20, MEASURED), (-50, WISHED), (5, ("motor",)))
+_AMPERES, _BESIDE = -30, -2
 
 
-def add_joints(stream: Stream, times: set[str], mechanism: Mechanism | None, found: Guessing) -> None:
+def add_joints(draft: Draft, stream: Stream) -> None:
     """Add the columns of joints that a stream holds: by the joints' names, else by numbers in their order."""
-    groups: dict[tuple[str, str], list[tuple[int, str, str]]] = {}
-    labels = _labels(stream, mechanism)
-    alone = mechanism is not None and len(driven(mechanism)) == 1
+    groups = _numbered(draft, stream)
+    if draft.mechanism is not None:
+        # some of them may have a number besides: base, shoulder, elbow, wrist 1
+        many = len(draft.driven)
+        told = {kind for (kind, _), group in groups.items() if len(group) >= many or any(own for _, _, own in group)}
+        groups |= {key: group for key, group in _spoken(draft, stream).items() if key[0] not in told}
+        if not groups:
+            draft.lines += _blocks(draft, stream)
+            return
+    already = draft.targets
+    for kind in dict.fromkeys(kind for kind, _ in groups):
+        scores = {key: _score(stream, groups[kind, key], key) for of, key in groups if of == kind}
+        ranked = sorted(scores, key=lambda key: -scores[key])
+        best = ranked[0]
+        if {*words_of(best)} & {*WISHED}:
+            continue
+        lines = _named(draft, stream, kind, groups[kind, best])
+        rivals = [groups[kind, key] for key in ranked[1:] if scores[key] == scores[best]]
+        _doubt_rivals(lines, rivals, stream)
+        if "motor" in words_of(best) and draft.mechanism is not None:
+            for line in lines:
+                line.doubt = line.doubt or "named after a motor: is it the joint's? Else tell `motors` and their matrix"
+        named = {line.target: line for line in lines}
+        for key in ranked:  # a joint that has a name of its own beside numbers
+            own = [member for member in groups[kind, key] if member[2]]
+            if own and not {*words_of(key)} & {*WISHED, *_ASIDE}:
+                named = {line.target: line for line in _named(draft, stream, kind, own)} | named
+        draft.lines += [line for line in named.values() if line.target not in already]
+
+
+def _numbered(draft: Draft, stream: Stream) -> _Groups:
+    """Return groups of columns that have a joint's name or a number in theirs."""
+    groups: _Groups = {}
+    labels = _labels(draft, stream)
     markers = {name for place in numbered_places(stream).values() for name in place.values()}
     markers |= {name for triple in triples_of(stream) for name in triple.values() if stream.unit_of(name)}
     for name in stream.columns:
-        joint = _joint_in(name, mechanism)
-        if name in markers and not joint:
-            continue
-        words = words_of(name)
-        measured = measured_by(stream.unit_of(name), mechanism)
-        if measured == "":
-            continue  # no joint of this robot has anything in such a unit
-        kinds = [measured] if measured else [KIND[word] for word in words if word in KIND]
+        joint, words, measured = _joint_in(draft, name), words_of(name), measured_by(draft, stream.unit_of(name))
         numbers = [word for word in words if word.isdigit()]
+        # a marker, a time, or in a unit in which no joint of this robot has anything
+        if (name in markers and not joint) or name in draft.times or measured == "":
+            continue
+        kinds = [measured] if measured else [KIND[word] for word in words if word in KIND]
         if kinds and numbers and not joint and labels:
             joint = labels.get(int(numbers[-1]), "")
             if not joint:
                 continue  # of a joint that the robot has not got, or that has no motor
         if not kinds and numbers and not joint and len(words) <= 4:
             kinds = [IN_OUT[word] for word in words if word in IN_OUT]
-        if name in times or not (joint or numbers or (alone and kinds)):
+        if not (joint or numbers or (kinds and len(draft.driven) == 1)):
             continue
         spoken = {word for word in words if not word.isdigit()} - set(words_of(joint))
         if (not joint and spoken & set(OF_THE_TOOL)) or not (kinds or spoken <= {*_PLAIN, *MEASURED}):
             continue
-        kind = "tau" if "tau" in kinds else kinds[-1] if kinds else "q"
+        kind = _kind(kinds) if kinds else "q"
         number = int(numbers[-1]) if numbers else 0
         plain = without_unit(name)  # joints of one group may turn and slide
         key = plain.replace(joint, "#") if joint and joint in plain else plain
@@ -131,40 +163,23 @@ def add_joints(stream: Stream, times: set[str], mechanism: Mechanism | None, fou
         if any((number, joint) == (other, own) for other, _, own in groups.get((kind, key), ())):
             key = f"{key} {stream.unit_of(name)}"
         groups.setdefault((kind, key), []).append((number, name, joint))
-    if mechanism is not None:
-        # some of them may have a number besides: base, shoulder, elbow, wrist 1
-        many = len(driven(mechanism))
-        told = {kind for (kind, _), group in groups.items() if len(group) >= many or any(own for _, _, own in group)}
-        groups |= {key: group for key, group in _spoken(stream, times, mechanism).items() if key[0] not in told}
-    by_kind: dict[str, list[tuple[float, str]]] = {}
-    for kind, key in groups:
-        spoken = set(words_of(key))
-        score = len(groups[kind, key]) + 20 * bool(spoken & set(MEASURED)) - 50 * bool(spoken & set(WISHED))
-        amperes = any(stream.unit_of(name) in DRIVING for _, name, _ in groups[kind, key])
-        score -= 30 * (amperes or bool(spoken & set(CURRENT))) + 5 * ("motor" in spoken) + 2 * len(spoken & set(_ASIDE))
-        by_kind.setdefault(kind, []).append((score, key))
-    already = {line.target for line in found.lines}
-    if not by_kind and mechanism is not None:
-        found.lines += _blocks(stream, times, mechanism)
-        return
-    for kind, scored in by_kind.items():
-        best, key = max(scored, key=lambda item: item[0])
-        if set(words_of(key)) & set(WISHED):
-            continue
-        lines = _named(kind, sorted(groups[kind, key]), mechanism, stream)
-        _doubt_rivals(lines, [groups[kind, other] for score, other in scored if other != key and score == best], stream)
-        if "motor" in words_of(key) and mechanism is not None:
-            for line in lines:
-                line.doubt = line.doubt or "named after a motor: is it the joint's? Else tell `motors` and their matrix"
-        named = {line.target: line for line in lines}
-        for _, other in sorted(scored, key=lambda item: -item[0]):  # a joint that has a name of its own beside numbers
-            own = [member for member in groups[kind, other] if member[2]]
-            if own and not set(words_of(other)) & {*WISHED, *_ASIDE}:
-                named = {line.target: line for line in _named(kind, sorted(own), mechanism, stream)} | named
-        found.lines += [line for line in named.values() if line.target not in already]
+    return groups
 
 
-def measured_by(unit: str | None, mechanism: Mechanism | None) -> str | None:
+def _kind(kinds: Sequence[str]) -> str:
+    """Return what is measured, of the kinds that words speak of: an effort, else the last of them."""
+    return "tau" if "tau" in kinds else kinds[-1]
+
+
+def _score(stream: Stream, group: Sequence[_Member], key: str) -> float:
+    """Return how much speaks for a group of columns to be what was measured."""
+    spoken = set(words_of(key))
+    amperes = spoken & set(CURRENT) or any(stream.unit_of(name) in DRIVING for _, name, _ in group)
+    score = len(group) + _AMPERES * bool(amperes) + _BESIDE * len(spoken & set(_ASIDE))
+    return score + sum(weight for weight, words in _FOR if spoken & set(words))
+
+
+def measured_by(draft: Draft, unit: str | None) -> str | None:
     """Return what of a joint is measured in a unit: q, qd, qdd or tau; '' in one of no joint that the robot drives.
 
     None where the unit leaves it open: there is none, or it takes a scale.
@@ -174,104 +189,98 @@ def measured_by(unit: str | None, mechanism: Mechanism | None) -> str | None:
         return "tau"
     if dimension in (None, "label"):
         return None
-    slides = {joint.slides for joint in mechanism.joints} if mechanism is not None else {False, True}
-    kinds = (kind for kind, two in JOINT_DIMENSIONS.items() for slide in slides if two[slide] == dimension)
-    return next(kinds, "")
+    slides = {False, True} if draft.mechanism is None else set(draft.slides.values())
+    return next((kind for kind, two in JOINT_DIMENSIONS.items() if dimension in [two[slide] for slide in slides]), "")
 
 
-def _doubt_rivals(lines: Sequence[Line], rivals: Sequence[Sequence[tuple[int, str, str]]], stream: Stream) -> None:
+def _doubt_rivals(lines: Sequence[Line], rivals: Sequence[Sequence[_Member]], stream: Stream) -> None:
     """Note on the first of a group's lines that another group is as good, where its numbers are others."""
     own = {line.source for line in lines}
     for group in rivals:
-        names = [name for _, name, _ in group if name not in own]
         other = [
-            name for name in names if not any(np.array_equal(stream.columns[name], stream.columns[k]) for k in own)
+            name
+            for _, name, _ in group
+            if not any(np.array_equal(stream.columns[name], stream.columns[mine]) for mine in own)
         ]
         if lines and len(other) == len(lines):
             lines[0].rival = lines[0].rival or f"or {other[0]} and those like it: which were measured?"
 
 
-def _spoken(stream: Stream, times: set[str], mechanism: Mechanism) -> dict[tuple[str, str], list[tuple[int, str, str]]]:
+def _spoken(draft: Draft, stream: Stream) -> _Groups:
     """Return groups of as many columns of one kind as there are joints, with names of their own instead of numbers.
 
     Controllers call joints base, shoulder, elbow, and not as the robot file does.
     """
-    groups: dict[tuple[str, str], list[tuple[int, str, str]]] = {}
+    groups: _Groups = {}
     for name in stream.columns:
         words = words_of(name)
-        measured = measured_by(stream.unit_of(name), mechanism)
-        kinds = [KIND[word] for word in words if word in KIND and measured != ""]
-        if name in times or not kinds or set(words) & set(OF_THE_TOOL) or _joint_in(name, mechanism):
+        kinds = [KIND[word] for word in words if word in KIND]
+        other = name in draft.times or {*words} & {*OF_THE_TOOL} or measured_by(draft, stream.unit_of(name)) == ""
+        if not kinds or other or _joint_in(draft, name):
             continue
         manner = " ".join(word for word in words if word in {*KIND, *WISHED, *MEASURED, *_ASIDE})
-        group = groups.setdefault(("tau" if "tau" in kinds else kinds[-1], manner), [])
+        group = groups.setdefault((_kind(kinds), manner), [])
         group.append((len(group), name, ""))
-    many = len(driven(mechanism))
-    return {key: group for key, group in groups.items() if len(group) == many > 1}
+    return {key: group for key, group in groups.items() if len(group) == len(draft.driven) > 1}
 
 
-def _blocks(stream: Stream, times: set[str], mechanism: Mechanism) -> list[Line]:
+def _blocks(draft: Draft, stream: Stream) -> list[Line]:
     """Return the lines of a table without names: blocks of as many columns as there are joints."""
-    names = [name for name in stream.columns if name not in times]
-    turning = {joint.name for joint in mechanism.joints if not joint.slides}
-    arms = [driven(mechanism), [name for name in driven(mechanism) if name in turning]]  # with a hand, and without
-    joints = next((arm for arm in arms if arm and len(names) % len(arm) == 0), arms[0])
+    names = [name for name in stream.columns if name not in draft.times]
+    arms = [draft.driven, [joint for joint in draft.driven if not draft.slides[joint]]]  # with a hand, and without
+    joints = next((arm for arm in arms if arm and len(names) % len(arm) == 0), ())
+    kinds = _BLOCKS.get(len(names) // max(len(joints), 1), ())
     alike = {re.sub(r"\d+", "#", name) for name in names}
-    count, rest = divmod(len(names), len(joints))
-    if len(alike) != 1 or rest or count not in _BLOCKS or set(words_of(names[0])) - {"column"} & set(KIND):
+    if len(alike) != 1 or not joints or not kinds or {*words_of(names[0])} & set(KIND):
         return []
-    doubt = f"the columns have no names: taken as {', '.join(_BLOCKS[count])} of {len(joints)} joints each"
-    targets = [f"{kind}.{joint}" for kind in _BLOCKS[count] for joint in joints]
+    doubt = f"the columns have no names: taken as {', '.join(kinds)} of {len(joints)} joints each"
+    targets = [f"{kind}.{joint}" for kind in kinds for joint in joints]
     return [Line(target, name, None, doubt=doubt) for target, name in zip(targets, names, strict=True)]
 
 
-def _labels(stream: Stream, mechanism: Mechanism | None) -> dict[int, str]:
+def _labels(draft: Draft, stream: Stream) -> dict[int, str]:
     """Return the joints that columns of words call by number: name_0 is elbow_joint in every row."""
     found: dict[int, str] = {}
     for name, label in stream.labels.items():
         words = words_of(name)
         number = [word for word in words if word.isdigit()]
-        joint = label if mechanism is None else _joint_in(label, mechanism)
+        joint = label if draft.mechanism is None else _joint_in(draft, label)
         if number and {"name", "names"} & set(words) and joint:
             found[int(number[-1])] = joint
     return found if len(set(found.values())) == len(found) else {}
 
 
-def _joint_in(name: str, mechanism: Mechanism | None) -> str:
+def _joint_in(draft: Draft, name: str) -> str:
     """Return the joint of the robot whose name stands in a column's name, the longest one."""
-    if mechanism is None:
+    if draft.mechanism is None:
         parts = name.split(".")
         spoken = len(parts) > 2 and parts[-2] in ("position", "velocity", "effort")
         return parts[-1] if spoken and not parts[-1].isdigit() else ""
     plain = re.sub(r"[^a-z0-9]", "", name.lower())
-    fits = [joint for joint in driven(mechanism) if re.sub(r"[^a-z0-9]", "", joint.lower()) in plain]
+    fits = [joint for joint in draft.driven if re.sub(r"[^a-z0-9]", "", joint.lower()) in plain]
     whole = [joint for joint in fits if re.search(rf"(?<!\d)\d*{re.escape(joint)}(?!\d)", name)]
     return max(whole or fits, key=len, default="")
 
 
-def _named(kind: str, members: Sequence[tuple[int, str, str]], mechanism, stream: Stream) -> list[Line]:
+def _named(draft: Draft, stream: Stream, kind: str, members: Sequence[_Member]) -> list[Line]:
     """Return the lines of one group of columns, joint by joint."""
     lines = []
-    order = _in_order(mechanism, len(members))
-    for place, (number, source, joint) in enumerate(members):
-        doubt, reason = "", ""
-        target = joint
-        if not joint:
-            if mechanism is None:
-                target = f"joint{number}"
-                doubt = "the robot is not known, so the joint's name is made up"
-            elif place < len(order):
-                target, reason = order[place], "in the order of the robot's joints"
-                if len(order) > 1 and not any(char.isdigit() for char in source):
-                    doubt = "in the order of the robot's joints, which the log calls otherwise"
-                if len(members) != len(order):
-                    doubt = f"{len(members)} columns for {len(order)} actuated joints"
-            else:
+    turning = [joint for joint in draft.driven if not draft.slides[joint]]
+    order = turning if len(turning) == len(members) else draft.driven  # of columns without names of joints
+    for place, (number, source, target) in enumerate(sorted(members)):
+        doubt, reason, unit = "", "", stream.unit_of(source)
+        if not target and draft.mechanism is None:
+            target, doubt = f"joint{number}", "the robot is not known, so the joint's name is made up"
+        elif not target:
+            if place >= len(order):
                 continue
-        unit = stream.unit_of(source)
-        slides = {item.name: item.slides for item in mechanism.joints} if mechanism is not None else {}
-        wanted = JOINT_DIMENSIONS[kind][slides.get(target, False)]
-        if target in slides and dimension_of(unit or "") not in (None, wanted):
+            target, reason = order[place], "in the order of the robot's joints"
+            if len(members) != len(order):
+                doubt = f"{len(members)} columns for {len(order)} actuated joints"
+            elif len(order) > 1 and not any(char.isdigit() for char in source):
+                doubt = "in the order of the robot's joints, which the log calls otherwise"
+        wanted = JOINT_DIMENSIONS[kind][draft.slides.get(target, False)]
+        if target in draft.slides and dimension_of(unit or "") not in (None, wanted):
             continue  # a force is no effort of a joint that turns
         if kind == "tau" and unit is None and set(words_of(source)) & set(CURRENT):
             unit = "A"
@@ -279,43 +288,32 @@ def _named(kind: str, members: Sequence[tuple[int, str, str]], mechanism, stream
     return lines
 
 
-def _in_order(mechanism: Mechanism | None, count: int) -> list[str]:
-    """Return the joints that `count` columns without names may be: all with motors, or those of them that turn."""
-    if mechanism is None:
-        return []
-    slides = {joint.name: joint.slides for joint in mechanism.joints}
-    turning = [joint for joint in driven(mechanism) if not slides.get(joint, False)]
-    return turning if len(turning) == count else driven(mechanism)
-
-
 # -- joints that no name led to: columns that are left, in a unit that such joints have --------------------------------
 
 
-def add_by_unit(log: Log, taken: set[str], mechanism: Mechanism, found: Guessing) -> None:
+def add_by_unit(draft: Draft) -> None:
     """Add, with a doubt, the columns of driven joints that have none yet.
 
     Where as many columns are left in a unit of length as joints that slide are without a position, they are these
     joints'; where the numbers differ the joints are told as open. A joint without any position stands at home.
     """
-    slides = {joint.name: joint.slides for joint in mechanism.joints}
-    placed = {line.target for line in found.lines}
-    joints = [joint for joint in driven(mechanism) if f"q.{joint}" not in placed]
+    placed, taken = draft.targets, draft.taken
+    joints = [joint for joint in draft.driven if f"q.{joint}" not in placed]
+    draft.open = dict.fromkeys(joints, ())
     for sliding in (False, True):
-        alike = [joint for joint in joints if slides[joint] is sliding]
-        places = _in(log, taken, JOINT_DIMENSIONS["q"][sliding])
-        if alike and places and len(places) != len(alike):
-            found.open |= dict.fromkeys(alike, tuple(places))
+        alike = [joint for joint in joints if draft.slides[joint] is sliding]
+        places = _in(draft.log, taken, JOINT_DIMENSIONS["q"][sliding])
         if not places or len(places) != len(alike):
+            draft.open |= dict.fromkeys(alike, tuple(places))
             continue
         doubt = "by its unit" + ", in the order of the robot's joints" * (len(alike) > 1) + ": is it this joint's?"
         for kind, dimensions in JOINT_DIMENSIONS.items():
             open_ = [joint for joint in alike if f"{kind}.{joint}" not in placed]
-            columns = _in(log, taken, dimensions[sliding])
+            columns = _in(draft.log, taken, dimensions[sliding])
             if len(columns) == len(open_):
                 pairs = zip(open_, columns.items(), strict=True)
-                found.lines += [Line(f"{kind}.{joint}", name, unit, doubt=doubt) for joint, (name, unit) in pairs]
-    placed = {line.target for line in found.lines}
-    found.open |= {joint: () for joint in joints if f"q.{joint}" not in placed and joint not in found.open}
+                draft.lines += [Line(f"{kind}.{joint}", name, unit, doubt=doubt) for joint, (name, unit) in pairs]
+    draft.open = {joint: columns for joint, columns in draft.open.items() if joint not in draft.joints}
 
 
 def _in(log: Log, taken: set[str], dimension: str) -> dict[str, str]:
@@ -327,23 +325,13 @@ def _in(log: Log, taken: set[str], dimension: str) -> dict[str, str]:
     for stream in log.streams:
         called = {without_unit(name).lower() for name in stream.columns}
         for name in stream.columns:
-            unit = stream.unit_of(name)
-            if name in taken or {*words_of(name)} & {*WISHED, *OF_THE_TOOL} or _has_siblings(name, called):
-                continue
-            if unit is not None and dimension_of(unit) == dimension:
+            plain, unit = without_unit(name).lower(), stream.unit_of(name)
+            axes = next((axes for axes in ("xyz", "abc") if plain and plain[-1] in axes), "")
+            beside = called & ({plain[:-1] + axis for axis in axes} - {plain})
+            other = name in taken or beside or {*words_of(name)} & {*WISHED, *OF_THE_TOOL}
+            if unit is not None and dimension_of(unit) == dimension and not other:
                 found[name] = unit
     return found
-
-
-def _has_siblings(name: str, called: Set[str]) -> bool:
-    """Return whether another column is called like this one, but for x, y, z or a, b, c at its end.
-
-    called: names of all of them, in small letters and without units.
-    """
-    plain = without_unit(name).lower()
-    axes = next((axes for axes in ("xyz", "abc") if plain and plain[-1] in axes), "")
-    alike = {plain[:-1] + axis for axis in axes} - {plain}
-    return not alike.isdisjoint(called)
 
 
 # -- a wrench: fx … mz, or force.x … torque.z --------------------------------------------------------------------------
@@ -401,25 +389,23 @@ def wrench_lines(log: Log, taken: set[str]) -> list[Line]:
 # -- places and orientations -------------------------------------------------------------------------------------------
 
 
-def seen_poses(log: Log, taken: set[str], mechanism: Mechanism | None) -> Seen:
-    """Return the lines of positions and orientations of bodies: of those called like a frame, else of the tool."""
-    seen = Seen()
-    frames = mechanism.frame_names if mechanism is not None else ()
-    found = [body for stream in log.streams for body in bodies_of(stream, taken, frames)]
+def add_poses(draft: Draft) -> None:
+    """Add the lines of positions and orientations of bodies: of those called like a frame, else of the tool."""
+    frames = draft.mechanism.frame_names if draft.mechanism is not None else ()
+    taken = draft.taken
+    found = [body for stream in draft.log.streams for body in bodies_of(stream, taken, frames)]
     homes = {body.called: frame_of(body.called, frames) for body in found}
-    nobody = [body for body in found if not homes[body.called]]
-    seen.unnamed = nobody
+    draft.unnamed = [body for body in found if not homes[body.called]]
     for body in sorted(found, key=lambda body: len(body.called)):  # tool0 comes before its markers
         frame = homes[body.called]
         place = f".{frame}" if frame else ""
-        if (not frame and len(nobody) > 1) or f"p{place}.x" in seen.lines or f"r{place}" in seen.turns:
-            seen.others.append(body)
+        told = f"p{place}.x" in draft.targets or f"r{place}" in draft.turns
+        if told or (not frame and len(draft.unnamed) > 1):
+            draft.others.append(body)
             continue
-        for line in place_lines(f"p{place}", body, bool(frame)):
-            seen.lines[line.target] = line
+        draft.lines += place_lines(f"p{place}", body, bool(frame))
         if body.turn:
-            seen.turns[f"r{place}"] = body
-    return seen
+            draft.turns[f"r{place}"] = body
 
 
 def place_lines(target: str, body: Body, framed: bool) -> list[Line]:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation as Turn
+from scipy.spatial.transform import Slerp
 
 from ..errors import Problem, RecordingFileError
 from ..mechanism import Mechanism
@@ -62,29 +65,14 @@ def convert(log: Log, plan: LogMap, mechanism: Mechanism | None = None) -> Conve
     Raises RecordingFileError where a clock runs backwards or streams do not overlap.
     """
     remarks = [*_other_units(plan), *log.remarks]
-    used = {log.stream_of(source).name for source in _sources(plan)}
-    streams = {stream.name: stream for stream in log.streams}
-    asked = [name for name in streams if name in used or name == plan.resampling.clock]
-    again = len(asked) == 1 and plan.resampling == type(plan.resampling)()  # such a log may hold several runs
-    told = {}
-    for name in asked:
-        like = plan.clocks[name].like
-        told[name] = _on_clock(
-            log, streams[like or name], plan.clocks[like or name], remarks if like is None else [], again
-        )
-    begin = min(item.time[0] for item in told.values())
-    told = {name: _Told(item.rows, item.time - begin, item.runs) for name, item in told.items()}
+    told = _on_clocks(log, plan, remarks)
     time = _common(log, plan, told, remarks)
-
-    def placed(name: str, values: Array) -> Array:
-        item = told[name]
-        return values if time is item.time else resampled(item.time, values, time)
-
     columns = {}
     for name, column in plan.columns.items():
         stream = log.stream_of(column.source)
-        values = in_si(stream.columns[column.source][told[stream.name].rows], column)
-        columns[name] = placed(stream.name, values)
+        item = told[stream.name]
+        values = in_si(stream.columns[column.source][item.rows], column)
+        columns[name] = values if time is item.time else resampled(item.time, values, time)
     for name, rotation in plan.rotations.items():
         stream = log.stream_of(rotation.sources[0])
         vectors = _vectors(log, stream, rotation, told[stream.name], time)
@@ -92,17 +80,15 @@ def convert(log: Log, plan: LogMap, mechanism: Mechanism | None = None) -> Conve
     for group in plan.motors:
         _to_joints(columns, group)
     _check_sizes(log, {"time": time, **columns})
-    used_columns = plan.sources
-    unused = tuple(name for name in log.names if name not in used_columns)
     unscaled = [name for name, column in plan.columns.items() if column.unit.needs_scale and column.scale == 1.0]
     if unscaled and plan.tolerances.effort_gain is not None:
         unit = plan.columns[unscaled[0]].unit.name
         remarks.append(
             f"{', '.join(unscaled)}: in {unit}, at a scale that the declared effort_gain leaves to the diagnosis."
         )
-    runs = next(iter(told.values())).runs
-    if runs is not None and "run" not in columns:
-        columns["run"] = runs + 1.0
+    first = next(iter(told.values()))
+    if first.runs is not None and "run" not in columns:
+        columns["run"] = first.runs + 1.0
     moving: tuple[tuple[int, int], ...] = ()
     if plan.at_rest:
         still = at_rest(time, [values for name, values in columns.items() if name.startswith("q.")])
@@ -114,7 +100,23 @@ def convert(log: Log, plan: LogMap, mechanism: Mechanism | None = None) -> Conve
         remarks.append(_moved(still, moving, time[ends]))
         time, columns = time[still], {name: values[still] for name, values in columns.items()}
     recording = _recording(time - time[0], columns, log, plan, mechanism)
+    used = plan.sources
+    unused = tuple(name for name in log.names if name not in used)
     return Conversion(recording, unused, tuple(remarks), moving)
+
+
+def _on_clocks(log: Log, plan: LogMap, remarks: list[str]) -> dict[str, _Told]:
+    """Return the rows of the streams that are used which have a time, all counted from the first of them."""
+    streams = {stream.name: stream for stream in log.streams}
+    used = {log.stream_of(source).name for source in plan.measured}
+    asked = [name for name in streams if name in used or name == plan.resampling.clock]
+    again = len(asked) == 1 and plan.resampling.as_they_are  # such a log may hold several runs
+    told = {}
+    for name in asked:
+        home = plan.clocks[name].like or name
+        told[name] = _on_clock(log, streams[home], plan.clocks[home], remarks if home == name else [], again)
+    begin = min(item.time[0] for item in told.values())
+    return {name: replace(item, time=item.time - begin) for name, item in told.items()}
 
 
 def _other_units(plan: LogMap) -> Iterator[str]:
@@ -203,11 +205,10 @@ def resampled(at: Array, values: Array, time: Array) -> Array:
     at, values = at[known], values[known]
     period, wanted = float(np.median(np.diff(at))), float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if wanted > FASTER * period:
-        area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(at))])
+        area = make_interp_spline(at, values, k=1).antiderivative()
         half = np.clip(np.minimum(time - at[0], at[-1] - time), 1e-6 * wanted, wanted / 2)  # as far to both sides
         low, high = np.clip(time - half, at[0], at[-1]), np.clip(time + half, at[0], at[-1])
-        width = np.maximum(high - low, 1e-12)
-        out = (_area(high, at, values, area) - _area(low, at, values, area)) / width
+        out = (area(high) - area(low)) / np.maximum(high - low, 1e-12)
         out = np.where(half < 1e-3 * wanted, np.interp(time, at, values), out)
     else:
         out = np.interp(time, at, values)
@@ -215,18 +216,6 @@ def resampled(at: Array, values: Array, time: Array) -> Array:
     silent = (at[after] - at[after - 1] > max(GAP * period, 2 * wanted)) & ~np.isin(time, at)
     out[silent | (time < at[0] - 1e-9) | (time > at[-1] + 1e-9)] = np.nan
     return out
-
-
-def _area(x: Array, at: Array, values: Array, area: Array) -> Array:
-    """Return the integral of the broken line up to x."""
-    k = np.clip(np.searchsorted(at, x, side="right") - 1, 0, len(at) - 2)
-    step = x - at[k]
-    slope = (values[k + 1] - values[k]) / (at[k + 1] - at[k])
-    return area[k] + step * (values[k] + 0.5 * slope * step)
-
-
-def _sources(plan: LogMap) -> list[str]:
-    return [*(c.source for c in plan.columns.values()), *(s for r in plan.rotations.values() for s in r.sources)]
 
 
 def _on_clock(log: Log, stream: Stream, clock: Clock, remarks: list[str], again: bool) -> _Told:
@@ -281,7 +270,7 @@ def _on_clock(log: Log, stream: Stream, clock: Clock, remarks: list[str], again:
 
 def _common(log: Log, plan: LogMap, told: Mapping[str, _Told], remarks: list[str]) -> Array:
     """Return the recording's times (N,), and say how streams come to them."""
-    if plan.resampling == type(plan.resampling)():
+    if plan.resampling.as_they_are:
         return next(iter(told.values())).time
     begin, end = max(item.time[0] for item in told.values()), min(item.time[-1] for item in told.values())
     if plan.resampling.clock is not None:
@@ -322,8 +311,6 @@ def _told_at(time: Array, told: Mapping[str, _Told]) -> Array:
 
 def _vectors(log: Log, stream: Stream, rotation: Rotation, told: _Told, time: Array) -> Array:
     """Return rotation vectors (M, 3) [rad] at the recording's times."""
-    from scipy.spatial.transform import Slerp
-
     known, turns = turns_of(log, stream, rotation, told.rows)
     out = np.full((len(time), 3), np.nan)
     at = told.time[known]
@@ -338,8 +325,6 @@ def _vectors(log: Log, stream: Stream, rotation: Rotation, told: _Told, time: Ar
 
 def turns_of(log: Log, stream: Stream, rotation: Rotation, rows: Any = slice(None)) -> tuple[np.ndarray, Any]:
     """Return which of some rows of a stream tell an orientation, and these orientations, as scipy's `Rotation`."""
-    from scipy.spatial.transform import Rotation as Turn
-
     raw = np.column_stack([stream.columns[name][rows] for name in rotation.sources])
     known: np.ndarray = np.isfinite(raw).all(axis=1)
     kind, _, how = rotation.manner.partition("_")
@@ -381,17 +366,13 @@ def _recording(
 ) -> Recording:
     """Return the recording of columns by their names."""
     n = len(time)
-    order = list(mechanism.actuated) if mechanism is not None else []
+    order = {joint: k for k, joint in enumerate(mechanism.actuated if mechanism is not None else ())}
     fields = fields_of(columns, n)
     for group in JOINT_GROUPS.values():
-        fields[group] = dict(sorted(fields[group].items(), key=lambda item: _place(order, item[0])))
+        fields[group] = dict(sorted(fields[group].items(), key=lambda item: order.get(item[0], len(order))))
     if "run" in columns:
         labels = [f"{x:g}" for x in columns["run"].tolist()]
         known = list(dict.fromkeys(labels))
         fields |= {"run": np.array([known.index(x) for x in labels]), "run_names": tuple(known)}
     notes = plan.notes or f"imported from {Path(log.path).name}"
     return Recording(time=time, robot=plan.robot, notes=notes, noise=plan.noise, tolerances=plan.tolerances, **fields)
-
-
-def _place(order: list[str], joint: str) -> int:
-    return order.index(joint) if joint in order else len(order)

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from ..mechanism import Mechanism
 from ..spatial import Array
 from .bodies import Body
-from .log import Log
-from .units import UNITS, dimension_of
+from .log import Log, Stream
+from .map import driven
+from .units import factor_of
+
+#: Column of a stream's time (None: stamps of the format, "": none), its unit, and what is not sure of it.
+TimeColumn = tuple[str | None, str, str]
 
 
 @dataclass
@@ -29,20 +34,30 @@ class Line:
     doubt: str = ""
     rival: str = ""
 
+    def because(self, reason: str) -> None:
+        """Note by what else the line was guessed."""
+        self.reason = "; ".join(filter(None, (self.reason, reason)))
+
 
 @dataclass
-class Seen:
-    """Lines of places, bodies whose orientation is told, by target; and bodies that no frame is called like.
+class Draft:
+    """What has been guessed of a log so far, for a robot, or None where that is not known.
 
-    others: those of them that have no line yet; unnamed: all of them.
-    carried: name of one that moves as a body of the robot does -> how far it may sit from the frame of its lines [m].
-    movers: name of one that does so as seen from another body -> that in words. copies: name -> the same marker again.
+    clocks: by stream. open: driven joint whose position no column is -> the columns left that may be it by their unit.
+    turns: bodies whose orientation is told, by target. unnamed: bodies that no frame is called like; others: those of
+    them that have no line yet. carried: name of one that moves as a body of the robot does -> how far it may sit from
+    the frame of its lines [m]. movers: name of one that does so as seen from another body -> that in words. copies:
+    name -> the same marker again.
     alike: stream without a time -> the stream that it goes with, row by row.
     rests: how often the joints stood, where only these rows should be kept.
     delays: stream -> how far its clock is ahead of the joints' [s], how that is known, and what is not sure of it.
     """
 
-    lines: dict[str, Line] = field(default_factory=dict)
+    log: Log
+    mechanism: Mechanism | None = None
+    clocks: dict[str, TimeColumn] = field(default_factory=dict)
+    lines: list[Line] = field(default_factory=list)
+    open: dict[str, tuple[str, ...]] = field(default_factory=dict)
     turns: dict[str, Body] = field(default_factory=dict)
     others: list[Body] = field(default_factory=list)
     unnamed: list[Body] = field(default_factory=list)
@@ -53,35 +68,61 @@ class Seen:
     rests: int = 0
     alike: dict[str, str] = field(default_factory=dict)
 
+    @property
+    def targets(self) -> dict[str, Line]:
+        """The lines by their targets."""
+        return {line.target: line for line in self.lines}
 
-@dataclass
-class Guessing:
-    """What has been guessed so far.
+    @property
+    def joints(self) -> dict[str, Line]:
+        """The lines of positions, by joint."""
+        return {line.target[2:]: line for line in self.lines if line.target.startswith("q.")}
 
-    open: driven joint whose position no column is -> the columns left that may be it by their unit.
-    """
+    def of(self, prefix: str) -> list[Line]:
+        """Return the lines whose targets begin so."""
+        return [line for line in self.lines if line.target.startswith(prefix)]
 
-    lines: list[Line] = field(default_factory=list)
-    open: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    @property
+    def taken(self) -> set[str]:
+        """The columns of which something is made, or that a body is told by."""
+        bodies = (*self.turns.values(), *self.others)
+        told = {name for body in bodies for name in body.turn}
+        told |= {name for body in self.others for name in body.place.values()}
+        return told | {line.source for line in self.lines} | self.times
 
+    @property
+    def times(self) -> set[str]:
+        """The columns that are times."""
+        return {name for name, _, _ in self.clocks.values() if name}
 
-def configurations(mechanism: Mechanism, joints: Mapping[str, Array], rows: Iterable[int]) -> Iterator[Array]:
-    """Yield the robot's configuration in some rows of its joints' positions (N,) [m, rad]; others stand at home."""
-    q = mechanism.home_configuration()
-    for row in rows:
-        for name, values in joints.items():
-            mechanism.set_joint(q, name, float(values[row]))
-        mechanism.coupling.place(q)
-        yield q
+    @cached_property
+    def slides(self) -> dict[str, bool]:
+        """Whether each joint of the robot slides; empty where the robot is not known."""
+        return {} if self.mechanism is None else {joint.name: joint.slides for joint in self.mechanism.joints}
 
+    @cached_property
+    def driven(self) -> list[str]:
+        """The joints that have motors; none where the robot is not known."""
+        return [] if self.mechanism is None else driven(self.mechanism)
 
-def values_of(log: Log, line: Line) -> Array:
-    """Return the column (N,) that a line takes, as it is."""
-    return log.stream_of(line.source).columns[line.source]
+    def stream_of(self, line: Line) -> Stream:
+        """Return the stream from which a line takes its column."""
+        return self.log.stream_of(line.source)
 
+    def values_of(self, line: Line) -> Array:
+        """Return the column (N,) that a line takes, as it is."""
+        return self.stream_of(line).columns[line.source]
 
-def in_si(log: Log, line: Line) -> Array:
-    """Return the column (N,) that a line takes in SI, by the unit that it has so far."""
-    unit = line.unit or "SI"
-    values = values_of(log, line) * UNITS[dimension_of(unit) or "angle"].get(unit, 1.0)
-    return values + line.offset
+    def in_si(self, line: Line) -> Array:
+        """Return the column (N,) that a line takes in SI, by the unit that it has so far."""
+        return self.values_of(line) * factor_of(line.unit) + line.offset
+
+    def configurations(self, joints: Mapping[str, Array], rows: Iterable[int]) -> Iterator[Array]:
+        """Yield the robot's configuration in some rows of its joints' positions (N,) [m, rad]; others stand at home."""
+        assert self.mechanism is not None
+        q = self.mechanism.home_configuration()
+        for row in rows:
+            for name, values in joints.items():
+                self.mechanism.set_joint(q, name, float(values[row]))
+            self.mechanism.coupling.place(q)
+            yield q

@@ -10,7 +10,7 @@ proof is a doubt, and says so in the map.
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -24,58 +24,13 @@ from ..mechanism import Mechanism
 from ..numbers import some
 from ..recordings.columns import is_known, joint_of, unit_of
 from ..recordings.problems import shown
-from .carriers import carry
-from .clocks import set_beside
-from .columns import Clocks, add_by_unit, add_joints, place_lines, seen_poses, time_column, wrench_lines
-from .draft import Guessing, Line, Seen
+from .columns import add_by_unit, add_joints, add_poses, place_lines, time_column, wrench_lines
+from .draft import Draft, Line
 from .log import Log
-from .map import CHECK, driven
+from .map import CHECK
+from .motion import carry, set_beside
 from .unit_by_numbers import doubt_efforts, settle_units
 from .units import DRIVING, UNSCALED, WISHED, dimension_of, words_of
-
-
-def guess(log: Log, mechanism: Mechanism | None = None, robot: str | None = None) -> Guess:
-    """Return a first map of a log. mechanism and robot: the robot and its name, where they are known."""
-    if len(log.streams) == 1 and "time" in log.names and all(map(is_known, log.names)):
-        lines = [Line(name, name, _si(name, mechanism)) for name in log.names if name not in ("time", "run")]
-        return written(log, {log.streams[0].name: ("time", "s", "")}, Guessing(lines), Seen(), mechanism, robot)
-    clocks = {stream.name: time_column(stream) for stream in log.streams}
-    times = {name for name, _, _ in clocks.values() if name}
-    found = Guessing()
-    for stream in log.streams:
-        add_joints(stream, times, mechanism, found)
-    taken = {line.source for line in found.lines}
-    loads = wrench_lines(log, taken)
-    found.lines += loads
-    seen = seen_poses(log, taken | {line.source for line in loads} | times, mechanism)
-    found.lines += seen.lines.values()
-    if mechanism is not None:
-        places = {name for body in seen.others for name in body.place.values()}
-        turns = {name for body in (*seen.turns.values(), *seen.others) for name in body.turn}
-        add_by_unit(log, {line.source for line in found.lines} | places | turns | times, mechanism, found)
-    unsaid = {line.target for line in found.lines if line.unit is None and line.target.startswith("tau.")}
-    settle_units(log, clocks, found, mechanism)
-    doubt_efforts(log, found, unsaid, mechanism)
-    carry(log, clocks, found, seen, mechanism)
-    set_beside(log, clocks, found, seen, mechanism)
-    return written(log, clocks, found, seen, mechanism, robot)
-
-
-def _si(name: str, mechanism: Mechanism | None) -> str:
-    """Return the unit of a column that is called as in a recording; joints that nobody knows turn."""
-    if name == "temperature":
-        return "degC"
-    units, joint = unit_of(name).split(" or "), joint_of(name)
-    sliding = {item.name for item in mechanism.joints if item.slides} if mechanism is not None else set()
-    return units[0] if joint is not None and joint[1] in sliding else units[-1]
-
-
-# -- the map as YAML, with CHECK on each line that is not sure ---------------------------------------------------------
-
-
-_FOUND_BY_MASSES = "diagnose finds it against the masses; no `scale` then:"
-#: A body whose axes are turned further against its frame's was drawn without regard to the frame [rad].
-_ASKEW = 0.2
 
 
 @dataclass
@@ -86,71 +41,96 @@ class Guess:
     doubts: tuple[str, ...]
 
 
-def written(
-    log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: Mechanism | None, robot: str | None
-) -> Guess:
-    """Return the map as YAML with a word on every line that was guessed."""
-    page = _Page(log, clocks, found, seen, mechanism)
-    unknown = "# robot: NAME or FILE.urdf, which also tells the joints' names" if mechanism is None else ""
-    lines = [
-        f"# Map from {shown(Path(log.path).name)} to a recording, guessed by prup-pin import. "
-        "Lines with CHECK are not sure.",
-        "# SI = sign x scale x (value in unit) + offset; docs/import.md says what may stand here.",
-        *filter(None, [f"robot: {_text(robot)}" if robot is not None else unknown]),
-        *page.times(),
-        *page.columns(),
-        *_of_others(seen, mechanism, page.doubts),
-        *page.rotations(),
-        *page.resampling(),
-        *page.tolerances(),
-        *page.unused(),
-    ]
-    return Guess("\n".join(lines) + "\n", tuple(page.doubts))
+def guess(log: Log, mechanism: Mechanism | None = None, robot: str | None = None) -> Guess:
+    """Return a first map of a log. mechanism and robot: the robot and its name, where they are known."""
+    draft = Draft(log, mechanism)
+    if len(log.streams) == 1 and "time" in log.names and all(map(is_known, log.names)):
+        draft.clocks[log.streams[0].name] = "time", "s", ""
+        names = [name for name in log.names if name not in ("time", "run")]
+        draft.lines = [Line(name, name, _si(name, draft)) for name in names]
+        return _Page(draft).written(robot)
+    draft.clocks |= {stream.name: time_column(stream) for stream in log.streams}
+    for stream in log.streams:
+        add_joints(draft, stream)
+    draft.lines += wrench_lines(log, {line.source for line in draft.lines})
+    add_poses(draft)
+    if mechanism is not None:
+        add_by_unit(draft)
+    unsaid = {line.target for line in draft.of("tau.") if line.unit is None}
+    settle_units(draft)
+    doubt_efforts(draft, unsaid)
+    carry(draft)
+    set_beside(draft)
+    return _Page(draft).written(robot)
+
+
+def _si(name: str, draft: Draft) -> str:
+    """Return the unit of a column that is called as in a recording; joints that nobody knows turn."""
+    if name == "temperature":
+        return "degC"
+    units, joint = unit_of(name).split(" or "), joint_of(name)
+    return units[0] if joint is not None and draft.slides.get(joint[1]) else units[-1]
+
+
+# -- the map as YAML, with CHECK on each line that is not sure ---------------------------------------------------------
+
+
+_FOUND_BY_MASSES = "diagnose finds it against the masses; no `scale` then:"
+#: A body whose axes are turned further against its frame's was drawn without regard to the frame [rad].
+_ASKEW = 0.2
+#: Joints without a column that have a line each; of more, such as a hand's, the names are listed.
+_LISTED = 4
+_AT_HOME = "no column is its position; it is taken to stand at home"
 
 
 @dataclass
 class _Page:
     """The parts of a map, as lines, and the doubts that stand on them, in their order."""
 
-    log: Log
-    clocks: Clocks
-    found: Guessing
-    seen: Seen
-    mechanism: Mechanism | None
+    draft: Draft
     doubts: list[str] = field(default_factory=list)
+
+    def written(self, robot: str | None) -> Guess:
+        """Return the map as YAML with a word on every line that was guessed."""
+        unknown = [] if self.draft.mechanism else ["# robot: NAME or FILE.urdf, which also tells the joints' names"]
+        lines = [
+            f"# Map from {shown(Path(self.draft.log.path).name)} to a recording, guessed by prup-pin import. "
+            "Lines with CHECK are not sure.",
+            "# SI = sign x scale x (value in unit) + offset; docs/import.md says what may stand here.",
+            *([f"robot: {_text(robot)}"] if robot is not None else unknown),
+            *self.times(),
+            *self.columns(),
+            *self.without_position(),
+            *self.bodies(),
+            *self.rotations(),
+            *self.resampling(),
+            *self.tolerances(),
+            *self.unused(),
+        ]
+        return Guess("\n".join(lines) + "\n", tuple(self.doubts))
 
     def told(self, text: str, doubt: str, what: str, reason: str = "") -> str:
         """Return a line with what is not sure of it, which is noted, or else with what it was guessed by."""
         if doubt:
-            self.doubts.append(f"{what}: {doubt}")
+            self.doubts.append(f"{what}: {doubt}" if what else doubt)
             return f"{text}  {CHECK}{doubt}"
         return f"{text}  # {reason}" if reason else text
 
     @cached_property
-    def chosen(self) -> list[Line]:
-        """The lines of columns in the order in which they are written."""
-        order = {prefix: k for k, prefix in enumerate(("q", "qd", "qdd", "tau", "w", "p"))}
-        return sorted(self.found.lines, key=lambda line: order.get(line.target.partition(".")[0], 9))
-
-    def of(self, kind: str) -> list[Line]:
-        """Return the lines of columns whose names begin so."""
-        return [line for line in self.chosen if line.target.startswith(kind)]
-
-    @cached_property
     def streams(self) -> set[str]:
         """The streams of which columns are used."""
-        used = {self.log.stream_of(line.source).name for line in self.found.lines}
-        return used | {body.stream.name for body in self.seen.turns.values()}
+        used = {self.draft.stream_of(line).name for line in self.draft.lines}
+        return used | {body.stream.name for body in self.draft.turns.values()}
 
     def times(self) -> Iterator[str]:
         yield from ("", "time:")
-        alone = len(self.log.streams) == 1
-        for stream in self.log.streams:
-            name, unit, doubt = self.clocks[stream.name]
+        alone = len(self.draft.log.streams) == 1
+        for stream in self.draft.log.streams:
+            name, unit, doubt = self.draft.clocks[stream.name]
             inside = [] if name is None else [f"from: {_text(name)}", f"unit: {unit}"] if name else ["rate: 1"]
-            if stream.name in self.seen.alike:
-                inside, doubt = [f"like: {_text(self.seen.alike[stream.name])}"], ""
-            delay, known, unsure = self.seen.delays.get(stream.name, (0.0, "", ""))
+            if stream.name in self.draft.alike:
+                inside, doubt = [f"like: {_text(self.draft.alike[stream.name])}"], ""
+            delay, known, unsure = self.draft.delays.get(stream.name, (0.0, "", ""))
             entry = ", ".join([*inside, *[f"delay: {delay:.9g}"] * (delay != 0)])
             if stream.name in self.streams or alone:
                 what = "time" if alone else f"time of {stream.name}"
@@ -158,22 +138,70 @@ class _Page:
 
     def columns(self) -> Iterator[str]:
         yield from ("", "columns:")
-        for line in self.chosen:
+        order = {prefix: k for k, prefix in enumerate(("q", "qd", "qdd", "tau", "w", "p"))}
+        self.draft.lines.sort(key=lambda line: order.get(line.target.partition(".")[0], 9))
+        for line in self.draft.lines:
             parts = [f"from: {_text(line.source)}", f"unit: {_text(line.unit or 'SI')}"]
             parts += [f"sign: {line.sign}"] * (line.sign != 1) + ["unwrap: true"] * line.unwrap
             parts += [f"offset: {line.offset:.12g}"] * (line.offset != 0)
             doubt = "; ".join(filter(None, (line.doubt, line.rival)))
             yield self.told(f"  {_text(line.target)}: {{{', '.join(parts)}}}", doubt, line.target, line.reason)
-        if self.of("q."):
-            yield from _without(self.found, self.mechanism, self.told)
-        else:
+
+    def without_position(self) -> Iterator[str]:
+        """Yield comments for driven joints whose position no column is.
+
+        Where such a joint stood decides where the tool is, but for one that carries no tool, such as a finger.
+        """
+        draft = self.draft
+        if not draft.joints:
             none = "no column was found that is the position of a joint; write lines q.<joint>"
             yield self.told("  # q.<joint>: {from: NAME, unit: rad}", none, "columns")
+            return
+        lines = {j: f"  # q.{j}: {{from: NAME, unit: {'m' if draft.slides.get(j) else 'rad'}}}" for j in draft.open}
+        nothing = [j for j in lines if not draft.open[j] and not any(x.target.endswith(f".{j}") for x in draft.lines)]
+        for joint in (joint for joint in lines if joint not in nothing):
+            columns = draft.open[joint]
+            is_it = f". Is it {' or '.join(columns[:6])}?" if columns else ""
+            yield self.told(lines[joint], f"{_AT_HOME}{is_it}", f"q.{joint}")
+        beside = [] if draft.mechanism is None or draft.mechanism.tool is None else [
+            joint for joint in nothing if draft.mechanism.joint_id(joint) in draft.mechanism.load_paths.idle
+        ]  # fmt: skip
+        many = [joint for joint in nothing if joint not in beside]
+        several = "joints are without a column, and taken to stand at home:"
+        if len(many) > _LISTED:
+            doubt = f"{len(many)} {several} {', '.join(many)}"
+            yield self.told("  # q.JOINT: {from: NAME, unit: rad}", doubt, "q.JOINT")
+        else:
+            yield from [self.told(lines[joint], _AT_HOME, f"q.{joint}") for joint in many]
+        if len(beside) > _LISTED:
+            yield f"  # {len(beside)} {several}"
+            yield from textwrap.wrap(", ".join(beside), 110, initial_indent="  #   ", subsequent_indent="  #   ")
+        else:
+            yield from [f"{lines[joint]}  # {_AT_HOME}" for joint in beside]
+
+    def bodies(self) -> Iterator[str]:
+        """Yield a comment for each body that no frame is called like, to be completed."""
+        draft = self.draft
+        for again, first in draft.copies.items():
+            yield f"  # marker {again} is marker {first} again, number by number"
+        for called, moves in draft.movers.items():
+            yield self.told("", f"marker {called or 'without a name'} {moves}", "")
+        if not draft.others:
+            return
+        yield "  # Seen as well; in the place of FRAME the frame of the robot that carries it:"
+        for body in draft.others:
+            for line in place_lines("p.FRAME", body, True):
+                yield f"  # {line.target}: {{from: {_text(line.source)}, unit: {line.unit}}}"
+        if not (draft.of("p") or draft.turns or draft.carried or draft.movers):
+            called = ", ".join(body.called or "a body without a name" for body in draft.others[:6])
+            there = f": {', '.join(list(draft.mechanism.frame_names)[-8:])} …" if draft.mechanism is not None else ""
+            none = f"seen were {called}, and no frame of the robot is called like one; write lines p.FRAME.x{there}"
+            yield self.told("", none, "")
 
     def rotations(self) -> Iterator[str]:
-        if self.seen.turns:
+        if self.draft.turns:
             yield from ("", "rotations:")
-        for target, body in self.seen.turns.items():
+        for target, body in self.draft.turns.items():
             unit = f", unit: {_text(body.unit)}" if body.unit else ""
             text = f"{target}: {{from: [{', '.join(map(_text, body.turn))}], as: {body.manner}{unit}}}"
             if body.askew is not None and body.askew > _ASKEW:
@@ -185,20 +213,20 @@ class _Page:
     def resampling(self) -> Iterator[str]:
         """Yield the clock that streams are put on, and whether rests alone are kept."""
         if len(self.streams) > 1:
-            first = next(iter(self.of("tau.") or self.of("p") or self.of("q.")), None)
-            home = self.log.stream_of(first.source).name if first is not None else min(self.streams)
+            first = next(iter(self.draft.of("tau.") or self.draft.of("p") or self.draft.of("q.")), None)
+            home = self.draft.stream_of(first).name if first is not None else min(self.streams)
             yield from ("", f"resample: {{clock: {_text(home)}}}  # or {{rate: 250}}, in samples a second")
-        if self.seen.rests:
+        if self.draft.rests:
             why = "while joints move, a delay between clocks would look like an error of position"
-            yield from ("", f"at_rest: true  # {self.seen.rests} rests: {why}")
+            yield from ("", f"at_rest: true  # {self.draft.rests} rests: {why}")
 
     def tolerances(self) -> Iterator[str]:
         """Yield what may be off of which the log tells nothing: scales of efforts, where a camera stands."""
-        if any(line.unit in UNSCALED for line in self.of("tau.")):
+        if any(line.unit in UNSCALED for line in self.draft.of("tau.")):
             yield from ("", f"# Where nobody knows the scale of the efforts, {_FOUND_BY_MASSES}")
             yield "# tolerances: {effort_gain: 1, mass: 0.1, inertia: 0.1}"
-        reach = max(self.seen.carried.values(), default=0.0)
-        if any(self.log.stream_of(line.source).name in self.seen.delays for line in self.of("p.")):
+        reach = max(self.draft.carried.values(), default=0.0)
+        if any(self.draft.stream_of(line).name in self.draft.delays for line in self.draft.of("p.")):
             reach = max(reach, 0.05)
         if reach:
             yield ""
@@ -207,104 +235,35 @@ class _Page:
 
     def unused(self) -> Iterator[str]:
         """Yield the columns of which nothing is made, with doubts where something might be."""
-        sources = {line.source for line in self.chosen}
-        sources |= {name for body in self.seen.turns.values() for name in body.turn}
-        sources |= {name for name, _, _ in self.clocks.values() if name}
-        unused = [name for name in self.log.names if name not in sources]
-        for unit, names in _left(self.log, unused, self.found, self.mechanism).items():
+        log, targets = self.draft.log, self.draft.targets
+        sources = {line.source for line in targets.values()} | self.draft.times
+        sources |= {name for body in self.draft.turns.values() for name in body.turn}
+        unused = {name: log.stream_of(name).unit_of(name) or "" for name in log.names if name not in sources}
+        for unit, names in self._left(unused).items():
             which = ", ".join(some(names, 6))
             doubt = f"in {unit}, and nothing is made of it: {which}. tau.<joint>, or w.fx … w.mz at the tool? Else none"
             yield self.told("", doubt, unit).strip()
-        if unused or self.log.left_out:
-            yield from ("", "# Not used:", *(f"#   {name}" for name in (*unused, *self.log.left_out)))
-        units = {name: self.log.stream_of(name).unit_of(name) or "" for name in unused}
-        angles = [name for name, unit in units.items() if dimension_of(unit) == "angle"]
-        if len(angles) == 3 and not self.seen.turns and any(line.target == "p.x" for line in self.chosen):
-            turn = f"r: {{from: [{', '.join(map(_text, angles))}], as: euler_ZYX, unit: {units[angles[0]]}}}"
+        if unused or log.left_out:
+            yield from ("", "# Not used:", *(f"#   {name}" for name in (*unused, *log.left_out)))
+        angles = [name for name, unit in unused.items() if dimension_of(unit) == "angle"]
+        if len(angles) == 3 and not self.draft.turns and "p.x" in targets:
+            turn = f"r: {{from: [{', '.join(map(_text, angles))}], as: euler_ZYX, unit: {unused[angles[0]]}}}"
             yield "# Where these angles turn the tool, in the order in which your log turns it:"
             yield f"# rotations: {{{turn}}}  # or euler_XYZ, euler_xyz, rotation_vector"
 
+    def _left(self, unused: dict[str, str]) -> dict[str, list[str]]:
+        """Return columns of forces, moments and currents that nothing is made of, by their unit.
 
-#: Joints without a column that have a line each; of more, such as a hand's, the names are listed.
-_LISTED = 4
-_AT_HOME = "no column is its position; it is taken to stand at home"
-
-
-def _without(found: Guessing, mechanism: Mechanism | None, told: Callable[[str, str, str], str]) -> list[str]:
-    """Return lines of comment for driven joints whose position no column is; `told` notes what is not sure of one.
-
-    Where such a joint stood decides where the tool is, but for one that carries no tool, such as a finger.
-    """
-    lines, many, beside = [], [], []
-    for joint, columns in found.open.items():
-        slides = mechanism is not None and any(item.slides for item in mechanism.joints if item.name == joint)
-        text = f"  # q.{joint}: {{from: NAME, unit: {'m' if slides else 'rad'}}}"
-        own = any(line.target.endswith(f".{joint}") for line in found.lines)
-        if columns or own:
-            lines.append(told(text, f"{_AT_HOME}{_is_it(columns)}", f"q.{joint}"))
-        elif _carries_the_tool(joint, mechanism):
-            many.append((joint, text))
-        else:
-            beside.append((joint, text))
-    if len(many) > _LISTED:
-        doubt = f"{len(many)} joints are without a column, and taken to stand at home: {', '.join(j for j, _ in many)}"
-        lines.append(told("  # q.JOINT: {from: NAME, unit: rad}", doubt, "q.JOINT"))
-    else:
-        lines += [told(text, _AT_HOME, f"q.{joint}") for joint, text in many]
-    if len(beside) > _LISTED:
-        names = textwrap.wrap(", ".join(j for j, _ in beside), 110, initial_indent="  #   ", subsequent_indent="  #   ")
-        lines += [f"  # {len(beside)} joints are without a column, and taken to stand at home:", *names]
-    else:
-        lines += [f"{text}  # {_AT_HOME}" for _, text in beside]
-    return lines
-
-
-def _is_it(columns: Sequence[str]) -> str:
-    return f". Is it {' or '.join(columns[:6])}?" if columns else ""
-
-
-def _carries_the_tool(joint: str, mechanism: Mechanism | None) -> bool:
-    """Return whether a joint may be on the way from the base to the tool."""
-    if mechanism is None or mechanism.tool is None:
-        return True
-    return mechanism.joint_id(joint) not in mechanism.load_paths.idle
-
-
-def _left(log: Log, unused: Sequence[str], found: Guessing, mechanism: Mechanism | None) -> dict[str, list[str]]:
-    """Return columns of forces, moments and currents that nothing is made of, by their unit.
-
-    Currents are asked for where a drive is without an effort. What a controller wishes was not measured.
-    """
-    efforts = {line.target for line in found.lines}
-    lacking = mechanism is None or any(f"tau.{joint}" not in efforts for joint in driven(mechanism))
-    left: dict[str, list[str]] = {}
-    for name in unused:
-        unit = log.stream_of(name).unit_of(name) or ""
-        loads = dimension_of(unit) in ("force", "moment") or (lacking and unit in DRIVING)
-        if loads and not {*words_of(name)} & {*WISHED}:
-            left.setdefault(unit, []).append(name)
-    return left
-
-
-def _of_others(seen: Seen, mechanism: Mechanism | None, doubts: list[str]) -> list[str]:
-    """Return a line of comment for each body that no frame is called like, to be completed."""
-    lines = [f"  # marker {again} is marker {first} again, number by number" for again, first in seen.copies.items()]
-    for called, moves in seen.movers.items():
-        moving = f"marker {called or 'without a name'} {moves}"
-        lines.append(f"  {CHECK}{moving}")
-        doubts.append(moving)
-    if not seen.others:
-        return lines
-    lines.append("  # Seen as well; in the place of FRAME the frame of the robot that carries it:")
-    for body in seen.others:
-        for line in place_lines("p.FRAME", body, True):
-            lines.append(f"  # {line.target}: {{from: {_text(line.source)}, unit: {line.unit}}}")
-    if not (seen.lines or seen.turns or seen.carried or seen.movers):
-        called = ", ".join(body.called or "a body without a name" for body in seen.others[:6])
-        there = f": {', '.join(list(mechanism.frame_names)[-8:])} …" if mechanism is not None else ""
-        doubts.append(f"seen were {called}, and no frame of the robot is called like one; write lines p.FRAME.x{there}")
-        lines.append(f"  {CHECK}{doubts[-1]}")
-    return lines
+        Currents are asked for where a drive is without an effort. What a controller wishes was not measured.
+        """
+        efforts = {line.target[4:] for line in self.draft.of("tau.")}
+        lacking = self.draft.mechanism is None or not efforts.issuperset(self.draft.driven)
+        left: dict[str, list[str]] = {}
+        for name, unit in unused.items():
+            loads = dimension_of(unit) in ("force", "moment") or (lacking and unit in DRIVING)
+            if loads and not {*words_of(name)} & {*WISHED}:
+                left.setdefault(unit, []).append(name)
+        return left
 
 
 def _text(text: str) -> str:

@@ -1,4 +1,4 @@
-"""The top of a table of text that is more than one line of names: camera systems', trackers' and pandas' exports.
+"""Cells of a table of text, and its top where that is more than one line of names: of cameras, trackers, pandas.
 
 Found is the first row of numbers; the lines right above it that are as wide are the parts of the names, and what stands
 above those describes the whole table: its rate, its units, its markers.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from .units import spelled
@@ -26,7 +26,12 @@ _IDLE = ("type", "id", "parent")
 SECTIONS = ("Devices", "Joints", "Model Outputs", "Segments", "Trajectories", "Objects", "Global", "Local")
 PLACES = ("Trajectories", "Objects")
 
-Number = Callable[[str, str], float | None]
+#: In the order in which they are tried; a comma may be a decimal comma, so it comes last.
+SEPARATORS = (";", "\t", "|", ",")
+_MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "-inf", "+inf", "#n/a", "#nv", "#value!",
+            "#wert!", "#div/0!", "#num!", "#zahl!", "#ref!", "#bezug!", "<na>", "nat", ".", "?", "missing", "-nan",
+            "-nan(ind)", "1.#qnan", "-1.#ind")  # fmt: skip
+_FORMULA = {"true": 1.0, "false": 0.0}
 
 
 @dataclass(frozen=True)
@@ -34,7 +39,10 @@ class Heading:
     """Where the rows of a table begin (counted from 0), how its columns are called, and what is said of all of them.
 
     rate: rows, or frames, in a second, where that is told. lost: a column of three zeros is a marker that was not seen.
-    ends: a blank line ends the table. labels: what is said of all columns, such as how orientations are written.
+    ends: a blank line ends the table. labels: what is said of all columns, such as how orientations are written, and
+    the word of columns of one word alone.
+    What the rows show: encoding; stamps, columns of dates and times of day; vectors, columns of lists in brackets ->
+    how long they are; texts, names of columns of text.
     """
 
     separator: str
@@ -46,6 +54,10 @@ class Heading:
     lost: bool = False
     ends: bool = False
     labels: Mapping[str, str] = field(default_factory=dict)
+    encoding: str = ""
+    stamps: Sequence[int] = ()
+    vectors: Mapping[int, int] = field(default_factory=dict)
+    texts: Sequence[str] = ()
 
 
 def cells_of(line: str, separator: str) -> list[str]:
@@ -59,17 +71,27 @@ def cells_of(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-def heading_of(lines: Sequence[str], separators: Sequence[str], number: Number) -> Heading | None:
-    """Return the heading of a table by its first lines, None where no row of numbers is found.
+def number_in(cell: str, decimal: str) -> float | None:
+    """Return a cell's number, nan where it is missing, None where it is text."""
+    plain = cell.strip().strip('"')
+    if plain.lower() in _MISSING:
+        return math.nan
+    if plain.lower() in _FORMULA:
+        return _FORMULA[plain.lower()]
+    try:
+        return float(plain.replace(",", ".") if decimal == "," else plain)
+    except ValueError:
+        return None
 
-    number: gives a cell's number by the decimal mark, nan where it is missing, None where it is text.
-    """
+
+def heading_of(lines: Sequence[str]) -> Heading | None:
+    """Return the heading of a table by its first lines, None where no row of numbers is found."""
     start = _section(lines)
-    for separator in (*separators, " "):
+    for separator in (*SEPARATORS, " "):
         rows = [cells_of(line, separator) for line in lines[start : start + _DEEPEST]]
         points = [",", "."] if separator != "," and _decimal_commas(rows) else ["."]
         for decimal in points:
-            body = _first_row(rows, decimal, number)
+            body = _first_row(rows, decimal)
             if body is not None:
                 return _understood(rows, body, start, separator, decimal)
     return None
@@ -88,9 +110,9 @@ def _decimal_commas(rows: Sequence[Sequence[str]]) -> bool:
     return any(re.fullmatch(r"-?\d+,\d+(e[-+]?\d+)?", cell, re.I) for row in rows for cell in row)
 
 
-def _first_row(rows: Sequence[Sequence[str]], decimal: str, number: Number) -> int | None:
+def _first_row(rows: Sequence[Sequence[str]], decimal: str) -> int | None:
     """Return the first of several rows alike that hold numbers rather than text."""
-    counts = [_counted(row, decimal, number) for row in rows]
+    counts = [_counted(row, decimal) for row in rows]
     for k, (numbers, texts) in enumerate(counts):
         below = [n for n in range(k, len(rows)) if any(rows[n])][:_ALIKE]
         if numbers >= 2 and all(
@@ -101,9 +123,9 @@ def _first_row(rows: Sequence[Sequence[str]], decimal: str, number: Number) -> i
     return None
 
 
-def _counted(row: Sequence[str], decimal: str, number: Number) -> tuple[int, int]:
+def _counted(row: Sequence[str], decimal: str) -> tuple[int, int]:
     """Return how many cells of a row are numbers, and how many text."""
-    values = [number(cell, decimal) for cell in row]
+    values = [number_in(cell, decimal) for cell in row]
     return sum(v is not None and v == v for v in values), sum(v is None for v in values)
 
 

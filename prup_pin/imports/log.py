@@ -57,6 +57,12 @@ class Stream:
         """Return the unit of a column as UNITS spells it, None where neither the file nor its heading says one."""
         return (spelled(self.units[column]) if column in self.units else None) or unit_in_name(column)
 
+    def renamed(self, name: str, names: Mapping[str, str]) -> Stream:
+        """Return the stream and its columns by other names."""
+        columns = {names.get(key, key): values for key, values in self.columns.items()}
+        units, labels = ({names.get(key, key): x for key, x in of.items()} for of in (self.units, self.labels))
+        return replace(self, name=name, columns=MappingProxyType(columns), units=units, labels=labels)
+
     def __len__(self) -> int:
         if self.clock is not None:
             return len(self.clock)
@@ -229,12 +235,8 @@ def _printable(log: Log) -> Log:
         return replace(log, left_out=left_out)
     names = dict(zip(log.names, unique_names([told(name) for name in log.names]), strict=True))
     called = unique_names([told(stream.name) for stream in log.streams])
-    streams = []
-    for stream, name in zip(log.streams, called, strict=True):
-        columns = MappingProxyType({names[column]: values for column, values in stream.columns.items()})
-        units, labels = ({names.get(key, key): x for key, x in of.items()} for of in (stream.units, stream.labels))
-        streams.append(replace(stream, name=name, columns=columns, units=units, labels=labels))
-    return replace(log, streams=tuple(streams), left_out=left_out)
+    streams = tuple(stream.renamed(name, names) for stream, name in zip(log.streams, called, strict=True))
+    return replace(log, streams=streams, left_out=left_out)
 
 
 def read_logs(paths: Sequence[str | Path]) -> Log:
@@ -259,17 +261,9 @@ def read_logs(paths: Sequence[str | Path]) -> Log:
     streams = []
     for stem, log in zip(stems, logs, strict=True):
         called = stem if stems.count(stem) == 1 else Path(log.path).name
-        for stream in log.streams:
-            names = {name: f"{name} ({called})" if name in shared else name for name in stream.columns}
-            streams.append(
-                Stream(
-                    called if len(log.streams) == 1 else f"{called}: {stream.name}",
-                    MappingProxyType({names[name]: values for name, values in stream.columns.items()}),
-                    stream.clock,
-                    {names.get(name, name): unit for name, unit in stream.units.items()},
-                    stream.labels,
-                )
-            )
+        names = {name: f"{name} ({called})" for name in shared}
+        alone = len(log.streams) == 1
+        streams += [stream.renamed(called if alone else f"{called}: {stream.name}", names) for stream in log.streams]
     left_out = tuple(name for log in logs for name in log.left_out)
     return Log(logs[0].path, tuple(streams), left_out, tuple(text for log in logs for text in log.remarks))
 

@@ -6,7 +6,7 @@ A file is checked against its log and its robot: all that is wrong with it is to
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import yaml
 
-from ..errors import Problem, nearest_names
+from ..errors import Problem, RecordingFileError, nearest_names
 from ..files import named_beside
 from ..mechanism import Mechanism
 from ..recordings import Noise, Tolerances
 from ..recordings.beside import noise_of, tolerances_of
 from ..recordings.columns import NOISE_KEYS, joint_of, marker_of
 from ..recordings.columns import UNITS as COLUMNS
-from ..recordings.problems import KeyProblem, KeyReader, Problems, is_number, json_kind, read_bytes, shown
-from .log import Log
+from ..recordings.problems import KeyProblem, Problems, ValueReader, json_kind, read_bytes, shown
+from .log import Log, Stream
 from .units import Unit, unit_for, units_in_words
 
 #: How the orientation of a body may be logged, and how many columns that takes. Matrices turn the body's axes into the
@@ -88,6 +88,11 @@ class Resampling:
     rate: float | None = None
     clock: str | None = None
 
+    @property
+    def as_they_are(self) -> bool:
+        """Whether rows stay as they are."""
+        return self.rate is None and self.clock is None
+
 
 @dataclass(frozen=True, eq=False)
 class LogMap:
@@ -108,11 +113,15 @@ class LogMap:
     noise: Noise = field(default_factory=Noise)
 
     @property
+    def measured(self) -> frozenset[str]:
+        """The log's columns of what was measured."""
+        turns = (name for rotation in self.rotations.values() for name in rotation.sources)
+        return frozenset((*(column.source for column in self.columns.values()), *turns))
+
+    @property
     def sources(self) -> frozenset[str]:
-        """The log's columns that are used."""
-        used = {column.source for column in self.columns.values()}
-        used |= {clock.source for clock in self.clocks.values() if clock.source is not None}
-        return frozenset(used | {name for rotation in self.rotations.values() for name in rotation.sources})
+        """The log's columns that are used, times among them."""
+        return self.measured | {clock.source for clock in self.clocks.values() if clock.source is not None}
 
 
 # -- the robot ---------------------------------------------------------------------------------------------------------
@@ -127,10 +136,15 @@ def driven(robot: Mechanism) -> list[str]:
 # -- YAML --------------------------------------------------------------------------------------------------------------
 
 
+#: What a map may hold.
+KEYS = ("robot", "time", "columns", "rotations", "motors", "resample", "at_rest", "noise", "tolerances", "notes")
+#: What stands before the doubt of a line that was guessed.
+CHECK = "# CHECK: "
 #: A map of a thousand columns has a tenth of these characters.
 _LONGEST = 1_000_000
 #: Values within values.
 _DEEPEST = 20
+_TOO_DEEP = "nests its values too deep"
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc] # the fast one, where there is one
@@ -141,56 +155,50 @@ _EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
 _Loader.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, list("-+.0123456789"))
 
 
-def load_yaml(path: Path, problems: Problems, keys: Sequence[str]) -> tuple[dict[str, Any], dict[tuple, int]]:
-    """Return the content of a map's YAML file, an object of `keys`, and the line of each key."""
+def load_yaml(path: Path, problems: Problems) -> tuple[dict[str, Any], dict[str, int]]:
+    """Return the content of a map's YAML file, an object, and the line of each key. Raises RecordingFileError."""
     text = read_bytes(path, "a map (YAML)", (".yaml", ".yml")).decode("utf-8-sig", "replace")
+
+    def refused(message: str, mark: Any = None) -> RecordingFileError:
+        return problems.error(KeyProblem(message, mark.line + 1 if mark is not None else None, path.name))
+
     if len(text) > _LONGEST:
-        problems.add(KeyProblem(f"holds {len(text)} characters; no map has more than {_LONGEST}", None, path.name))
-        return {}, {}
+        raise refused(f"holds {len(text)} characters; no map has more than {_LONGEST}")
     content: Any = None
     try:
         depth = 0
         for event in yaml.parse(text, _Loader):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            wrong = "nests its values too deep" if depth > _DEEPEST else ""
             if isinstance(event, yaml.AliasEvent):  # a few are a value of any size, or one that holds itself
-                wrong = f"*{shown(event.anchor)} is not read; write the value out"
-            if wrong:
-                mark = event.start_mark
-                problems.add(KeyProblem(wrong, mark.line + 1 if mark is not None else None, path.name))
-                return {}, {}
+                raise refused(f"*{shown(event.anchor)} is not read; write the value out", event.start_mark)
+            if depth > _DEEPEST:
+                raise refused(_TOO_DEEP, event.start_mark)
         loader = _Loader(text)
         node = loader.get_single_node()
         content = loader.construct_document(node) if node is not None else None
     except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
         what = getattr(error, "problem", None) or str(error)
-        line = mark.line + 1 if mark is not None else None
         # A newer libyaml counts how deep brackets stand before it tells the first of them.
-        wrong = "nests its values too deep" if "maximum nesting" in what else f"is not valid YAML: {shown(what)}"
-        problems.add(KeyProblem(wrong, line, path.name))
-        return {}, {}
+        wrong = _TOO_DEEP if "maximum nesting" in what else f"is not valid YAML: {shown(what)}"
+        raise refused(wrong, getattr(error, "problem_mark", None)) from None
     except (ValueError, TypeError, AttributeError, LookupError) as error:  # a date that is none, a number of digits
-        problems.add(KeyProblem(f"holds a value that cannot be read: {shown(error)}", None, path.name))
-        return {}, {}
+        raise refused(f"holds a value that cannot be read: {shown(error)}") from None
     if not isinstance(content, dict):
-        problems.add(KeyProblem(f"holds {json_kind(content)}; expected keys: {', '.join(keys)}", 1, path.name))
-        return {}, {}
-    lines: dict[tuple, int] = {}
+        message = f"holds {json_kind(content)}; expected keys: {', '.join(KEYS)}"
+        raise problems.error(KeyProblem(message, 1, path.name))
+    lines: dict[str, int] = {}
 
-    def walk(item: Any, place: tuple) -> None:
-        if isinstance(item, yaml.MappingNode):
-            for key, value in item.value:
-                inner = (*place, key.value)
-                lines[inner] = key.start_mark.line + 1
-                walk(value, inner)
-        elif isinstance(item, yaml.SequenceNode):
-            for k, value in enumerate(item.value):
-                inner = (*place, f"[{k}]")
-                lines[inner] = value.start_mark.line + 1
-                walk(value, inner)
+    def walk(item: Any, place: str) -> None:
+        pairs = item.value if isinstance(item, yaml.MappingNode) else ()
+        named = [(key.value, key.start_mark, value) for key, value in pairs]
+        if isinstance(item, yaml.SequenceNode):
+            named = [(f"[{k}]", value.start_mark, value) for k, value in enumerate(item.value)]
+        for name, mark, value in named:
+            inner = _Reader.joined(place, name)
+            lines[inner] = mark.line + 1
+            walk(value, inner)
 
-    walk(node, ())
+    walk(node, "")
     return content, lines
 
 
@@ -204,8 +212,7 @@ JOINT_DIMENSIONS = {
     "qdd": ("angular acceleration", "acceleration"),
     "tau": ("moment", "force"),
 }
-#: What a map may hold.
-KEYS = ("robot", "time", "columns", "rotations", "motors", "resample", "at_rest", "noise", "tolerances", "notes")
+_SECONDS = Unit("s", 1.0)
 
 
 def robot_named(path: str | Path) -> str | None:
@@ -214,15 +221,8 @@ def robot_named(path: str | Path) -> str | None:
     Raises RecordingFileError for what is no map.
     """
     path = Path(path)
-    problems = Problems(path)
-    content, _ = load_yaml(path, problems, KEYS)
-    problems.raise_all()
-    named = content.get("robot")
+    named = load_yaml(path, Problems(path))[0].get("robot")
     return named_beside(named, path) if isinstance(named, str) else None
-
-
-#: What stands before the doubt of a line that was guessed.
-CHECK = "# CHECK: "
 
 
 def unanswered(path: str | Path) -> list[Problem]:
@@ -232,9 +232,7 @@ def unanswered(path: str | Path) -> list[Problem]:
     no map.
     """
     path = Path(path)
-    problems = Problems(path)
-    load_yaml(path, problems, KEYS)
-    problems.raise_all()
+    load_yaml(path, Problems(path))
     text = path.read_text(encoding="utf-8-sig", errors="replace")
     ends: dict[int, int] = {}  # of each line's last value: what follows it is a comment
     for token in yaml.scan(text, _Loader):
@@ -255,252 +253,204 @@ def read_map(path: str | Path, log: Log, mechanism: Mechanism | None = None) -> 
     """
     path = Path(path)
     problems = Problems(path)
-    content, lines = load_yaml(path, problems, KEYS)
-    problems.raise_all()
-    reader = _Reader(problems, lines, log, mechanism)
-    found = reader.whole(content)
+    content, lines = load_yaml(path, problems)
+    found = _Reader(problems, lines, log, mechanism).map(content)
     problems.raise_all()
     return found
 
 
-class _Reader:
+class _Reader(ValueReader):
     """Reads a map; what is wrong is collected, each with its line."""
 
-    def __init__(self, problems: Problems, lines: Mapping[tuple, int], log: Log, mechanism: Mechanism | None):
-        self.problems, self.lines = problems, lines
+    between = ": "
+
+    def __init__(self, problems: Problems, lines: Mapping[str, int], log: Log, mechanism: Mechanism | None):
+        super().__init__(problems, lines=lines)
         self.log, self.mechanism = log, mechanism
-        self.gains_open = False
+        self.slides = {} if mechanism is None else {joint.name: joint.slides for joint in mechanism.joints}
 
-    def wrong(self, message: str, *place: str) -> None:
-        """Note what is wrong with a key, or with its value."""
-        self.problems.add(KeyProblem(message, self.lines.get(place), key=": ".join(map(str, place))))
+    def known(self, value: Any, key: str, *allowed: str) -> dict[str, Any]:
+        """Return an object whose keys are allowed; {} of none at all, and after reporting."""
+        return {} if value is None else self.entries(value, key, allowed)
 
-    def known(self, given: Any, keys: Sequence[str], *place: str) -> dict[str, Any]:
-        """Return an object whose keys are known ones; what is none is a problem and gives {}."""
-        if given is None:
-            return {}
-        if not isinstance(given, dict):
-            self.wrong(f"is {json_kind(given)}; expected keys: {', '.join(keys)}", *place)
-            return {}
-        for key in given:
-            if key not in keys:
-                self.wrong(f"is no key here. {nearest_names(str(key), list(keys))}", *place, str(key))
-        return given
-
-    def number(self, given: Mapping[str, Any], key: str, fallback: float, *place: str) -> float:
-        """Return a number, the fallback where there is none; a value that is no number is a problem."""
-        value = given.get(key, fallback)
-        if not is_number(value):
-            self.wrong(f"is {json_kind(value)}; expected a number", *place, key)
-            return fallback
-        return float(value)
-
-    def source(self, name: Any, *place: str) -> str | None:
-        """Return a name of one of the log's columns."""
+    def source(self, name: Any, key: str) -> str:
+        """Return the name of one of the log's columns, '' after reporting."""
         if name in self.log.names:
             return str(name)
         if name is None:
-            self.wrong("lacks `from`, the name of a column of the log", *place)
+            self.wrong(key, "lacks `from`, the name of a column of the log")
         else:
-            self.wrong(f"the log has no column '{shown(name)}'. {nearest_names(str(name), self.log.names)}", *place)
-        return None
+            near = nearest_names(str(name), self.log.names)
+            self.wrong(key, f"the log has no column '{shown(name)}'. {near}")
+        return ""
 
-    def unit(self, text: Any, dimensions: tuple[str, ...], *place: str) -> Unit:
+    def unit(self, text: Any, dimensions: tuple[str, ...], key: str) -> Unit:
         unit = unit_for(str(text), dimensions)
         if unit is None:
-            given = f"'{shown(text)}' is no unit of it" if text is not None else "is missing"
-            self.wrong(f"{given}; expected {units_in_words(dimensions)}", *place, "unit")
-            return Unit("?", 1.0)
-        return unit
+            given = "is missing" if text is None else f"'{shown(text)}' is no unit of it"
+            self.wrong(f"{key}: unit", f"{given}; expected {units_in_words(dimensions)}")
+        return unit or Unit("?", 1.0)
 
-    def whole(self, content: Mapping[str, Any]) -> LogMap:
-        given = self.known(content, KEYS)
-        keys, tolerances = KeyReader(self.problems), Tolerances()
-        if given.get("tolerances") is not None:
-            tolerances = tolerances_of(keys, given["tolerances"], "tolerances")
-        noise = noise_of(keys, self.known(given.get("noise"), tuple(NOISE_KEYS), "noise"))
-        self.gains_open = tolerances.effort_gain is not None
-        clocks = self.clocks(given.get("time"))
-        raw = given.get("motors") or []
-        if not isinstance(raw, list):
-            self.wrong(f"is {json_kind(raw)}; expected a list", "motors")
-            raw = []
-        motors = tuple(m for k, item in enumerate(raw) if (m := self.motors(item, k)) is not None)
+    def map(self, content: Mapping[str, Any]) -> LogMap:
+        self.entries(content, "", KEYS)
+        tolerances = tolerances_of(self, content.get("tolerances"), "tolerances")
+        noise = noise_of(self, self.known(content.get("noise"), "noise", *NOISE_KEYS))
+        clocks = self.clocks(content.get("time"))
+        listed = content.get("motors") or []
+        motors = [
+            group
+            for k, item in enumerate(self.items(listed, "motors", "groups of motors") if listed else [])
+            if (group := self.motors(item, f"motors: [{k}]")) is not None
+        ]
         moved = {name for group in motors for name in group.names}
         columns: dict[str, Column] = {}
-        listed = given.get("columns")
-        if not isinstance(listed, dict) or not listed:
-            self.wrong("is missing or empty; expected lines such as `q.elbow: {from: NAME, unit: rad}`", "columns")
-            listed = {}
-        for name, item in listed.items():
-            column = self.column(str(name), item, moved)
+        given = content.get("columns")
+        if not isinstance(given, dict) or not given:
+            self.wrong("columns", "is missing or empty; expected lines such as `q.elbow: {from: NAME, unit: rad}`")
+            given = {}
+        for name, item in given.items():
+            column = self.column(str(name), item, moved, tolerances.effort_gain is not None)
             if column is not None:
                 columns[str(name)] = column
         for group in motors:
             self.complete(group, columns)
-        rotations = {}
-        turned = given.get("rotations")
-        for name, item in self.known(turned, list(turned) if isinstance(turned, dict) else (), "rotations").items():
-            rotation = self.rotation(str(name), item)
-            if rotation is not None:
-                rotations[str(name)] = rotation
-        if not any(name.startswith("q.") for name in columns) and listed:
-            self.wrong("has no position of any joint; expected one line q.<joint> at least", "columns")
-        texts = {key: given.get(key) for key in ("robot", "notes")}
-        for key, value in texts.items():
-            if value is not None and not isinstance(value, str):
-                self.wrong(f"is {json_kind(value)}; expected a text", key)
-        resampling = self.resampling(given.get("resample"), columns, rotations)
-        named = texts["robot"] and named_beside(str(texts["robot"]), self.problems.path)
-        rest = given.get("at_rest", False)
-        if not isinstance(rest, bool):
-            self.wrong(f"is {json_kind(rest)}; expected true or false", "at_rest")
+        turned = self.known(content.get("rotations"), "rotations").items()
+        read = {str(name): self.rotation(str(name), item) for name, item in turned}
+        rotations = {name: rotation for name, rotation in read.items() if rotation is not None}
+        if given and not any(name.startswith("q.") for name in columns):
+            self.wrong("columns", "has no position of any joint; expected one line q.<joint> at least")
+        robot, notes = self.text(content.get("robot"), "robot"), self.text(content.get("notes"), "notes")
+        resampling = self.resampling(content.get("resample"), columns, rotations)
+        at_rest = self.flag(content.get("at_rest", False), "at_rest")
+        named = robot and named_beside(robot, self.problems.path)
         return LogMap(
-            columns, clocks, rotations, motors, resampling, named, texts["notes"] or "", tolerances, rest,
-            noise,
-        )  # fmt: skip
+            columns, clocks, rotations, tuple(motors), resampling, named, notes or "", tolerances, at_rest, noise
+        )
 
     def clocks(self, given: Any) -> dict[str, Clock]:
         """Return the clock of each stream; a log of one stream may leave its name out."""
         names = [stream.name for stream in self.log.streams]
-        if given is None and all(stream.clock is not None for stream in self.log.streams):
-            given = {name: {} for name in names}
-        keys = ("from", "unit", "delay", "rate", "like")
-        plain = isinstance(given, dict) and set(given) <= set(keys) and bool(given)
+        plain = isinstance(given, dict) and bool(given) and set(given) <= {"from", "unit", "delay", "rate", "like"}
         if plain and len(names) > 1:
-            self.wrong(f"needs the name of each stream: {', '.join(names)}", "time")
+            self.wrong("time", f"needs the name of each stream: {', '.join(names)}")
             return {}
-        listed = {names[0]: given} if plain else self.known(given, names, "time")
+        listed = {names[0]: given} if plain else self.known(given, "time", *names)
         out = {}
-        for name in names:
-            place = ("time",) if plain else ("time", name)
-            stream = next(stream for stream in self.log.streams if stream.name == name)
-            if name not in listed:
-                if stream.clock is not None:
-                    out[name] = Clock(None, Unit("s", 1.0))
-                continue
-            item = self.known(listed[name], keys, *place)
-            if "like" in item:
-                other = next((each for each in self.log.streams if each.name == item["like"] != name), None)
-                if other is None or len(other) != len(stream) or set(item) != {"like"}:
-                    message = f"expected another stream of {len(stream)} rows, and nothing beside it"
-                    self.wrong(message, *place, "like")
-                else:
-                    out[name] = Clock(None, Unit("s", 1.0), like=other.name)
-                continue
-            rate = self.number(item, "rate", 1.0, *place) if "rate" in item else None
-            if rate is not None and (rate <= 0 or "from" in item):
-                self.wrong("expected a number of rows a second, above 0, and no `from` beside it", *place, "rate")
-                continue
-            if rate is not None or (item.get("from") is None and stream.clock is not None):
-                source, unit = None, Unit("s", 1.0)
-            else:
-                source = self.source(item.get("from"), *place)
-                unit = self.unit(item.get("unit", "s"), ("time",), *place)
-                if source is not None and self.log.stream_of(source).name != name:
-                    self.wrong(f"'{source}' is a column of {self.log.stream_of(source).name}", *place)
-                    source = None
-                if source is None:
-                    continue
-            out[name] = Clock(source, unit, self.number(item, "delay", 0.0, *place), rate)
+        for stream in self.log.streams:
+            key = "time" if plain else self.joined("time", stream.name)
+            clock = None if stream.clock is None else Clock(None, _SECONDS)
+            if stream.name in listed:
+                clock = self.clock(stream, listed[stream.name], key)
+            if clock is not None:
+                out[stream.name] = clock
         if not out and not len(self.problems):
-            self.wrong("is missing; expected `{from: NAME, unit: s}`, the column that is the time", "time")
+            self.wrong("time", "is missing; expected `{from: NAME, unit: s}`, the column that is the time")
         return out
 
-    def dimensions(self, name: str, moved: set[str]) -> tuple[str, ...] | None:
-        """Return what a column of the recording measures; a name that is none is a problem."""
-        joint = joint_of(name)
-        if joint is not None:
-            return self.joint_dimensions(name, joint[1], moved)
-        marker = marker_of(name)
-        if marker is not None:
-            frames = self.mechanism.frame_names if self.mechanism is not None else None
-            if frames is not None and marker[1] not in frames:
-                self.wrong(f"the robot has no frame '{marker[1]}'. {nearest_names(marker[1], frames)}", "columns", name)
+    def clock(self, stream: Stream, item: Any, key: str) -> Clock | None:
+        """Return the clock of one stream, None after reporting."""
+        given = self.known(item, key, "from", "unit", "delay", "rate", "like")
+        if "like" in given:
+            other = next((each for each in self.log.streams if each.name == given["like"] != stream.name), None)
+            if other is None or len(other) != len(stream) or set(given) != {"like"}:
+                message = f"expected another stream of {len(stream)} rows, and nothing beside it"
+                self.wrong(f"{key}: like", message)
+                return None
+            return Clock(None, _SECONDS, like=other.name)
+        rate = self.number(given["rate"], f"{key}: rate") if "rate" in given else None
+        if rate is not None and (rate <= 0 or "from" in given):
+            self.wrong(f"{key}: rate", "expected a number of rows a second, above 0, and no `from` beside it")
+            return None
+        delay = self.number(given.get("delay", 0.0), f"{key}: delay")
+        if rate is not None or (given.get("from") is None and stream.clock is not None):
+            return Clock(None, _SECONDS, delay, rate)
+        source = self.source(given.get("from"), key)
+        unit = self.unit(given.get("unit", "s"), ("time",), key)
+        if source and self.log.stream_of(source).name != stream.name:
+            self.wrong(key, f"'{source}' is a column of {self.log.stream_of(source).name}")
+            return None
+        return Clock(source, unit, delay) if source else None
+
+    def dimensions(self, name: str, moved: set[str]) -> tuple[str, ...]:
+        """Return what a column of the recording measures; () after reporting a name that is none."""
+        key, prefix = f"columns: {shown(name)}", name.partition(".")[0]
+        if joint := joint_of(name):
+            both = JOINT_DIMENSIONS[prefix]
+            if joint[1] in self.slides and joint[1] not in moved:
+                return (both[self.slides[joint[1]]],)
+            if self.mechanism is not None and joint[1] not in moved:
+                near = nearest_names(joint[1], self.mechanism.actuated)
+                self.wrong(key, f"the robot has no joint '{joint[1]}'. {near}")
+            return both
+        if marker := marker_of(name):
+            frames = self.mechanism.frame_names if self.mechanism is not None else (marker[1],)
+            if marker[1] not in frames:
+                self.wrong(key, f"the robot has no frame '{marker[1]}'. {nearest_names(marker[1], frames)}")
             return ("length",) if marker[0] == "markers" else ("angle",)
         if name == "time":
-            self.wrong("is told under the key `time`, not among the columns", "columns", name)
-            return None
+            self.wrong(key, "is told under the key `time`, not among the columns")
+            return ()
         if name not in COLUMNS:
             valid = [*COLUMNS, *(f"{prefix}.<joint>" for prefix in JOINT_DIMENSIONS), "p.<frame>.x"]
-            self.wrong(f"is no column of a recording. {nearest_names(name, valid)}", "columns", name)
-            return None
-        return {
-            "w.f": ("force",), "w.m": ("moment",), "p": ("length",), "r": ("angle",), "g": ("acceleration",),
-            "temperature": ("temperature",), "run": ("label",),
-        }[name[:3] if name.startswith("w.") else name.partition(".")[0]]  # fmt: skip
+            self.wrong(key, f"is no column of a recording. {nearest_names(name, valid)}")
+            return ()
+        fixed = {"p": "length", "r": "angle", "g": "acceleration", "temperature": "temperature", "run": "label"}
+        return (fixed.get(prefix) or {"f": "force", "m": "moment"}[name[2]],)
 
-    def joint_dimensions(self, name: str, joint: str, moved: set[str]) -> tuple[str, ...]:
-        turning, sliding = JOINT_DIMENSIONS[name.partition(".")[0]]
-        if joint in moved or self.mechanism is None:
-            return turning, sliding
-        known = {item.name: item for item in self.mechanism.joints}
-        if joint not in known:
-            near = nearest_names(joint, self.mechanism.actuated)
-            self.wrong(f"the robot has no joint '{joint}'. {near}", "columns", name)
-            return turning, sliding
-        return (sliding,) if known[joint].slides else (turning,)
-
-    def column(self, name: str, item: Any, moved: set[str]) -> Column | None:
-        place = ("columns", name)
-        if isinstance(item, str):
-            item = {"from": item}
-        dimensions = self.dimensions(name, moved)
-        keys = ("from", "unit", "sign", "scale", "offset", "unwrap")
-        given = self.known(item, keys, *place)
-        source = self.source(given.get("from"), *place)
-        if dimensions is None or source is None:
+    def column(self, name: str, item: Any, moved: set[str], gains_open: bool) -> Column | None:
+        """Return where a column comes from, None after reporting; gains_open: nobody needs to know those of efforts."""
+        key, dimensions = f"columns: {shown(name)}", self.dimensions(name, moved)
+        item = {"from": item} if isinstance(item, str) else item
+        given = self.known(item, key, "from", "unit", "sign", "scale", "offset", "unwrap")
+        source = self.source(given.get("from"), key)
+        if not dimensions or not source:
             return None
+        unit = Unit("1" if dimensions == ("label",) else "SI", 1.0)
         if "unit" in given:
-            unit = self.unit(given["unit"], dimensions, *place)
-        else:
-            unit = Unit({"label": "1"}.get(dimensions[0], "SI"), 1.0)
+            unit = self.unit(given["unit"], dimensions, key)
         effort = name.startswith("tau.")
-        if unit.needs_scale and "scale" not in given and not (effort and self.gains_open):
+        if unit.needs_scale and "scale" not in given and not (effort and gains_open):
             how = ", or `tolerances: {effort_gain: 1}` where nobody knows" * effort
-            self.wrong(f"a unit '{unit.name}' needs a `scale`: how much SI is one {unit.name}{how}", *place)
+            self.wrong(key, f"a unit '{unit.name}' needs a `scale`: how much SI is one {unit.name}{how}")
         sign = given.get("sign", 1)
         if sign not in (1, -1) or isinstance(sign, bool):
-            self.wrong(f"is {json_kind(sign)}; expected 1 or -1", *place, "sign")
+            self.wrong(f"{key}: sign", f"is {json_kind(sign)}; expected 1 or -1")
             sign = 1
-        scale = self.number(given, "scale", 1.0, *place)
-        if scale == 0:
-            self.wrong("is 0: nothing would be left", *place, "scale")
-        unwrap = given.get("unwrap", False)
-        if not isinstance(unwrap, bool):
-            self.wrong(f"is {json_kind(unwrap)}; expected true or false", *place, "unwrap")
-            unwrap = False
-        return Column(source, unit, int(sign), scale, self.number(given, "offset", 0.0, *place), unwrap)
+        scale = self.number(given.get("scale", 1.0), f"{key}: scale")
+        if scale == 0 and given.get("scale") == 0:
+            self.wrong(f"{key}: scale", "is 0: nothing would be left")
+        offset = self.number(given.get("offset", 0.0), f"{key}: offset")
+        unwrap = self.flag(given.get("unwrap", False), f"{key}: unwrap")
+        return Column(source, unit, int(sign), scale, offset, unwrap)
 
     def rotation(self, name: str, item: Any) -> Rotation | None:
-        place = ("rotations", name)
-        given = self.known(item, ("from", "as", "unit"), *place)
-        frames = ("", *(self.mechanism.frame_names if self.mechanism is not None else ()))
-        body = name.removeprefix("r").removeprefix(".")
-        if name.partition(".")[0] != "r" or (self.mechanism is not None and body not in frames):
-            self.wrong("is no orientation; expected r (the tool's) or r.<frame>", *place)
+        """Return how a body is turned, None after reporting."""
+        key = f"rotations: {shown(name)}"
+        given = self.known(item, key, "from", "as", "unit")
+        prefix, _, body = name.partition(".")
+        if prefix != "r" or (body and self.mechanism is not None and body not in self.mechanism.frame_names):
+            self.wrong(key, "is no orientation; expected r (the tool's) or r.<frame>")
             return None
         manner = given.get("as")
         if not isinstance(manner, str) or manner not in ROTATIONS:
             plain = [name for name in ROTATIONS if not name.startswith("euler")]
-            self.wrong(f"is '{shown(manner)}'; expected one of {', '.join(plain)}, euler_ZYX …", *place, "as")
+            self.wrong(f"{key}: as", f"is '{shown(manner)}'; expected one of {', '.join(plain)}, euler_ZYX …")
             return None
-        names = given.get("from")
-        if not isinstance(names, list) or len(names) != ROTATIONS[manner]:
-            self.wrong(f"expected a list of {ROTATIONS[manner]} columns of the log", *place, "from")
+        names, count = given.get("from"), ROTATIONS[manner]
+        if not isinstance(names, list) or len(names) != count:
+            self.wrong(f"{key}: from", f"expected a list of {count} columns of the log")
             return None
-        sources = [self.source(source, *place, "from") for source in names]
-        angles = ROTATIONS[manner] == 3
-        unit = self.unit(given.get("unit", "rad"), ("angle",), *place) if angles else Unit("1", 1.0)
-        return Rotation(tuple(s for s in sources if s), manner, unit) if all(sources) else None
+        sources = tuple(self.source(source, f"{key}: from") for source in names)
+        unit = self.unit(given.get("unit", "rad"), ("angle",), key) if count == 3 else Unit("1", 1.0)
+        return Rotation(sources, manner, unit) if all(sources) else None
 
-    def motors(self, item: Any, k: int) -> Motors | None:
-        place = ("motors", f"[{k}]")
-        given = self.known(item, ("names", "joints", "matrix"), *place)
-        for key in ("names", "joints"):
-            value = given.get(key)
+    def motors(self, item: Any, key: str) -> Motors | None:
+        """Return motors that move joints together, None after reporting."""
+        given = self.known(item, key, "names", "joints", "matrix")
+        for name in ("names", "joints"):
+            value = given.get(name)
             if not isinstance(value, list) or not all(isinstance(word, str) for word in value):
-                self.wrong("expected a list of names", *place, key)
+                self.wrong(f"{key}: {name}", "expected a list of names")
                 return None
         names, joints = tuple(given["names"]), tuple(given["joints"])
         try:
@@ -509,16 +459,16 @@ class _Reader:
             matrix = np.zeros(0)
         n = len(joints)
         if matrix.shape != (n, len(names)) or len(names) != n or not np.isfinite(matrix).all():
-            self.wrong(f"expected {n} rows of {n} numbers: joint = matrix x motor", *place, "matrix")
+            self.wrong(f"{key}: matrix", f"expected {n} rows of {n} numbers: joint = matrix x motor")
             return None
         if abs(np.linalg.det(matrix / max(np.abs(matrix).max(), 1e-300))) < 1e-9:
-            self.wrong("has no inverse: several motors would do the same", *place, "matrix")
+            self.wrong(f"{key}: matrix", "has no inverse: several motors would do the same")
             return None
         driven = self.mechanism.actuated if self.mechanism is not None else joints
         for joint in joints:
             if joint not in driven:
                 near = nearest_names(joint, driven)
-                self.wrong(f"the robot has no actuated joint '{joint}'. {near}", *place, "joints")
+                self.wrong(f"{key}: joints", f"the robot has no actuated joint '{joint}'. {near}")
         return Motors(names, joints, matrix)
 
     def complete(self, group: Motors, columns: Mapping[str, Column]) -> None:
@@ -527,34 +477,27 @@ class _Reader:
             there = [name for name in group.names if f"{prefix}.{name}" in columns]
             if there and len(there) < len(group.names):
                 lacking = [f"{prefix}.{name}" for name in group.names if name not in there]
-                self.wrong(f"lacks {', '.join(lacking)}, which the motors of {', '.join(group.joints)} need", "columns")
+                self.wrong("columns", f"lacks {', '.join(lacking)}, which the motors of {', '.join(group.joints)} need")
             for joint in group.joints:
                 if there and f"{prefix}.{joint}" in columns and joint not in group.names:
-                    self.wrong("comes from its motors already", "columns", f"{prefix}.{joint}")
+                    self.wrong(f"columns: {prefix}.{joint}", "comes from its motors already")
 
     def resampling(self, given: Any, columns: Mapping[str, Column], rotations: Mapping[str, Rotation]) -> Resampling:
-        used = {self.log.stream_of(column.source).name for column in columns.values()}
-        used |= {self.log.stream_of(name).name for rotation in rotations.values() for name in rotation.sources}
+        sources = [column.source for column in columns.values()]
+        sources += [name for rotation in rotations.values() for name in rotation.sources]
+        used = {self.log.stream_of(name).name for name in sources}
+        key = "resample"
         if given is None:
             if len(used) > 1:
-                self.wrong(
-                    f"the columns come on {len(used)} clocks ({', '.join(sorted(used))}); expected "
-                    "`resample: {clock: NAME}` or `resample: {rate: 250}`",
-                    "resample",
-                )
+                how = "expected `resample: {clock: NAME}` or `resample: {rate: 250}`"
+                self.wrong(key, f"the columns come on {len(used)} clocks ({', '.join(sorted(used))}); {how}")
             return Resampling()
-        item = self.known(given, ("rate", "clock"), "resample")
+        item, names = self.known(given, key, "rate", "clock"), [stream.name for stream in self.log.streams]
         if len(item) != 1:
-            self.wrong("expected either `rate`, in samples a second, or `clock`, the name of a stream", "resample")
-            return Resampling()
-        if "clock" in item:
-            names = [stream.name for stream in self.log.streams]
-            if item["clock"] not in names:
-                near = nearest_names(str(item["clock"]), names)
-                self.wrong(f"the log has no stream '{shown(item['clock'])}'. {near}", "resample", "clock")
-                return Resampling()
-            return Resampling(clock=item["clock"])
-        rate = self.number(item, "rate", 0.0, "resample")
-        if rate <= 0:
-            self.wrong("expected a number of samples a second, above 0", "resample", "rate")
-        return Resampling(rate=rate)
+            self.wrong(key, "expected either `rate`, in samples a second, or `clock`, the name of a stream")
+        elif "rate" in item:
+            return Resampling(rate=self.number(item["rate"], f"{key}: rate", "1/s", 0.0, above=True))
+        elif "clock" in item and item["clock"] not in names:
+            near = nearest_names(str(item["clock"]), names)
+            self.wrong(f"{key}: clock", f"the log has no stream '{shown(item['clock'])}'. {near}")
+        return Resampling(clock=item.get("clock"))

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import imported
 from ..recordings.problems import shown
-from ..recordings.thinning import MOST_ROWS, Thinning
+from ..recordings.table import MOST_ROWS, Thinning
 from ..spatial import Array
 from .log import MAX_VECTOR, Log, Stream, check_size, frozen, reading, refuse, spread
 
@@ -37,9 +37,8 @@ def read(path: Path) -> Log:
             here.at = f"column '{shown(name)}'"
             kind = column.type
             if _is_stamp(arrow, kind):
-                nanoseconds = column.cast(kind if kind.unit == "ns" else _in_nanoseconds(arrow, kind)).cast("int64")
-                whole = nanoseconds.to_numpy()
-                columns[name] = (whole - whole[0]) * 1e-9
+                stamps = column.to_numpy()
+                columns[name] = (stamps - stamps[0]) / np.timedelta64(1, "s")
                 units[name] = "s"
             elif _is_number(arrow, kind):
                 columns[name] = column.cast("float64").to_numpy()
@@ -75,7 +74,3 @@ def _kept(arrow, file, thinning: Thinning, wanted: list[str]):
         if here is None or here.any():
             parts.append(batch if here is None else batch.filter(arrow.array(here)))
     return arrow.Table.from_batches(parts, None if parts else arrow.schema([]))
-
-
-def _in_nanoseconds(arrow, kind):
-    return arrow.duration("ns") if arrow.types.is_duration(kind) else arrow.timestamp("ns", tz=kind.tz)

@@ -7,28 +7,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import replace
 from datetime import date
 from itertools import islice, takewhile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..recordings.problems import MAX_PROBLEMS, Problems, read_bytes, shown
-from ..recordings.thinning import Thinning
+from ..recordings.table import Thinning, plain_numbers
 from ..spatial import Array
-from .headings import Heading, cells_of, heading_of, unique_names
-from .log import MAX_COLUMNS, MAX_VECTOR, Log, Stream, frozen, refuse
+from .headings import SEPARATORS, Heading, cells_of, heading_of, number_in, unique_names
+from .log import MAX_COLUMNS, MAX_VECTOR, Log, Stream, frozen, refuse, spread
 from .units import spelled
 
-#: In the order in which they are tried; a comma may be a decimal comma, so it comes last.
-SEPARATORS = (";", "\t", "|", ",")
 _COMMENT = re.compile(r"\s*(?:#|%|//)")
-_MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "-inf", "+inf", "#n/a", "#nv", "#value!",
-            "#wert!", "#div/0!", "#num!", "#zahl!", "#ref!", "#bezug!", "<na>", "nat", ".", "?", "missing", "-nan",
-            "-nan(ind)", "1.#qnan", "-1.#ind")  # fmt: skip
-_FORMULA = {"true": 1.0, "false": 0.0}
 _LIST = re.compile(r"\s*[,;]\s*|\s+")
 #: A column of which more than this share is no number is a column of text.
 _TEXT = 0.5
@@ -36,37 +29,6 @@ _TEXT = 0.5
 _HEAD, _ROWS = 2**20, 50
 #: Rows that are held as text at a time.
 _PIECE = 50_000
-
-
-@dataclass(frozen=True)
-class _Manner:
-    """How a table is written: its heading, its encoding, and which columns are no numbers.
-
-    stamps: columns of dates and times of day. vectors: columns of lists in brackets -> how long they are. labels:
-    columns of one word alone, and that word.
-    """
-
-    heading: Heading
-    encoding: str
-    stamps: Sequence[int] = ()
-    vectors: Mapping[int, int] = field(default_factory=dict)
-    labels: Mapping[str, str] = field(default_factory=dict)
-
-    @property
-    def texts_of_use(self) -> set[int]:
-        return {*self.stamps, *self.vectors}
-
-    @property
-    def names(self) -> Sequence[str]:
-        return self.heading.names
-
-    @property
-    def separator(self) -> str:
-        return self.heading.separator
-
-    @property
-    def decimal(self) -> str:
-        return self.heading.decimal
 
 
 def read(path: Path) -> Log:
@@ -78,44 +40,45 @@ def read(path: Path) -> Log:
 
     Rows are read piece by piece; of more than `MOST_ROWS` of them some are kept.
     """
-    manner, texts = _understood(path)
-    used = [k for k, name in enumerate(manner.names) if name not in texts and k not in manner.texts_of_use]
-    thinning = Thinning(_lines_in(path) - manner.heading.body)
-    parts, strange = [], _Strange(path, manner, used)
-    stamped: dict[int, list[Array]] = {k: [] for k in manner.texts_of_use}
+    table = _understood(path)
+    stamped: dict[int, list[Array]] = {k: [] for k in (*table.stamps, *table.vectors)}
+    used = [k for k, name in enumerate(table.names) if name not in table.texts and k not in stamped]
+    thinning = Thinning(_lines_in(path) - table.body)
+    parts, strange = [], _Strange(path, table, used)
     numbers: list[np.ndarray] = []
     count = 0
-    for first, lines in _pieces(path, manner):
-        values = _fast(lines, manner, used) if used else None
+    for first, lines in _pieces(path, table):
+        values = _fast(lines, table, used) if used else None
         if values is None:
             values = strange.read(lines, first)
         number = count + np.arange(len(values))
-        here = thinning.keeps(number)
         count += len(values)
-        parts.append(values if here is None else values[here])
-        numbers.append(number if here is None else number[here])
+        kept = thinning.keeps(number)
+        here = slice(None) if kept is None else kept
+        parts.append(values[here])
+        numbers.append(number[here])
         for k, cells in stamped.items():
-            told = [_cell(line, k, manner.separator) for line in lines if line.strip()]
-            found = _vectors(told, manner.vectors[k]) if k in manner.vectors else seconds_of(told)
-            cells.append(found if here is None else found[here])
+            texts_of = [_cell(line, k, table.separator) for line in lines if line.strip()]
+            cells.append((_vectors(texts_of, table.vectors[k]) if k in table.vectors else seconds_of(texts_of))[here])
         if strange.problems.many:
             break
-    texts = strange.texts(count) + texts
-    table = np.concatenate(parts)
-    columns = {manner.names[k]: table[:, j] for j, k in enumerate(used) if manner.names[k] not in texts}
-    units = dict(manner.heading.units)
-    for k, size in manner.vectors.items():
-        whole = np.concatenate(stamped.pop(k))
-        columns |= {f"{manner.names[k]}[{j}]": whole[:, j] for j in range(size)}
+    texts = (*strange.texts(count), *table.texts)
+    whole = np.concatenate(parts)
+    columns = {table.names[k]: whole[:, j] for j, k in enumerate(used) if table.names[k] not in texts}
+    units = dict(table.units)
     for k, cells in stamped.items():
-        since = past_midnight(np.concatenate(cells))
-        columns[manner.names[k]] = since - since[np.isfinite(since)][:1].sum()
-        units[manner.names[k]] = "s"
-    if manner.heading.lost:
+        name, told = table.names[k], np.concatenate(cells)
+        if k in table.vectors:
+            columns |= spread(name, told)
+        else:
+            since = past_midnight(told)
+            columns[name] = since - since[np.isfinite(since)][:1].sum()
+            units[name] = "s"
+    if table.lost:
         columns = _unseen(columns)
-    clock = _by_frames(columns, np.concatenate(numbers), manner.heading.rate)
-    stream = Stream("table", frozen(columns), clock, units, {**manner.heading.labels, **manner.labels})
-    left_out = tuple(f"{name} (text)" for name in manner.names if name in texts)
+    clock = _by_frames(columns, np.concatenate(numbers), table.rate)
+    left_out = tuple(f"{name} (text)" for name in table.names if name in texts)
+    stream = Stream("table", frozen(columns), clock, units, table.labels)
     return Log(str(path), (stream,), left_out, tuple(thinning.remarks))
 
 
@@ -131,7 +94,7 @@ def _vectors(texts: Sequence[str], size: int) -> Array:
     try:
         return np.array([row if len(row) == size else empty for row in rows], float).reshape(-1, size)
     except ValueError:
-        return np.array([[_number(cell, ".") for cell in row] if len(row) == size else empty for row in rows], float)
+        return np.array([[number_in(cell, ".") for cell in row] if len(row) == size else empty for row in rows], float)
 
 
 def _by_frames(columns: Mapping[str, Array], numbers: np.ndarray, rate: float | None) -> Array | None:
@@ -165,20 +128,20 @@ def _lines_in(path: Path) -> int:
         return sum(block.count(b"\n") for block in iter(lambda: file.read(_HEAD), b""))
 
 
-def _pieces(path: Path, manner: _Manner) -> Iterator[tuple[int, list[str]]]:
+def _pieces(path: Path, table: Heading) -> Iterator[tuple[int, list[str]]]:
     """Yield (number of the first, counted from 1) and lines of a table's rows, some at a time."""
-    with path.open(encoding=manner.encoding, errors="replace") as file:
-        number = manner.heading.body + 1
-        rows: Iterator[str] = islice(file, manner.heading.body, None)
-        if manner.heading.ends:
+    with path.open(encoding=table.encoding, errors="replace") as file:
+        number = table.body + 1
+        rows: Iterator[str] = islice(file, table.body, None)
+        if table.ends:
             rows = takewhile(lambda line: line.strip(" ,;\t\r\n"), rows)
         while lines := list(islice(rows, _PIECE)):
             yield number, lines
             number += len(lines)
 
 
-def _understood(path: Path) -> tuple[_Manner, list[str]]:
-    """Return how a table is written, and its columns of text, by its first rows."""
+def _understood(path: Path) -> Heading:
+    """Return how a table is written, by its first rows."""
     if path.stat().st_size <= _HEAD:
         head = read_bytes(path, "a table of text", (".csv", ".tsv", ".txt"))
     else:
@@ -192,28 +155,27 @@ def _understood(path: Path) -> tuple[_Manner, list[str]]:
         raise refuse(path, "holds comments alone; expected names of columns and rows of numbers")
     heading = _plain(lines, begin)
     if heading is None or not _fits(lines, heading):
-        deep = heading_of(lines, SEPARATORS, _number)
-        heading = deep or heading
+        heading = heading_of(lines) or heading
     if heading is None or heading.body >= len(lines) or not any(line.strip() for line in lines[heading.body :]):
         raise refuse(path, "holds names of columns but no rows", heading.body if heading else begin + 1)
     if len(heading.names) > MAX_COLUMNS:
         raise refuse(path, f"holds {len(heading.names)} columns; expected at most {MAX_COLUMNS}", max(heading.body, 1))
-    return _columns(lines, heading, encoding)
+    return _with_texts(lines, replace(heading, encoding=encoding))
 
 
-def _columns(lines: list[str], heading: Heading, encoding: str) -> tuple[_Manner, list[str]]:
-    """Return a table's manner with what its first rows tell of columns that are no numbers, and those of text."""
-    names, decimal = heading.names, heading.decimal
-    first = [cells_of(line, heading.separator) for line in lines[heading.body :][:_ROWS] if line.strip()]
+def _with_texts(lines: list[str], table: Heading) -> Heading:
+    """Return a table's heading with what its first rows tell of columns that are no numbers."""
+    names, decimal = table.names, table.decimal
+    first = [cells_of(line, table.separator) for line in lines[table.body :][:_ROWS] if line.strip()]
     whole = [row for row in first if len(row) == len(names)]
-    strange = [k for k in range(len(names)) if sum(_number(row[k], decimal) is None for row in whole) > _TEXT * _ROWS]
+    strange = [k for k in range(len(names)) if sum(number_in(row[k], decimal) is None for row in whole) > _TEXT * _ROWS]
     cells = {k: [row[k] for row in whole if row[k]] for k in range(len(names))}
-    none = [k for k, column in cells.items() if column and all(_number(cell, decimal) is None for cell in column)]
+    none = [k for k, column in cells.items() if column and all(number_in(cell, decimal) is None for cell in column)]
     stamps = [k for k in none if np.isfinite(seconds_of(cells[k])).all()]
     vectors = {k: size for k in none if (size := _length(cells[k]))}
     labels = {names[k]: whole[0][k] for k in none if len({row[k] for row in whole}) == 1 and k not in stamps}
-    texts = [names[k] for k in strange if k not in stamps and k not in vectors]
-    return _Manner(heading, encoding, tuple(stamps), vectors, labels), texts if len(whole) == _ROWS else []
+    texts = [names[k] for k in strange if k not in stamps and k not in vectors] if len(whole) == _ROWS else []
+    return replace(table, stamps=stamps, vectors=vectors, labels={**table.labels, **labels}, texts=texts)
 
 
 def _length(cells: Sequence[str]) -> int:
@@ -228,7 +190,7 @@ def _plain(lines: list[str], begin: int) -> Heading | None:
     """Return the heading of one line of names; of numbers alone, with names above in a comment, or numbered ones."""
     separator, decimal = _marks(lines[begin : begin + 20])
     header = cells_of(lines[begin], separator)
-    numbers = [_number(cell, decimal) for cell in header]
+    numbers = [number_in(cell, decimal) for cell in header]
     if any(number is not None and np.isfinite(number) for number in numbers):
         above = next((line for line in reversed(lines[:begin]) if line.strip()), "")
         spoken = cells_of(_COMMENT.sub("", above, count=1).strip(), separator)
@@ -241,7 +203,7 @@ def _plain(lines: list[str], begin: int) -> Heading | None:
     units: dict[str, str] = {}
     body = begin + 1
     row = cells_of(lines[body], separator) if body < len(lines) else []
-    plain = [_number(cell, decimal) for cell in row]
+    plain = [number_in(cell, decimal) for cell in row]
     if any(spelled(cell) for cell in row) and all(number is None or np.isnan(number) for number in plain):
         units = {name: cell.strip() for name, cell in zip(names, row, strict=False) if spelled(cell)}
         body += 1
@@ -254,7 +216,7 @@ def _fits(lines: list[str], heading: Heading) -> bool:
     if not rows:
         return True
     wide = sum(len(row) == len(heading.names) for row in rows)
-    numbers = [_number(cell, heading.decimal) for cell in rows[0]]
+    numbers = [number_in(cell, heading.decimal) for cell in rows[0]]
     return 2 * wide > len(rows) and any(number is not None and np.isfinite(number) for number in numbers)
 
 
@@ -298,69 +260,35 @@ def _marks(lines: list[str]) -> tuple[str, str]:
     return (" ", ".") if all(len(line.split()) > 1 for line in full) else (",", ".")
 
 
-def _number(cell: str, decimal: str) -> float | None:
-    """Return a cell's number, nan where it is missing, None where it is text."""
-    plain = cell.strip().strip('"')
-    if plain.lower() in _MISSING:
-        return np.nan
-    if plain.lower() in _FORMULA:
-        return _FORMULA[plain.lower()]
-    try:
-        return float(plain.replace(",", ".") if decimal == "," else plain)
-    except ValueError:
-        return None
-
-
-def _fast(lines: list[str], manner: _Manner, used: Sequence[int]) -> Array | None:
+def _fast(lines: list[str], table: Heading, used: Sequence[int]) -> Array | None:
     """Return the numbers (N, used) of rows at numpy's speed, nan where a cell is empty; None where one is no number."""
-    separator = None if manner.separator == " " else manner.separator
-    options: dict[str, Any] = {"delimiter": separator, "ndmin": 2, "comments": None, "quotechar": '"'}
-    if len(used) < len(manner.names):
-        options["usecols"] = used
     rows = [line for line in lines if not line.isspace()]
     if not rows:
         return np.zeros((0, len(used)))
-    if manner.decimal == ",":
-        rows = [line.replace(",", ".") for line in rows]
-    for given in (rows, None if separator is None else _filled(rows, separator)):
-        if given is not None:
-            try:
-                values = np.loadtxt(given, **options)
-            except ValueError:
-                continue
-            return values if values.shape == (len(rows), len(used)) else None
-    return None
-
-
-def _filled(rows: list[str], separator: str) -> list[str] | None:
-    """Return rows with 'nan' in their empty cells; None where quotation marks may hold separators."""
-    body = "".join(["\n", *rows, "\n"])
-    if '"' in body:
-        return None
-    empty, full = separator + separator, f"{separator}nan{separator}"
-    body = body.replace(empty, full).replace(empty, full)
-    body = body.replace(f"{separator}\n", f"{separator}nan\n").replace(f"\n{separator}", f"\nnan{separator}")
-    return body[1:-1].splitlines()
+    body = "".join(rows).replace(",", ".") if table.decimal == "," else "".join(rows)
+    columns = used if len(used) < len(table.names) else None
+    values = plain_numbers(body, None if table.separator == " " else table.separator, usecols=columns)
+    return values if values is not None and values.shape == (len(rows), len(used)) else None
 
 
 class _Strange:
     """Rows that hold more than numbers, and what is wrong with them."""
 
-    def __init__(self, path: Path, manner: _Manner, used: Sequence[int]):
+    def __init__(self, path: Path, heading: Heading, used: Sequence[int]):
         self.problems = Problems(path)
-        self._manner, self._used = manner, used
+        self._heading, self._used = heading, used
         self._count = np.zeros(len(used), int)
         self._wrong: dict[int, list[tuple[int, str]]] = {}
 
     def read(self, lines: list[str], first: int) -> Array:
         """Return the numbers (N, used) of rows, nan where a cell is empty or text; `first`: the first one's line."""
-        manner, names = self._manner, self._manner.names
+        heading, names = self._heading, self._heading.names
         table = np.full((len(lines), len(self._used)), np.nan)
         k = 0
         for number, line in enumerate(lines, start=first):
             if not line.strip():
                 continue
-            cells = cells_of(line.rstrip("\n"), manner.separator)
+            cells = cells_of(line.rstrip("\n"), heading.separator)
             if len(cells) > len(names) and not any(cells[len(names) :]):
                 cells = cells[: len(names)]
             if len(cells) != len(names):
@@ -368,7 +296,7 @@ class _Strange:
                 self.problems.cells(None, "another number of cells", [(number, message)])
                 continue
             for j, column in enumerate(self._used):
-                value = _number(cells[column], manner.decimal)
+                value = number_in(cells[column], heading.decimal)
                 if value is None:
                     self._count[j] += 1
                     if self._count[j] <= MAX_PROBLEMS:
@@ -381,7 +309,7 @@ class _Strange:
 
     def texts(self, rows: int) -> list[str]:
         """Return the columns of text among all rows. Raises RecordingFileError where a column of numbers holds some."""
-        names = [self._manner.names[k] for k in self._used]
+        names = [self._heading.names[k] for k in self._used]
         texts = [name for name, count in zip(names, self._count, strict=True) if count > _TEXT * max(rows, 1)]
         for j, places in self._wrong.items():
             if names[j] not in texts:

@@ -34,20 +34,8 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 UNSCALED = ("A", "mA", "V", "%", "counts", "raw")
 #: ... and of it what a drive takes.
 DRIVING = ("A", "mA")
-#: What stands for no unit at all.
-SI_WORDS: Mapping[str, str] = {
-    "time": "s",
-    "angle": "rad",
-    "length": "m",
-    "angular velocity": "rad/s",
-    "velocity": "m/s",
-    "angular acceleration": "rad/s^2",
-    "acceleration": "m/s^2",
-    "moment": "N m",
-    "force": "N",
-    "temperature": "degC",
-    "label": "1",
-}
+#: What stands for no unit at all: the first one of each dimension.
+SI_WORDS: Mapping[str, str] = {dimension: next(iter(units)) for dimension, units in UNITS.items()}
 _KELVIN = -273.15
 #: Other spellings, compared without case, spaces and dots.
 _SPELLED = {
@@ -101,6 +89,12 @@ def spelled(text: str) -> str | None:
 def dimension_of(unit: str) -> str | None:
     """Return what a unit measures; None of those that take a scale."""
     return next((dimension for dimension, units in UNITS.items() if unit in units), None)
+
+
+def factor_of(unit: str | None) -> float:
+    """Return the SI value of a unit; 1 of none, and of those that take a scale."""
+    dimension = dimension_of(unit or "")
+    return 1.0 if dimension is None else UNITS[dimension][unit or ""]
 
 
 def unit_for(text: str, dimensions: tuple[str, ...]) -> Unit | None:

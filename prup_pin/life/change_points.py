@@ -19,8 +19,6 @@ from ..diagnosis.criteria import FALSE_ALARM, FEW_ROUNDS, ROUNDING
 from ..spatial import Array
 from .likelihood import Likelihood, inverse
 
-__all__ = ["RAMP", "STEP", "ChangePoint", "Hypothesis", "Values", "change_points"]
-
 STEP, RAMP = "step", "ramp"
 
 
@@ -39,28 +37,22 @@ class Hypothesis(NamedTuple):
 class ChangePoint:
     """One change of a life.
 
-    size (m,) with its covariance (m, m): the step, or how far the ramp has come at the last test. gain: chi squared
-    that it takes off beside all other changes. between: the first and the last of the moments that these tests cannot
-    tell apart (95 %), as `begin`.
+    group, shape, begin: as of a hypothesis. size (m,) with its covariance (m, m): the step, or how far the ramp is
+    at the last test. gain: chi squared that it takes off beside all other changes. between: the first and the last of
+    the moments that these tests cannot tell apart (95 %), as `begin`.
     """
 
-    key: Hypothesis
+    group: int
+    shape: str
+    begin: int
     size: Array
     covariance: Array
     gain: float
     between: tuple[int, int]
 
     @property
-    def group(self) -> int:
-        return self.key.group
-
-    @property
-    def shape(self) -> str:
-        return self.key.shape
-
-    @property
-    def begin(self) -> int:
-        return self.key.begin
+    def key(self) -> Hypothesis:
+        return Hypothesis(self.group, self.shape, self.begin)
 
 
 @dataclass(frozen=True)
@@ -178,4 +170,4 @@ def _told(values: Values, key: Hypothesis, found: Sequence[Hypothesis]) -> Chang
     own = values.said.beside(values.directions(others)).along(values.directions([key]))
     covariance = np.asarray(np.linalg.inv(own.precision))
     near = [each.begin for each, gain in taken.items() if each[:2] == key[:2] and gain > taken[key] - WITHIN_95**2]
-    return ChangePoint(key, covariance @ own.score, covariance, taken[key], (min(near), max(near)))
+    return ChangePoint(*key, covariance @ own.score, covariance, taken[key], (min(near), max(near)))

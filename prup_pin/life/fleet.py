@@ -35,12 +35,9 @@ from ..simulation import CorrectedModel
 from ..simulation.model_file import model_document
 from ..spatial import Array
 from ..sweep.running import lost_remark, returned_in_order
-from .answers import Answer
-from .kept import Kept, check_given_once, digest, digest_of, keep, kept, named_in_errors
+from .kept import Answer, Kept, check_given_once, digest, digest_of, keep, kept, named_in_errors
 from .likelihood import Likelihood
 from .random_effects import COMMON, FixedEffect, Likelihoods, mixed_model
-
-__all__ = ["Device", "Fleet", "Off", "Scatter", "devices_of", "fleet"]
 
 #: What is set up for a test and is no part of a device.
 _SET_UP = {*SENSORS["pose_sensor"], *SENSORS["target"]}
@@ -171,10 +168,10 @@ def fleet(
     back = iter([None] * len(jobs)) if executor is None else returned_in_order(executor, _asked, jobs)
     for count, (place, job, found) in enumerate(zip(asked, jobs, back, strict=True), 1):
         lost += found is None
-        answer = found or _asked(*job)
+        model, answer = found or _asked(*job)
         models.mkdir(parents=True, exist_ok=True)
-        write_whole({job[-1]: json_lines(answer.model)})
-        said[place] = keep(folder, keys[place], answer.kept)
+        write_whole({job[-1]: json_lines(model)})
+        said[place] = keep(folder, keys[place], answer)
         tell(finished + count, len(devices))
     if lost and executor is not None:
         remarks.append(lost_remark(lost, len(asked), "devices", "diagnosed"))
@@ -185,15 +182,8 @@ def fleet(
 # -- one device --------------------------------------------------------------------------------------------------------
 
 
-class _Answered(NamedTuple):
-    """What a device answers: its corrected model, as a file has it, and what is kept."""
-
-    model: Mapping[str, Any]
-    kept: Kept
-
-
-def _asked(device: Device, robot_name: str, reading: Reading, path: Path) -> _Answered:
-    """Return what a device answers: what it names, and what its tests say of how far each parameter is off.
+def _asked(device: Device, robot_name: str, reading: Reading, path: Path) -> tuple[Mapping[str, Any], Kept]:
+    """Return a device's corrected model, as a file has it, and what it names and its tests say of its parameters.
 
     path: the file of its corrected model, beside which the robot file is named; a worker may stand in another folder.
     """
@@ -208,7 +198,7 @@ def _asked(device: Device, robot_name: str, reading: Reading, path: Path) -> _An
         answer = Answer.of(found)
         names, said = _likelihood(robot, recordings, model, max(1.0, answer.left))
     document = model_document(model, path)
-    return _Answered(document, Kept({"answer": asdict(answer), "names": names}, said._asdict()))
+    return document, Kept({"answer": asdict(answer), "names": names}, said._asdict())
 
 
 def _likelihood(

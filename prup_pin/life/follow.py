@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +22,9 @@ from ..recordings.recording import moment
 from ..robot import Robot
 from ..simulation import CorrectedModel, read_model, write_model
 from ..spatial import Array
-from .answers import Answer
-from .followed import Evidence, evidence_of, followed
-from .kept import Kept, check_given_once, digest, digest_of, keep, kept, named_in_errors
+from .followed import evidence_of, followed
+from .kept import Answer, Kept, check_given_once, digest, digest_of, keep, kept, named_in_errors, once
 from .life import Life, changes_of
-
-__all__ = ["MODEL", "follow", "in_order_of_time"]
 
 #: In the folder of a life: the corrected model of its first recording.
 MODEL = "first_model.json"
@@ -68,9 +67,7 @@ def follow(
         for place, (name, item) in enumerate(tests[1:], 1):
             key, part = digest("answer", of_model, digest_of(item)), heard(place, 1 / len(tests))
             with named_in_errors(name):
-                said = kept(folder, key) or keep(
-                    folder, key, Answer.of(diagnose(robot, item, against=model, tell=part)).kept
-                )
+                said = once(folder, key, partial(_answer, robot, item, model, part))
             answers.append(Answer.read(said.about))
         if answer.verdict == "unexplained":
             remarks.append(
@@ -83,15 +80,18 @@ def follow(
         for place, ((name, item), answer) in enumerate(zip(tests, answers, strict=True) if laws else ()):
             key = digest("evidence", of_model, digest_of(item), of_laws, repr(answer), repr(place == 0))
             with named_in_errors(name):
-                said = kept(folder, key) or keep(
-                    folder, key, evidence_of(robot, item, model, laws, answer, place == 0).kept
-                )
-            evidence.append(Evidence.read(said))
+                said = once(folder, key, partial(evidence_of, robot, item, model, laws, answer, place == 0))
+            evidence.append(said)
     changes, series = changes_of(model, answers, laws, evidence, time, robot.mechanism)
     dates = tuple(item.date for _, item in tests)
     return Life(
         tuple(name for name, _ in tests), dates, ordered_by, tuple(answers), changes, series, tuple(remarks), model
     )
+
+
+def _answer(robot: Robot, recording: Recording, model: CorrectedModel, tell: Tell) -> Kept:
+    """Return what a recording says against the first one's model."""
+    return Kept(asdict(Answer.of(diagnose(robot, recording, against=model, tell=tell))), {})
 
 
 def in_order_of_time(recordings: Sequence[Recording], names: Sequence[str]) -> tuple[list[int], Array, str, list[str]]:
@@ -160,7 +160,7 @@ def _first(
         folder.mkdir(parents=True, exist_ok=True)
         notes = f"diagnosis of {name}, the first of a life"
         write_model(corrected_model(found, robot, [recording], robot_name, reading, notes), path)
-        about = {"model": digest(path.read_bytes()), "answer": Answer.of(found).kept.about}
+        about = {"model": digest(path.read_bytes()), "answer": asdict(Answer.of(found))}
         said = keep(folder, key, Kept(about, {}))
     if digest(path.read_bytes()) != said.about["model"]:
         raise InputError(

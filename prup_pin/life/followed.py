@@ -22,11 +22,8 @@ from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import CorrectedModel, effect_named
 from ..spatial import Array
-from .answers import Answer, Named
-from .kept import Kept
+from .kept import Answer, Kept, Named
 from .likelihood import Likelihood
-
-__all__ = ["Evidence", "Followed", "evidence_of", "followed"]
 
 
 @dataclass(frozen=True)
@@ -171,30 +168,11 @@ def _key(effect: Effect) -> tuple[str, str, str]:
     return effect.law.physics, effect.place.name, effect.place.aspect
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """What one test says of p numbers of the first model's posterior and q coordinates of followed laws, (p + q,).
-
-    library: laws at places that competed.
-    """
-
-    said: Likelihood
-    library: int
-
-    @classmethod
-    def read(cls, kept: Kept) -> Evidence:
-        """Return that of `kept`."""
-        return cls(Likelihood(kept.arrays["precision"], kept.arrays["score"]), kept.about["library"])
-
-    @property
-    def kept(self) -> Kept:
-        return Kept({"library": self.library}, self.said._asdict())
-
-
 def evidence_of(
     robot: Robot, recording: Recording, model: CorrectedModel, laws: Sequence[Followed], answer: Answer, first: bool
-) -> Evidence:
-    """Return what a test says, linearised about the first model.
+) -> Kept:
+    """Return what a test says, linearised about the first model: `library`, how many laws at places competed, and the
+    likelihood of p numbers of the first model's posterior and q coordinates of followed laws, (p + q,).
 
     first: it is the test that the model is of. It is in the prior of x already, and adds only how x and the coordinates
     hang together in it.
@@ -210,4 +188,4 @@ def evidence_of(
     said = Likelihood.of(jacobian / noise, (test.residual + off).ravel() / noise, nuisance)
     if first:
         said.precision[:p, :p], said.score[:p] = np.eye(p), 0.0
-    return Evidence(said, len(test.prepared.library))
+    return Kept({"library": len(test.prepared.library)}, said._asdict())

@@ -21,12 +21,10 @@ from ..mechanism import Mechanism
 from ..numbers import quantity
 from ..simulation import CorrectedModel
 from ..spatial import Array
-from .answers import Answer
 from .change_points import STEP, ChangePoint, Values, change_points
-from .followed import Evidence, Followed
+from .followed import Followed
+from .kept import Answer, Kept
 from .likelihood import Likelihood
-
-__all__ = ["Change", "Life", "Series", "changes_of"]
 
 
 @dataclass(frozen=True)
@@ -108,22 +106,23 @@ class _Shared:
     covariance: Array
 
 
-def _together(evidence: Sequence[Evidence], laws: Sequence[Followed], time: Array) -> tuple[Values, _Shared]:
+def _together(evidence: Sequence[Kept], laws: Sequence[Followed], time: Array) -> tuple[Values, _Shared]:
     """Return what all tests say of all changes, x integrated out, and what they say of x."""
-    n, q = len(evidence), sum(len(item.names) for item in laws)
-    p = len(evidence[0].said.score) - q
-    covariance = np.asarray(np.linalg.inv(sum(item.said.precision[:p, :p] for item in evidence)))
-    score = sum(item.said.score[:p] for item in evidence)
-    by_v = covariance @ np.concatenate([item.said.precision[:p, p:] for item in evidence], axis=1)
-    precision, right = np.zeros((n * q, n * q)), np.concatenate([item.said.score[p:] for item in evidence])
-    for k, item in enumerate(evidence):
-        precision[k * q : (k + 1) * q, k * q : (k + 1) * q] = item.said.precision[p:, p:]
-        precision[k * q : (k + 1) * q] -= item.said.precision[p:, :p] @ by_v
+    tests = [Likelihood(**item.arrays) for item in evidence]
+    n, q = len(tests), sum(len(item.names) for item in laws)
+    p = len(tests[0].score) - q
+    covariance = np.asarray(np.linalg.inv(sum(item.precision[:p, :p] for item in tests)))
+    score = sum(item.score[:p] for item in tests)
+    by_v = covariance @ np.concatenate([item.precision[:p, p:] for item in tests], axis=1)
+    precision, right = np.zeros((n * q, n * q)), np.concatenate([item.score[p:] for item in tests])
+    for k, item in enumerate(tests):
+        precision[k * q : (k + 1) * q, k * q : (k + 1) * q] = item.precision[p:, p:]
+        precision[k * q : (k + 1) * q] -= item.precision[p:, :p] @ by_v
     ends = np.cumsum([0, *(len(item.names) for item in laws)])
     groups = tuple(tuple(range(a, b)) for a, b in pairwise(ends.tolist()))
     constant = tuple(item.counts_from_nothing for item in laws)
-    tests = max(item.library for item in evidence)
-    values = Values(Likelihood(precision, right - by_v.T @ score), groups, time, constant, tests)
+    library = max(item.about["library"] for item in evidence)
+    values = Values(Likelihood(precision, right - by_v.T @ score), groups, time, constant, library)
     return values, _Shared(covariance @ score, by_v, covariance)
 
 
@@ -131,7 +130,7 @@ def changes_of(
     model: CorrectedModel,
     answers: Sequence[Answer],
     laws: Sequence[Followed],
-    evidence: Sequence[Evidence],
+    evidence: Sequence[Kept],
     time: Array,
     mechanism: Mechanism,
 ) -> tuple[tuple[Change, ...], tuple[Series, ...]]:

@@ -13,8 +13,6 @@ from ..diagnosis.criteria import ROUNDING
 from ..diagnosis.nuisance import Nuisance
 from ..spatial import Array
 
-__all__ = ["Likelihood", "inverse"]
-
 
 class Likelihood(NamedTuple):
     """What is said of k numbers: their precision P (k, k) and score h (k,)."""

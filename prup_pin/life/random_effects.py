@@ -20,8 +20,6 @@ from ..diagnosis.chances import WITHIN_95, chi2_isf, student_ppf
 from ..diagnosis.criteria import FALSE_ALARM, INDISTINCT, MUCH, ROUNDING, STEP
 from ..spatial import Array
 
-__all__ = ["COMMON", "FixedEffect", "Likelihoods", "MixedModel", "mixed_model"]
-
 #: The device of a fixed effect that all of them share.
 COMMON = -1
 #: Logarithm of a tau beside where it starts beyond which it is none, or anything.

@@ -8,23 +8,9 @@ from typing import Any
 
 from ..errors import InputError, did_you_mean, nearest_names
 from ..files import as_path, is_file, is_path, named_beside
-from .columns import (
-    COARSEST_NOISE,
-    FINEST_NOISE,
-    NOISE_KEYS,
-    NOISE_UNITS,
-)
+from .columns import COARSEST_NOISE, FINEST_NOISE, NOISE_KEYS, NOISE_UNITS
 from .conventions import Convention, convention_of
-from .problems import (
-    KeyProblem,
-    KeyReader,
-    Problems,
-    is_number,
-    joined,
-    json_kind,
-    read_json_object,
-    shown,
-)
+from .problems import KeyProblem, KeyReader, Problems, ValueReader, is_number, json_kind, read_json_object, shown
 from .recording import Noise, moment
 from .tolerances import KINDS_OF_TOLERANCE, SENSORS, Tolerances
 
@@ -41,7 +27,7 @@ def said_beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> t
     remarks: list[str] = []
     found: dict[str, Any] = {}
     values = read_json_object(beside, "a JSON object", problems)
-    keys = KeyReader(problems, beside.name)
+    keys = ValueReader(problems, beside.name)
     noise = {}
     for key, value in values.items():
         if key in NOISE_KEYS:
@@ -58,12 +44,15 @@ def said_beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> t
         elif key == "frame" and value == "base":
             pass  # which they all are in
         elif key in ("robot", "notes", "date", "device"):
-            if isinstance(value, str):
-                found[key] = value
-                if key == "date" and not _is_date(value):
-                    keys.wrong(key, f"is {shown(value)}; expected a day or a moment, as 2026-03-01 or 2026-03-01T14:30")
-            elif value is not None:
-                keys.wrong(key, f"is {json_kind(value)}; expected a text")
+            text = keys.text(value, key)
+            if text is not None:
+                found[key] = text
+            if key == "date" and text is not None:
+                try:
+                    moment(text)
+                except ValueError:
+                    expected = "expected a day or a moment, as 2026-03-01 or 2026-03-01T14:30"
+                    keys.wrong(key, f"is {shown(text)}; {expected}")
         else:
             near = did_you_mean(shown(key), KEYS, 1)
             told = near or nearest_names(shown(key), KEYS)
@@ -77,14 +66,6 @@ def said_beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> t
             remarks.append(f"{beside.name}: {told}")
             found["misspelt"] = (*found.get("misspelt", ()), remarks[-1])
     return {**found, "noise": Noise(**noise)}, remarks
-
-
-def _is_date(text: str) -> bool:
-    try:
-        moment(text)
-    except ValueError:
-        return False
-    return True
 
 
 def own_sensors_of(keys: KeyReader, value: object, key: str) -> tuple[str, ...]:
@@ -150,7 +131,7 @@ def noise_value(keys: KeyReader, key: str, value: object, within: str = "") -> f
         span = "above 0" if not is_number(value) or value <= 0 else f"from {FINEST_NOISE:g} to {COARSEST_NOISE:g}"
         unit = f"one standard deviation {span} [{NOISE_UNITS[NOISE_KEYS[key]]}]"
         message = f"is {json_kind(value)}; expected {unit}, or no such key where it is not known"
-        keys.wrong(joined(within, key), message)
+        keys.wrong(keys.joined(within, key), message)
         return None
     return float(value)
 
@@ -183,10 +164,10 @@ def tolerances_of(keys: KeyReader, values: object, key: str) -> Tolerances:
     for name, value in values.items():
         if name not in _TOLERANCES:
             near = nearest_names(shown(name), list(_TOLERANCES))
-            keys.wrong(joined(key, name), f"no tolerance has this name. {near}")
+            keys.wrong(keys.joined(key, name), f"no tolerance has this name. {near}")
         elif value is not None:
             if wrong := _TOLERANCES[name].wrong(value):
-                keys.wrong(joined(key, name), f"is {json_kind(value)}; {wrong}")
+                keys.wrong(keys.joined(key, name), f"is {json_kind(value)}; {wrong}")
             else:
                 found[name] = float(value)
     return Tolerances(**found)

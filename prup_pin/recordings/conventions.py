@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import combinations, permutations, product
 from typing import Any
 
@@ -44,8 +43,9 @@ class Drawn:
     tool: Callable[[Recording], Array] | None = None
 
 
-#: (values, what the word takes, drawn) -> values, of arrays (N, 3) or (N, 6).
-_Change = Callable[[Array, "Argument", Array], Array]
+#: (values, what the word takes, the tool's placements as drawn (N, 4, 4), written rather than read) -> values; arrays
+#: (N, 3) or (N, 6).
+_Change = Callable[[Array, "Argument", Array, bool], Array]
 Argument = tuple[float, ...] | tuple[str, ...]
 
 
@@ -57,7 +57,7 @@ class Word:
     'joint' or 'joints'.
     factor: of written values, that makes SI of them; None where it is no mere factor. Of joints it is for those that
     `slide` (True), that turn (False), or for all (None).
-    forth, back: how (N, 3) or (N, 6) are read and written, with the tool's placements as drawn (N, 4, 4).
+    change: how (N, 3) or (N, 6) are read and written.
     """
 
     name: str
@@ -66,37 +66,27 @@ class Word:
     takes: str = ""
     factor: float | None = None
     slide: bool | None = None
-    forth: _Change | None = None
-    back: _Change | None = None
+    change: _Change | None = None
     needs_tool: bool = False
 
 
 # -- rotations -----------------------------------------------------------------------------------------------------
 
 
-def _rotation() -> Any:
-    """Return scipy's rotations, which are heavy to load."""
-    from scipy.spatial.transform import Rotation
+def _orientations(read: Callable[[Any, Array], Any], written: Callable[[Any], Array]) -> _Change:
+    """Return the change of rows (N, 3) that tell orientations otherwise.
 
-    return Rotation
+    read: makes turns of rows by scipy's `Rotation`, which is heavy to load; written: makes rows of turns.
+    """
 
+    def change(values: Array, _: Argument, tool: Array, back: bool) -> Array:
+        from scipy.spatial.transform import Rotation
 
-def _euler(order: str, by_axis: bool, unit: float) -> tuple[_Change, _Change]:
-    """Return how angles in an order of axes (upper case: each about the turned axes) are read, and written."""
-    places = ["xyz".index(axis) for axis in order.lower()] if by_axis else [0, 1, 2]
+        if back:
+            return _known(values, lambda rows: written(Rotation.from_rotvec(rows)))
+        return _known(values, lambda rows: read(Rotation, rows).as_rotvec())
 
-    def forth(values: Array, _: Argument, tool: Array) -> Array:
-        return _known(values, lambda rows: _rotation().from_euler(order, unit * rows[:, places]).as_rotvec())
-
-    def back(values: Array, _: Argument, tool: Array) -> Array:
-        def written(rows: Array) -> Array:
-            out = np.empty_like(rows)
-            out[:, places] = _rotation().from_rotvec(rows).as_euler(order, suppress_warnings=True) / unit
-            return out
-
-        return _known(values, written)
-
-    return forth, back
+    return change
 
 
 def _known(values: Array, change: Callable[[Array], Array]) -> Array:
@@ -108,24 +98,31 @@ def _known(values: Array, change: Callable[[Array], Array]) -> Array:
     return out
 
 
-def _of_vector_part(values: Array, _: Argument, tool: Array) -> Array:
-    def change(rows: Array) -> Array:
-        rest = np.sqrt(np.maximum(1 - (rows**2).sum(axis=1, keepdims=True), 0.0))
-        return np.asarray(_rotation().from_quat(np.concatenate((rows, rest), axis=1)).as_rotvec())
+def _euler(order: str, by_axis: bool, unit: float) -> _Change:
+    """Return the change of angles in an order of axes (upper case: each about the turned axes)."""
+    places = ["xyz".index(axis) for axis in order.lower()] if by_axis else [0, 1, 2]
+    return _orientations(
+        lambda turns, rows: turns.from_euler(order, unit * rows[:, places]),
+        lambda turned: turned.as_euler(order, suppress_warnings=True)[:, np.argsort(places)] / unit,
+    )
 
-    return _known(values, change)
+
+def _with_scalar(vectors: Array) -> Array:
+    """Return unit quaternions x y z w of their vector parts (N, 3)."""
+    return np.column_stack((vectors, np.sqrt(np.maximum(1 - (vectors**2).sum(axis=1), 0.0))))
 
 
-def _to_vector_part(values: Array, _: Argument, tool: Array) -> Array:
-    return _known(values, lambda rows: _rotation().from_rotvec(rows).as_quat(canonical=True)[:, :3])
+_VECTOR_PART = _orientations(
+    lambda turns, rows: turns.from_quat(_with_scalar(rows)), lambda turned: turned.as_quat(canonical=True)[:, :3]
+)
 
 
 def _rolled(places: int) -> _Change:
-    def change(rows: Array) -> Array:
-        quaternions = _rotation().from_rotvec(rows).as_quat()
-        return np.asarray(_rotation().from_quat(np.roll(quaternions, places, axis=1)).as_rotvec())
-
-    return lambda values, _, tool: _known(values, change)
+    """Return the change of quaternions whose numbers were taken in another order."""
+    return _orientations(
+        lambda turns, rows: turns.from_quat(np.roll(turns.from_rotvec(rows).as_quat(), places, axis=1)),
+        lambda turned: type(turned).from_quat(np.roll(turned.as_quat(), -places, axis=1)).as_rotvec(),
+    )
 
 
 # -- axes, points, wrenches ----------------------------------------------------------------------------------------
@@ -140,7 +137,7 @@ def _axes(argument: Argument) -> Array:
     return turn
 
 
-def _vectors_in_axes(values: Array, argument: Argument, tool: Array, back: bool = False) -> Array:
+def _vectors_in_axes(values: Array, argument: Argument, tool: Array, back: bool) -> Array:
     """Return vectors (N, 3), or wrenches (N, 6), in base axes; moments of mirrored axes count the other way round."""
     turn = _axes(argument)
     turn = turn.T if back else turn
@@ -151,52 +148,49 @@ def _vectors_in_axes(values: Array, argument: Argument, tool: Array, back: bool 
     return np.concatenate([half[:, of] * signs for half in (values[:, :3], moments) if half.shape[1]], axis=1)
 
 
-def _turns_in_axes(values: Array, argument: Argument, tool: Array, back: bool = False) -> Array:
+def _turns_in_axes(values: Array, argument: Argument, tool: Array, back: bool) -> Array:
     turn = _axes(argument)
     return float(np.linalg.det(turn)) * (values @ (turn.T if back else turn))
 
 
-def _turned_by(values: Array, argument: Argument, tool: Array, left: bool, back: bool = False) -> Array:
-    turn = _axes(argument)
-    turn = turn if back else turn.T
-
-    def change(rows: Array) -> Array:
-        own = rotation_exp(rows)
-        return rotation_log(turn @ own if left else own @ turn.T)
-
-    return _known(values, change)
+def _in_base_axes(values: Array, argument: Argument, tool: Array, back: bool) -> Array:
+    turn = _axes(argument) if back else _axes(argument).T
+    return _known(values, lambda rows: rotation_log(turn @ rotation_exp(rows)))
 
 
-def _in_tool_axes(values: Array, _: Argument, tool: Array, back: bool = False) -> Array:
+def _of_tool_axes(values: Array, argument: Argument, tool: Array, back: bool) -> Array:
+    turn = _axes(argument).T if back else _axes(argument)
+    return _known(values, lambda rows: rotation_log(rotation_exp(rows) @ turn))
+
+
+def _in_tool_axes(values: Array, _: Argument, tool: Array, back: bool) -> Array:
     turn = tool[:, :3, :3].mT if back else tool[:, :3, :3]
     return np.concatenate([(turn @ half[..., None])[..., 0] for half in (values[:, :3], values[:, 3:])], axis=1)
 
 
-def _about(values: Array, point: Array, sign: float) -> Array:
-    out = values.copy()
-    out[:, 3:] += sign * cross(point, values[:, :3])
-    return out
+def _about(values: Array, lever: Array, back: bool) -> Array:
+    """Return wrenches whose moments are about another point, from which a lever (3,) or (N, 3) reaches."""
+    moved = cross(lever, values[:, :3])
+    return np.concatenate((values[:, :3], values[:, 3:] + (-moved if back else moved)), axis=1)
 
 
-def _about_point(values: Array, argument: Argument, tool: Array, sign: float = 1.0) -> Array:
-    return _about(values, tool[:, :3, :3] @ np.array(argument, float), sign)
+def _about_point(values: Array, argument: Argument, tool: Array, back: bool) -> Array:
+    return _about(values, tool[:, :3, :3] @ np.array(argument, float), back)
 
 
-def _about_origin(values: Array, _: Argument, tool: Array, sign: float = 1.0) -> Array:
-    return _about(values, -tool[:, :3, 3], sign)
+def _about_origin(values: Array, _: Argument, tool: Array, back: bool) -> Array:
+    return _about(values, -tool[:, :3, 3], back)
 
 
 # -- the table -----------------------------------------------------------------------------------------------------
 
-_POSES = ("p", "r")
 _EULER = tuple(
     Word(
         f"{kind}_{name}{'_deg' * in_degrees}",
         ("r",),
         f"angles {'about x, y, z, turned ' if kind == 'angles' else ''}in the order {name} "
         f"({'turned' if name.isupper() else 'fixed'} axes), {'deg' if in_degrees else 'rad'}",
-        forth=_euler(name, kind == "angles", np.pi / 180 if in_degrees else 1.0)[0],
-        back=_euler(name, kind == "angles", np.pi / 180 if in_degrees else 1.0)[1],
+        change=_euler(name, kind == "angles", np.pi / 180 if in_degrees else 1.0),
     )
     for in_degrees in (False, True)
     for kind, name in (
@@ -237,45 +231,21 @@ WORDS: tuple[Word, ...] = (
     Word("order", ("q", "tau"), "columns, as they stand in the table, of these joints", "joints"),
     Word("quarter_turns", ("q",), "counted from so many quarter turns elsewhere", "turns"),
     Word("wrapped", ("q",), "with whole turns taken off, between -pi and pi"),
-    Word(
-        "axes", ("p", "wrench", "g"), "along these axes of the base", "axes",
-        forth=_vectors_in_axes, back=partial(_vectors_in_axes, back=True),
-    ),
-    Word(
-        "axes", ("r",), "of axes renamed so, the base's and the platform's", "axes",
-        forth=_turns_in_axes, back=partial(_turns_in_axes, back=True),
-    ),
-    Word(
-        "base_axes", ("r",), "in these axes of the base", "axes",
-        forth=partial(_turned_by, left=True), back=partial(_turned_by, left=True, back=True),
-    ),
-    Word(
-        "tool_axes", ("r",), "of these axes of the tool", "axes",
-        forth=partial(_turned_by, left=False), back=partial(_turned_by, left=False, back=True),
-    ),
+    Word("axes", ("p", "wrench", "g"), "along these axes of the base", "axes", change=_vectors_in_axes),
+    Word("axes", ("r",), "of axes renamed so, the base's and the platform's", "axes", change=_turns_in_axes),
+    Word("base_axes", ("r",), "in these axes of the base", "axes", change=_in_base_axes),
+    Word("tool_axes", ("r",), "of these axes of the tool", "axes", change=_of_tool_axes),
     Word("inverse", ("r",), "the base's, seen from the tool", factor=-1.0),
-    Word(
-        "quaternion", ("r",), "the vector part of a unit quaternion", forth=_of_vector_part, back=_to_vector_part,
-    ),
-    Word(
-        "wxyz_as_xyzw", ("r",), "of a quaternion w x y z that was taken for x y z w", forth=_rolled(-1), back=_rolled(1)
-    ),
-    Word(
-        "xyzw_as_wxyz", ("r",), "of a quaternion x y z w that was taken for w x y z", forth=_rolled(1), back=_rolled(-1)
-    ),
+    Word("quaternion", ("r",), "the vector part of a unit quaternion", change=_VECTOR_PART),
+    Word("wxyz_as_xyzw", ("r",), "of a quaternion w x y z that was taken for x y z w", change=_rolled(-1)),
+    Word("xyzw_as_wxyz", ("r",), "of a quaternion x y z w that was taken for w x y z", change=_rolled(1)),
     *_EULER,
-    Word(
-        "tool_frame", ("wrench",), "in the tool's axes, not the base's",
-        forth=_in_tool_axes, back=partial(_in_tool_axes, back=True), needs_tool=True,
-    ),
+    Word("tool_frame", ("wrench",), "in the tool's axes, not the base's", change=_in_tool_axes, needs_tool=True),
     Word(
         "about", ("wrench",), "moments about this point (tool's axes, from the tool point) [m]", "point",
-        forth=_about_point, back=partial(_about_point, sign=-1.0), needs_tool=True,
+        change=_about_point, needs_tool=True,
     ),
-    Word(
-        "about_base", ("wrench",), "moments about the base's origin",
-        forth=_about_origin, back=partial(_about_origin, sign=-1.0), needs_tool=True,
-    ),
+    Word("about_base", ("wrench",), "moments about the base's origin", change=_about_origin, needs_tool=True),
 )  # fmt: skip
 _BY_NAME = {(group, word.name): word for word in WORDS for group in word.groups}
 
@@ -429,9 +399,8 @@ def _changed(recording: Recording, convention: Convention, drawn: Drawn, back: b
     def change(values: Array) -> Array:
         if factor is not None:
             return values * factor
-        turned = word.back if back else word.forth
-        assert turned is not None
-        return turned(values, convention.argument, tool)
+        assert word.change is not None
+        return word.change(values, convention.argument, tool, back)
 
     if group in ("p", "r"):
         own, marked = ("position", "markers") if group == "p" else ("rotation", "marker_rotations")

@@ -14,7 +14,7 @@ from ..files import json_lines, named_beside, write_whole, written_beside
 from ..spatial import WRENCH_NAMES, Array, as_wrench
 from .beside import noise_of, tolerances_of
 from .columns import LARGEST_GRAVITY, LARGEST_NUMBER, NOISE_KEYS
-from .problems import KeyReader, Problems, is_number, joined, json_kind, read_json_object
+from .problems import Problems, ValueReader, is_number, json_kind, read_json_object
 from .recording import Noise, Recording
 from .tolerances import Tolerances
 
@@ -352,92 +352,43 @@ def _load_json(load: LoadProgramme) -> dict[str, Any]:
     return value
 
 
-class _PlanReader(KeyReader):
+class _PlanReader(ValueReader):
     """Turns JSON into a plan."""
 
+    largest = LARGEST_NUMBER
     KEYS = ("poses", "loads", "sample_interval", "temperature", "noise", "tolerances", "markers", "gravity",
             "encoder_resolution", "seed", "robot", "notes")  # fmt: skip
 
-    def items(self, value: object, key: str, what: str) -> Sequence[Any]:
-        """Return a JSON list that is not empty."""
-        if not isinstance(value, list) or not value:
-            self.wrong(key, f"is {'empty' if value == [] else json_kind(value)}; expected a list of {what}")
-            return []
-        return value
-
-    def number(
-        self,
-        value: object,
-        key: str,
-        unit: str,
-        low: float | None = None,
-        above: bool = False,
-        most: float = LARGEST_NUMBER,
-    ) -> float:
-        """Return a number at least `low`, or greater where `above`, and of no size above `most`; 0 after reporting."""
-        limit = "" if low is None else f" {'above' if above else 'of at least'} {low:g}"
-        if is_number(value) and not (low is not None and (value < low or (above and value == low))):
-            if abs(value) <= most:
-                return float(value)
-            limit = f" of {most:g} at most"
-        self.wrong(key, f"is {json_kind(value)}; expected a number{limit}{f' [{unit}]' if unit else ''}")
-        return 0.0
-
-    def whole(self, value: object, key: str, low: int, high: int | None = None) -> int:
-        """Return a whole number within limits, or `low` after reporting."""
-        fits = (
-            isinstance(value, int) and not isinstance(value, bool) and value >= low and (high is None or value <= high)
-        )
-        if not fits:
-            limits = f"of at least {low}" if high is None else f"from {low} to {high}"
-            self.wrong(key, f"is {json_kind(value)}; expected a whole number {limits}")
-            return low
-        return value  # type: ignore[return-value]
-
-    def text(self, value: object, key: str) -> str | None:
-        if value is not None and not isinstance(value, str):
-            self.wrong(key, f"is {json_kind(value)}; expected a text")
-            return None
-        return value
-
     def named_numbers(self, value: object, key: str, what: str) -> dict[str, float]:
         named = self.entries(value, key, ())
-        if isinstance(value, dict) and not value:
+        if value == {}:
             self.wrong(key, f"is empty; expected {what}")
-        return {name: self.number(entry, joined(key, name), "m or rad") for name, entry in named.items()}
+        return {name: self.number(entry, self.joined(key, name), "m or rad") for name, entry in named.items()}
+
+    def listed(self, values: Mapping[str, Any], key: str, what: str, read: Callable[[Any, str], Any]) -> list[Any]:
+        """Return the items of a list that could be read."""
+        if key not in values:
+            self.wrong(key, "is missing; expected a list")
+            return []
+        found = [read(entry, f"{key}[{k}]") for k, entry in enumerate(self.items(values[key], key, what))]
+        return [item for item in found if item is not None]
 
     def plan(self, values: dict[str, Any]) -> TestPlan | None:
         """Return the plan, or None after reporting."""
         self.entries(values, "", self.KEYS)
-        for key in ("poses", "loads"):
-            if key not in values:
-                self.wrong(key, "is missing; expected a list")
-        poses = [
-            pose
-            for k, entry in enumerate(self.items(values["poses"], "poses", "poses") if "poses" in values else [])
-            if (pose := self.pose(entry, f"poses[{k}]")) is not None
-        ]
+        poses = self.listed(values, "poses", "poses", self.pose)
         count = sum(pose.count if isinstance(pose, RandomPoses) else 1 for pose in poses)
         if count > MAX_POSES:
             self.wrong("poses", f"has {count} poses; expected at most {MAX_POSES}")
         joints = [(k, set(pose.actuators)) for k, pose in enumerate(poses) if isinstance(pose, ActuatorPose)]
-        for k, names in joints[1:]:
-            for name in sorted(names ^ joints[0][1]):
-                less = "is missing" if name in joints[0][1] else "is not there"
-                where = (
-                    f"poses[{k}].actuators.{name}"
-                    if name in joints[0][1]
-                    else f"poses[{joints[0][0]}].actuators.{name}"
-                )
-                other = joints[0][0] if name in joints[0][1] else k
-                self.wrong(where, f"{less}, but poses[{other}] has it; every pose needs the same joints")
+        for other in joints[1:]:
+            for name in sorted(joints[0][1] ^ other[1]):
+                has, lacks = (joints[0], other) if name in joints[0][1] else (other, joints[0])
+                message = f"is missing, but poses[{has[0]}] has it; every pose needs the same joints"
+                self.wrong(f"poses[{lacks[0]}].actuators.{name}", message)
         # With a wrong pose, nothing is known of how many there are.
         known = None if self.problems else count
-        loads = [
-            load
-            for k, entry in enumerate(self.items(values["loads"], "loads", "programmes") if "loads" in values else [])
-            if (load := self.load(entry, f"loads[{k}]", known)) is not None
-        ]
+        loads = self.listed(values, "loads", "programmes", lambda entry, key: self.load(entry, key, known))
         interval = self.number(values.get("sample_interval", 1.0), "sample_interval", "s", 0.0, above=True)
         resolution = self.number(values.get("encoder_resolution", 0.0), "encoder_resolution", "m or rad", 0.0)
         temperature = self.temperature(values.get("temperature"))
@@ -513,7 +464,7 @@ class _PlanReader(KeyReader):
             self.wrong(f"{key}.bounds", "is empty; expected [low, high] by task coordinate")
         bounds = {}
         for name, pair in named.items():
-            place = joined(f"{key}.bounds", name)
+            place = self.joined(f"{key}.bounds", name)
             if not isinstance(pair, list) or len(pair) != 2:
                 self.wrong(place, f"is {json_kind(pair)}; expected a list [low, high]")
                 continue

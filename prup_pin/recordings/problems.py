@@ -6,7 +6,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeGuard
@@ -34,9 +34,8 @@ class TableProblem(Problem):
     column: str | None = None
 
     def __str__(self) -> str:
-        place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
-        column = f"column '{shown(self.column)}'" if self.column is not None else ""
-        return ": ".join(part for part in (place, column, self.message) if part)
+        column = f"column '{shown(self.column)}': " if self.column is not None else ""
+        return str(Problem(f"{column}{self.message}", self.line, self.file))
 
 
 @dataclass(frozen=True)
@@ -46,8 +45,7 @@ class KeyProblem(Problem):
     key: str | None = None
 
     def __str__(self) -> str:
-        place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
-        return ": ".join(part for part in (place, self.key, self.message) if part)
+        return str(Problem(f"{self.key}: {self.message}" if self.key else self.message, self.line, self.file))
 
 
 class Problems:
@@ -90,23 +88,16 @@ class Problems:
         """Return the error to raise: what concerns a whole file first, then by lines, then what is not listed."""
         for problem in also:
             self.add(problem)
-        found = sorted(
-            self.found,
-            key=lambda problem: (
-                problem.file not in (None, self.path.name),
-                -1 if problem.line is None else problem.line,
-            ),
-        )
-        rest: list[Problem] = []
-        for (column, kind), count in self._per_column.items():
-            if count > MAX_PER_COLUMN and len(rest) < MAX_PROBLEMS // 2:
-                message = f"{count - MAX_PER_COLUMN} more are not listed ({kind})"
-                rest.append(TableProblem(message, column=column))
+        own = (None, self.path.name)
+        found = sorted(self.found, key=lambda each: (each.file not in own, -1 if each.line is None else each.line))
+        cut = {place: count - MAX_PER_COLUMN for place, count in self._per_column.items() if count > MAX_PER_COLUMN}
+        rest: list[Problem] = [
+            TableProblem(f"{more} more are not listed ({kind})", column=column) for (column, kind), more in cut.items()
+        ][: MAX_PROBLEMS // 2]
         room = MAX_PROBLEMS - len(rest)
         if self.more or len(found) > room:
-            more = self.more + len(found) - (room - 1)
+            rest.append(Problem(f"{self.more + len(found) - (room - 1)} more problems are not listed"))
             found = found[: room - 1]
-            rest.append(Problem(f"{more} more problems are not listed"))
         return RecordingFileError(self.path, [*found, *rest], self.advice)
 
 
@@ -210,29 +201,90 @@ def _other_format(content: bytes) -> str:
 
 
 class KeyReader:
-    """Reads the keys of a JSON file; what is wrong is added to its problems, with its place in the file."""
+    """Reads the keys of a file; what is wrong is added to its problems, with its place in the file.
 
-    def __init__(self, problems: Problems, file: str | None = None):
+    between: what stands between a key and one within it. lines: those of keys, where they are known.
+    """
+
+    between = "."
+
+    def __init__(self, problems: Problems, file: str | None = None, lines: Mapping[str, int] | None = None):
         self.problems, self.file = problems, problems.path.name if file is None else file
+        self.lines = lines or {}
 
     def wrong(self, key: str, message: str) -> None:
         """Add what is wrong with a key, or with its value."""
-        self.problems.add(KeyProblem(message, None, self.file, key=key))
+        self.problems.add(KeyProblem(message, self.lines.get(key), self.file, key=key))
+
+    @classmethod
+    def joined(cls, key: str, name: object) -> str:
+        """Return the place of a name within a key, as in poses[3].at.z."""
+        return f"{key}{cls.between}{shown(name)}" if key else shown(name)
 
     def entries(self, value: object, key: str, allowed: Sequence[str]) -> dict[str, Any]:
-        """Return a JSON object whose keys are all among `allowed`; any are without `allowed`."""
+        """Return an object whose keys are all among `allowed`; any are without `allowed`."""
         if not isinstance(value, dict):
-            self.wrong(key, f"is {json_kind(value)}; expected an object {{…}}")
+            keys = f", with keys {', '.join(allowed)}" if 0 < len(allowed) < 12 else " {…}"
+            self.wrong(key, f"is {json_kind(value)}; expected an object{keys}")
             return {}
         for name in value:
             if allowed and name not in allowed:
-                self.wrong(joined(key, name), f"unknown key. {nearest_names(shown(name), allowed)}")
+                self.wrong(self.joined(key, name), f"unknown key. {nearest_names(shown(name), allowed)}")
         return value
 
 
-def joined(key: str, name: str) -> str:
-    """Return the place of a name within a key, as in poses[3].at.z."""
-    return f"{key}.{shown(name)}" if key else shown(name)
+class ValueReader(KeyReader):
+    """Reads keys with values of some kinds; largest: that a number may be."""
+
+    largest = math.inf
+
+    def items(self, value: object, key: str, what: str) -> Sequence[Any]:
+        """Return a list that is not empty, or [] after reporting."""
+        if not isinstance(value, list) or not value:
+            self.wrong(key, f"is {'empty' if value == [] else json_kind(value)}; expected a list of {what}")
+            return []
+        return value
+
+    def number(
+        self,
+        value: object,
+        key: str,
+        unit: str = "",
+        low: float | None = None,
+        above: bool = False,
+        most: float | None = None,
+    ) -> float:
+        """Return a number at least `low`, or greater where `above`, and of no size above `most`; 0 after reporting."""
+        limit = "" if low is None else f" {'above' if above else 'of at least'} {low:g}"
+        most = self.largest if most is None else most
+        if is_number(value) and not (low is not None and (value < low or (above and value == low))):
+            if abs(value) <= most:
+                return float(value)
+            limit = f" of {most:g} at most"
+        self.wrong(key, f"is {json_kind(value)}; expected a number{limit}{f' [{unit}]' if unit else ''}")
+        return 0.0
+
+    def whole(self, value: object, key: str, low: int, high: int | None = None) -> int:
+        """Return a whole number within limits, or `low` after reporting."""
+        fits = isinstance(value, int) and not isinstance(value, bool)
+        if isinstance(value, int) and fits and low <= value <= (value if high is None else high):
+            return value
+        limits = f"of at least {low}" if high is None else f"from {low} to {high}"
+        self.wrong(key, f"is {json_kind(value)}; expected a whole number {limits}")
+        return low
+
+    def text(self, value: object, key: str) -> str | None:
+        """Return a text, or None where it is null, or after reporting."""
+        if value is not None and not isinstance(value, str):
+            self.wrong(key, f"is {json_kind(value)}; expected a text")
+            return None
+        return value
+
+    def flag(self, value: object, key: str) -> bool:
+        """Return true or false; false after reporting."""
+        if not isinstance(value, bool):
+            self.wrong(key, f"is {json_kind(value)}; expected true or false")
+        return value is True
 
 
 def _half_characters(value: object) -> str:

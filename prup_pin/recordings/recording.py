@@ -121,19 +121,18 @@ class Recording:
         for name in self.wrench_columns:
             if name not in WRENCH_NAMES:
                 raise UnknownNameError("component of a wrench", name, WRENCH_NAMES)
-        store("time", _column("time", self.time, (n,)))
-        store("wrench", _column("wrench", np.zeros((n, 6)) if self.wrench is None else self.wrench, (n, 6)))
-        for group in ("positions", "velocities", "accelerations", "efforts"):
-            values = getattr(self, group)
-            checked = {str(joint): _column(f"{group}['{joint}']", value, (n,)) for joint, value in values.items()}
-            store(group, MappingProxyType(checked))
-        for group in MARKER_GROUPS.values():
-            values = getattr(self, group)
-            triples = {str(name): _column(f"{group}['{name}']", value, (n, 3)) for name, value in values.items()}
-            store(group, MappingProxyType(triples))
-        for name, shape in (("position", (n, 3)), ("rotation", (n, 3)), ("gravity", (n, 3)), ("temperature", (n,))):
+        if self.wrench is None:
+            store("wrench", np.zeros((n, 6)))
+        triple = (n, 3)
+        shapes = {"time": (n,), "wrench": (n, 6), "position": triple, "rotation": triple, "gravity": triple}
+        for name, shape in {**shapes, "temperature": (n,)}.items():
             if getattr(self, name) is not None:
                 store(name, _column(name, getattr(self, name), shape))
+        for groups, shape in ((JOINT_GROUPS, (n,)), (MARKER_GROUPS, triple)):
+            for group in groups.values():
+                given = getattr(self, group).items()
+                checked = {str(name): _column(f"{group}['{name}']", value, shape) for name, value in given}
+                store(group, MappingProxyType(checked))
         if self.gravity is not None and (self.gravity**2).sum(axis=1).max(initial=0.0) > LARGEST_GRAVITY**2:
             raise InputError(f"gravity is larger than {LARGEST_GRAVITY:g} m/s^2: is it in mm/s^2? Expected m/s^2")
         for name in (*self.own_sensors, *self.own_by_run):
@@ -156,25 +155,14 @@ class Recording:
         return len(self.time)
 
     def __repr__(self) -> str:
-        parts = [f"{len(self)} samples"]
-        if self.run_names != ("",):
-            parts.append(f"{len(np.unique(self.run))} runs")
-        measured = [
-            name
-            for name, there in (
-                ("wrench", self.has_wrench),
-                ("position", self.position is not None),
-                ("rotation", self.rotation is not None),
-                ("efforts", bool(self.efforts)),
-                ("gravity", self.gravity is not None),
-                ("temperature", self.temperature is not None),
-            )
-            if there
-        ]
-        parts.append("joints " + (", ".join(self.positions) or "none"))
+        there = {"wrench": self.has_wrench, "efforts": bool(self.efforts)}
+        names = ("wrench", "position", "rotation", "efforts", "gravity", "temperature")
+        measured = [name for name in names if there.get(name, getattr(self, name) is not None)]
         measured += [f"marker {name}" for name in self.marker_names]
-        parts.append("with " + (", ".join(measured) or "nothing else"))
-        return f"<Recording {self.path + ': ' if self.path else ''}{'; '.join(parts)}>"
+        runs = f"; {len(np.unique(self.run))} runs" if self.run_names != ("",) else ""
+        joints, other = ", ".join(self.positions) or "none", ", ".join(measured) or "nothing else"
+        path = f"{self.path}: " if self.path else ""
+        return f"<Recording {path}{len(self)} samples{runs}; joints {joints}; with {other}>"
 
     @property
     def marker_names(self) -> tuple[str, ...]:
@@ -232,7 +220,7 @@ class Recording:
         for name in ("time", "wrench", "position", "rotation", "gravity", "temperature", "run"):
             value = getattr(self, name)
             changes[name] = None if value is None else value[index]
-        for name in ("positions", "velocities", "accelerations", "efforts", *MARKER_GROUPS.values()):
+        for name in (*JOINT_GROUPS.values(), *MARKER_GROUPS.values()):
             changes[name] = {key: value[index] for key, value in getattr(self, name).items()}
         return replace(self, **changes)
 

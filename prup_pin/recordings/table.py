@@ -1,44 +1,72 @@
-"""The text of a table: its header, and its rows as numbers, each with its line."""
+"""The text of a table: its header, and its rows as numbers, each with its line; which rows are kept of very many."""
 
 from __future__ import annotations
 
 import csv
 import io
-import itertools
 import re
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import Problem
+from ..errors import Problem, RecordingFileError
 from ..spatial import Array
-from .columns import (
-    is_known,
-    meant,
-    unit_of,
-)
-from .problems import (
-    MAX_NAMES,
-    Problems,
-    TableProblem,
-    shown,
-)
-from .thinning import Thinning
+from .columns import is_known, meant, unit_of
+from .problems import MAX_NAMES, Problems, TableProblem, shown
 
-#: Rows that the careful reader holds as text at a time.
-_CHUNK = 20_000
 #: Bytes of a table that are held as text at a time.
 _BLOCK = 2**25
+#: Rows that are kept of a table, and in how many pieces: long ones, in which motions and loads last.
+MOST_ROWS, PIECES = 1_000_000, 40
 #: Stands for the robot's name in an advice.
 ROBOT = "ROBOT"
 EXPECTED = "a table of comma-separated values (.csv) with one header row"
 _SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
 _DECIMAL_COMMA = re.compile(r"[+-]?[\d.]*\d,\d+(?:[eE][+-]?\d+)?")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?nan", re.I | re.A)
+
+
+@dataclass(frozen=True)
+class Thinning:
+    """Pieces of `count` rows, evenly spread from the first to the last; all rows where there are at most `most`."""
+
+    count: int
+    most: int = field(default_factory=lambda: MOST_ROWS)
+    pieces: int = field(default_factory=lambda: PIECES)
+
+    @property
+    def length(self) -> int:
+        """The rows of a piece."""
+        return self.most // self.pieces
+
+    @property
+    def all_kept(self) -> bool:
+        """Whether there are no more rows than are needed."""
+        return self.count <= self.length * self.pieces
+
+    def keeps(self, rows: np.ndarray) -> np.ndarray | None:
+        """Return which of some rows (n,), counted from 0, are kept; None: all are."""
+        if self.all_kept:
+            return None
+        starts = np.linspace(0, self.count - self.length, self.pieces).astype(np.int64)
+        piece = np.clip(np.searchsorted(starts, rows, side="right") - 1, 0, self.pieces - 1)
+        return rows - starts[piece] < self.length
+
+    @property
+    def remarks(self) -> list[str]:
+        """Return what was done and why, for a person."""
+        if self.all_kept:
+            return []
+        return [
+            f"{self.count} rows are more than are needed, and than memory holds: they were read in a stream, and "
+            f"{self.pieces} pieces of {self.length} rows, evenly spread, were kept."
+        ]
 
 
 @dataclass
@@ -197,28 +225,30 @@ def header_of(content: bytes, problems: Problems, form: Form) -> list[str]:
     """Return the names of all columns; raise where there is no header to speak of."""
     lines = io.BytesIO(content)
     text, second = (lines.readline().rstrip(b"\n").decode("utf-8") for _ in range(2))
+
+    def refused(message: str, is_log: bool = True) -> RecordingFileError:
+        if is_log:
+            form.advise_import(problems)
+        return problems.error(TableProblem(message, 1))
+
     for separator, word in _SEPARATORS.items():
         if text.count(separator) > text.count(","):
             decimal = " and decimal points instead of decimal commas" if re.search(r"\d,\d", second) else ""
-            message = f"the columns are separated by {word}; export the table again with commas{decimal}"
-            form.advise_import(problems)
-            raise problems.error(TableProblem(message, 1))
+            raise refused(f"the columns are separated by {word}; export the table again with commas{decimal}")
+    expected = "expected the header: time, q.<joint>, …"
     if text.lstrip().startswith("#"):
-        message = "is a remark ('#'); expected the header: time, q.<joint>, … Remarks go to \"notes\" in its JSON file"
-        form.advise_import(problems)
-        raise problems.error(TableProblem(message, 1))
+        raise refused(f"is a remark ('#'); {expected} Remarks go to \"notes\" in its JSON file")
     try:
         header = [name.strip() for name in next(csv.reader([text], strict=True), [])]
     except csv.Error as error:
-        message = f"the header cannot be split into names: {error}; is a quotation mark not closed?"
-        raise problems.error(TableProblem(message, 1)) from error
+        why = f"{error}; is a quotation mark not closed?"
+        raise refused(f"the header cannot be split into names: {why}", is_log=False) from error
     if len(header) > MAX_NAMES:
-        raise problems.error(TableProblem(f"holds {len(header)} columns; expected at most {MAX_NAMES}", 1))
+        raise refused(f"holds {len(header)} columns; expected at most {MAX_NAMES}", is_log=False)
     if not any(header):
-        raise problems.error(TableProblem("the first row is blank; expected the header: time, q.<joint>, …", 1))
+        raise refused(f"the first row is blank; {expected}", is_log=False)
     if all(_NUMBER.fullmatch(name) for name in header if name):
-        form.advise_import(problems)
-        raise problems.error(TableProblem("the first row holds numbers; expected the header: time, q.<joint>, …", 1))
+        raise refused(f"the first row holds numbers; {expected}")
     if not re.compile(rb"\S").search(content, max(content.find(b"\n"), 0) or len(content)):
         problems.add(TableProblem("holds a header but no rows; expected one row per sample", 1))
     first = {name: index for index, name in reversed(list(enumerate(header)))}
@@ -273,21 +303,19 @@ def fast_table(content: bytes, header: Sequence[str], form: Form, labels: dict[s
 
     labels: of runs, with those that are new; first: the line of the first row.
     """
-    end = len(content)
-    while content[end - 1 : end].isspace():
-        end -= 1
-    body = content[content.find(b"\n") + 1 : end]
+    body = content[content.find(b"\n") + 1 :].rstrip().decode("utf-8")
     if not body:
         return None
     run = header.index("run") if "run" in header else None
-    used = _used(header, form)
-    known = dict(labels)
-    table = _loadtxt(body, header, used, run, known)
-    if table is None and b'"' not in body:
-        known = dict(labels)
-        table = _loadtxt(_filled_cells(body), header, used, run, known)
+    used, known = _used(header, form), dict(labels)
+    converters: dict[int, Callable[[str], float]] = {
+        i: (lambda cell: _label(known, cell)) if i == run else (lambda cell: 0.0)
+        for i in range(len(header))
+        if i not in used
+    }
+    table = plain_numbers(body, ",", converters=converters or None)
     # Where numpy skipped blank lines or took a quoted line end for one row, lines are no longer counted by rows.
-    if table is None or table.shape != (body.count(b"\n") + 1, len(header)) or np.isinf(table).any():
+    if table is None or table.shape != (body.count("\n") + 1, len(header)) or np.isinf(table).any():
         return None
     labels |= known
     numbers = {name: np.ascontiguousarray(table[:, i]) for i, name in used.items()}
@@ -295,39 +323,30 @@ def fast_table(content: bytes, header: Sequence[str], form: Form, labels: dict[s
     return Table(np.arange(first, len(table) + first), numbers, codes)
 
 
-def _filled_cells(body: bytes) -> bytes:
-    """Return rows without quotation marks with 'nan' in their empty cells."""
-    body = b"\n" + body + b"\n"
-    for old, new in ((b",,", b",nan,"), (b",,", b",nan,"), (b",\n", b",nan\n"), (b"\n,", b"\nnan,")):
-        body = body.replace(old, new)
+def plain_numbers(body: str, separator: str | None, **options: Any) -> Array | None:
+    """Return the numbers of rows at numpy's speed, nan where a cell is empty; None where one is no number.
+
+    separator: None of blanks; options: those of `numpy.loadtxt`.
+    """
+
+    def numbers(text: str) -> Array:
+        return np.loadtxt(io.StringIO(text), delimiter=separator, comments=None, quotechar='"', ndmin=2, **options)
+
+    with suppress(ValueError):
+        return numbers(body)
+    with suppress(ValueError):
+        return numbers(_filled(body, separator))
+    return None
+
+
+def _filled(body: str, separator: str | None) -> str:
+    """Return rows with 'nan' in their empty cells; as they are where quotation marks may hold separators."""
+    if separator is None or '"' in body:
+        return body
+    body = f"\n{body}\n"
+    for empty in (separator + separator, separator + separator, f"{separator}\n", f"\n{separator}"):
+        body = body.replace(empty, f"{empty[0]}nan{empty[1]}")
     return body[1:-1]
-
-
-def _loadtxt(
-    body: bytes, header: Sequence[str], used: Mapping[int, str], run: int | None, labels: dict[str, int]
-) -> Array | None:
-    """Return (rows, columns) with codes of labels in the column `run` and 0 in unused ones, or None."""
-
-    def code(cell: str) -> float:
-        return _label(labels, cell)
-
-    def ignored(cell: str) -> float:
-        return 0.0
-
-    converters: dict[int | str, Callable[[str], float]] = {
-        i: code if i == run else ignored for i in range(len(header)) if i not in used
-    }
-    try:
-        return np.loadtxt(
-            io.TextIOWrapper(io.BytesIO(body), encoding="utf-8"),
-            delimiter=",",
-            comments=None,
-            quotechar='"',
-            converters=converters or None,
-            ndmin=2,
-        )
-    except ValueError:
-        return None
 
 
 def careful_table(
@@ -335,32 +354,22 @@ def careful_table(
 ) -> Table:
     """Return the rows that can be read, and add what is wrong with every cell. Arguments as of `fast_table`."""
     used = _used(header, form)
-    run = header.index("run") if "run" in header else None
-    columns: dict[str, list[Array]] = {name: [] for name in used.values()}
-    codes: list[int] = []
-    lines: list[int] = []
     blank: list[int] = []
     reader = csv.reader(io.TextIOWrapper(io.BytesIO(content), encoding="utf-8", newline="\n"), strict=True)
     next(reader)
-    rows = _rows(reader, header, problems, blank, first - 2)
-    while chunk := list(itertools.islice(rows, _CHUNK)):
-        chunk_lines = [line for line, _ in chunk]
-        if not lines and first == 2 and _is_second_header([row for _, row in chunk[:2]], used):
-            message = "is a row of words, such as units; expected one header row and then numbers. Remove it"
-            form.advise_import(problems)
-            problems.add(TableProblem(message, chunk_lines[0]))
-            chunk, chunk_lines = chunk[1:], chunk_lines[1:]
-        cells = list(zip(*(row for _, row in chunk), strict=True))
-        for i, name in used.items():
-            column = cells[i] if cells else ()
-            columns[name].append(_numbers(name, column, chunk_lines, problems))
-        if run is not None and cells:
-            codes.extend(_label(labels, cell) for cell in cells[run])
-        lines.extend(chunk_lines)
-    numbers = {name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in columns.items()}
-    return Table(
-        np.array(lines, dtype=np.int64), numbers, None if run is None else np.array(codes, dtype=np.int64), blank=blank
-    )
+    rows = list(_rows(reader, header, problems, blank, first - 2))
+    if first == 2 and _is_second_header([row for _, row in rows[:2]], used):
+        message = "is a row of words, such as units; expected one header row and then numbers. Remove it"
+        form.advise_import(problems)
+        problems.add(TableProblem(message, rows[0][0]))
+        rows = rows[1:]
+    lines = [line for line, _ in rows]
+    cells = list(zip(*(row for _, row in rows), strict=True)) or [()] * len(header)
+    numbers = {name: _numbers(name, cells[i], lines, problems) for i, name in used.items()}
+    run = None
+    if "run" in header:
+        run = np.array([_label(labels, cell) for cell in cells[header.index("run")]], dtype=np.int64)
+    return Table(np.array(lines, dtype=np.int64), numbers, run, blank=blank)
 
 
 def _rows(reader, header: Sequence[str], problems: Problems, blank: list[int], before: int):

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..spatial import Array
-from .columns import AXES, JOINT_GROUPS, MARKER_GROUPS, fields_of
+from .columns import AXES, fields_of
 from .recording import Recording
 from .tolerances import KINDS_OF_TOLERANCE, SENSORS, Tolerances
 
@@ -219,19 +219,10 @@ def _check(recordings: Sequence[Recording], names: Sequence[str], joints: Sequen
 
 def _same(one: Recording, other: Recording) -> bool:
     """Return whether two recordings are one, copied: all that is measured or commanded is the same."""
-    if len(one) != len(other):
+    mine, theirs = ({"time": item.time, **dict(item.columns())} for item in (one, other))
+    if len(one) != len(other) or mine.keys() != theirs.keys():
         return False
-    arrays = [(one.time, other.time), (one.position, other.position), (one.rotation, other.rotation)]
-    arrays += [(one.wrench, other.wrench), (one.gravity, other.gravity)]
-    for group in (*JOINT_GROUPS.values(), *MARKER_GROUPS.values()):
-        mine, theirs = getattr(one, group), getattr(other, group)
-        if mine.keys() != theirs.keys():
-            return False
-        arrays += [(mine[name], theirs[name]) for name in mine]
-    return all(
-        (a is None and b is None) or (a is not None and b is not None and np.array_equal(a, b, equal_nan=True))
-        for a, b in arrays
-    )
+    return all(np.array_equal(mine[name], theirs[name], equal_nan=True) for name in mine)
 
 
 def _own_sensors(recordings: Sequence[Recording]) -> list[tuple[str, ...]]:

@@ -15,7 +15,7 @@ from .problems import is_number
 
 @dataclass(frozen=True)
 class KindOfTolerance:
-    """One key of `tolerances`: its unit, what it is of, and the largest value that can be meant.
+    """One key of `tolerances`: its unit, what it is of, the largest value that can be meant, and a typical one.
 
     all_over: what is told where all parts of the kind are off by more than was declared; kinds that share it are one.
     """
@@ -24,6 +24,7 @@ class KindOfTolerance:
     unit: str
     description: str
     largest: float
+    typical: float
     all_over: str = ""
 
     def wrong(self, value: object) -> str:
@@ -31,16 +32,10 @@ class KindOfTolerance:
         if not (is_number(value) and value >= SMALLEST_TOLERANCE):
             return f"expected one standard deviation above 0 [{self.unit}], or no such key where nothing is off"
         if value > self.largest:
-            return f"expected at most {self.largest:g} [{self.unit}]: what is further off has no drawing. {self._hint}"
+            in_mm = "it in mm or degrees" if self.unit in ("m", "rad", "m, rad") else "the unit right"
+            hint = "10 % is 0.1" if self.unit == "relative" else f"Is {in_mm}?"
+            return f"expected at most {self.largest:g} [{self.unit}]: what is further off has no drawing. {hint}"
         return ""
-
-    @property
-    def _hint(self) -> str:
-        if self.unit == "relative":
-            return "10 % is 0.1"
-        if self.unit in ("m", "rad", "m, rad"):
-            return "Is it in mm or degrees?"
-        return "Is the unit right?"
 
 
 _RELATIVE, _METRES, _RADIANS, _LOADS = 1.0, 0.1, 0.5, 1000.0
@@ -51,41 +46,41 @@ _ANYWHERE, _ANY_WAY, _ON_A_LINK = 100.0, 3.2, 1.0
 #: Every key, in the order of the documentation. Each member of a kind is off for itself.
 KINDS_OF_TOLERANCE = (
     KindOfTolerance("stiffness", "relative",
-                    "every stiffness of a machine element: bearings, nuts, screws, belts, motors, springs", _RELATIVE,
-                    "springs are softer or stiffer than the robot file has them"),
-    KindOfTolerance("bending", "relative", "EI of every beam", _RELATIVE,
+                    "every stiffness of a machine element: bearings, nuts, screws, belts, motors, springs",
+                    _RELATIVE, 0.1, "springs are softer or stiffer than the robot file has them"),
+    KindOfTolerance("bending", "relative", "EI of every beam", _RELATIVE, 0.03,
                     "beams bend more or less than the robot file has them"),
-    KindOfTolerance("mass", "relative", "mass of every link", _RELATIVE),
-    KindOfTolerance("inertia", "relative", "inertia of every link", _RELATIVE),
-    KindOfTolerance("position", "m", "drawn origin of every joint, loop frame and base point, each direction", _METRES,
-                    "places and directions of joints differ from the robot file"),
+    KindOfTolerance("mass", "relative", "mass of every link", _RELATIVE, 0.1),
+    KindOfTolerance("inertia", "relative", "inertia of every link", _RELATIVE, 0.1),
+    KindOfTolerance("position", "m", "drawn origin of every joint, loop frame and base point, each direction",
+                    _METRES, 5e-5, "places and directions of joints differ from the robot file"),
     KindOfTolerance("direction", "rad", "drawn direction of every joint axis and beam, about both axes across",
-                    _RADIANS, "places and directions of joints differ from the robot file"),
-    KindOfTolerance("encoder_offset", "m, rad", "zero of every actuated joint, in the joint's unit", _RADIANS,
+                    _RADIANS, 2e-4, "places and directions of joints differ from the robot file"),
+    KindOfTolerance("encoder_offset", "m, rad", "zero of every actuated joint, in the joint's unit", _RADIANS, 5e-5,
                     "the zeros of joints are off"),
     KindOfTolerance("encoder_slope", "relative",
-                    "scale of every actuated joint (lead of a screw, tooth count of a belt)", _RELATIVE,
+                    "scale of every actuated joint (lead of a screw, tooth count of a belt)", _RELATIVE, 1e-4,
                     "joints turn by another ratio than their encoders say"),
     KindOfTolerance("encoder_delay", "s", "age of the position that each actuated joint reports, against the others",
-                    _SECONDS, "encoders report late, or early"),
-    KindOfTolerance("pose_delay", "s", "age of all reported positions against the measured poses", _SECONDS,
+                    _SECONDS, 3e-4, "encoders report late, or early"),
+    KindOfTolerance("pose_delay", "s", "age of all reported positions against the measured poses", _SECONDS, 1e-3,
                     "encoders and pose sensor have clocks of their own"),
-    KindOfTolerance("frame_position", "m", "origin of the pose sensor's frame against the base frame", _ANYWHERE,
+    KindOfTolerance("frame_position", "m", "origin of the pose sensor's frame against the base frame", _ANYWHERE, 3e-4,
                     "the pose sensor stands elsewhere"),
-    KindOfTolerance("frame_rotation", "rad", "axes of the pose sensor's frame against the base frame", _ANY_WAY,
+    KindOfTolerance("frame_rotation", "rad", "axes of the pose sensor's frame against the base frame", _ANY_WAY, 1e-3,
                     "the pose sensor stands elsewhere"),
     KindOfTolerance("target_position", "m", "measured target against the tool frame, and each marker against its frame",
-                    _ON_A_LINK, "markers are off their frames"),
-    KindOfTolerance("target_rotation", "rad", "axes of the measured target against the tool frame", _ANY_WAY,
+                    _ON_A_LINK, 3e-4, "markers are off their frames"),
+    KindOfTolerance("target_rotation", "rad", "axes of the measured target against the tool frame", _ANY_WAY, 1e-3,
                     "markers are off their frames"),
-    KindOfTolerance("wrench_gain", "relative", "scale of each component of the wrench sensor", _RELATIVE,
+    KindOfTolerance("wrench_gain", "relative", "scale of each component of the wrench sensor", _RELATIVE, 0.01,
                     "the wrench sensor tells another load than acts"),
-    KindOfTolerance("wrench_rotation", "rad", "axes of the wrench sensor against the base frame", _RADIANS,
+    KindOfTolerance("wrench_rotation", "rad", "axes of the wrench sensor against the base frame", _RADIANS, 5e-3,
                     "the wrench sensor tells another load than acts"),
-    KindOfTolerance("wrench_bias_force", "N", "zero of each force of the wrench sensor", _LOADS),
-    KindOfTolerance("wrench_bias_moment", "N m", "zero of each moment of the wrench sensor", _LOADS),
-    KindOfTolerance("effort_gain", "relative", "scale of the effort of each actuated joint", _RELATIVE),
-    KindOfTolerance("effort_bias", "N or N m", "zero of the effort of each actuated joint", _LOADS),
+    KindOfTolerance("wrench_bias_force", "N", "zero of each force of the wrench sensor", _LOADS, 0.5),
+    KindOfTolerance("wrench_bias_moment", "N m", "zero of each moment of the wrench sensor", _LOADS, 0.02),
+    KindOfTolerance("effort_gain", "relative", "scale of the effort of each actuated joint", _RELATIVE, 0.05),
+    KindOfTolerance("effort_bias", "N or N m", "zero of the effort of each actuated joint", _LOADS, 1.0),
 )  # fmt: skip
 
 
@@ -159,25 +154,4 @@ ARM = Tolerances(
     target_rotation=0.05,
 )
 #: What machine-shop robots are ordinarily off; docs/tolerances.md gives the reason of each value.
-TYPICAL = Tolerances(
-    stiffness=0.1,
-    bending=0.03,
-    mass=0.1,
-    inertia=0.1,
-    position=5e-5,
-    direction=2e-4,
-    encoder_offset=5e-5,
-    encoder_slope=1e-4,
-    encoder_delay=3e-4,
-    pose_delay=1e-3,
-    frame_position=3e-4,
-    frame_rotation=1e-3,
-    target_position=3e-4,
-    target_rotation=1e-3,
-    wrench_gain=0.01,
-    wrench_rotation=5e-3,
-    wrench_bias_force=0.5,
-    wrench_bias_moment=0.02,
-    effort_gain=0.05,
-    effort_bias=1.0,
-)
+TYPICAL = Tolerances(**{kind.name: kind.typical for kind in KINDS_OF_TOLERANCE})

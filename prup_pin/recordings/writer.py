@@ -143,23 +143,18 @@ def _check(recording: Recording, columns: Mapping[str, Array | list[str]]) -> No
 
 def _lines(columns: Mapping[str, Array | list[str]]) -> Iterable[str]:
     """Yield a CSV file in pieces."""
-    yield ",".join(_quoted(name) for name in columns) + "\n"
-    n = len(next(iter(columns.values())))
-    for start in range(0, n, _CHUNK):
+    for start in range(0, max(len(next(iter(columns.values()))), 1), _CHUNK):
+        stream = io.StringIO()
+        rows = csv.writer(stream, lineterminator="\n")
+        if not start:
+            rows.writerow(columns)
         cells = [_cells(name, values[start : start + _CHUNK]) for name, values in columns.items()]
-        yield "".join(map("{}\n".format, map(",".join, zip(*cells, strict=True))))
+        rows.writerows(zip(*cells, strict=True))
+        yield stream.getvalue()
 
 
 def _cells(name: str, values: Array | list[str]) -> list[str]:
     if isinstance(values, list):
-        known = {label: _quoted(label) for label in set(values)}
-        return [known[label] for label in values]
+        return values
     form = f"%.{TIME_DIGITS if name == 'time' else DIGITS}g"
     return [form % value if value == value else "" for value in values.tolist()]
-
-
-def _quoted(text: str) -> str:
-    stream = io.StringIO()
-    csv.writer(stream, lineterminator="").writerow([text])
-    # A lone empty cell is quoted by the csv module, lest the row look blank; here it stands in a row of others.
-    return "" if not text else stream.getvalue()

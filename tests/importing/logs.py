@@ -7,6 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from prup_pin.imports import Log, Stream, convert, read_map
+from prup_pin.imports.log import frozen
+
 JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint")
 T = np.arange(0.0, 6.0, 0.004)
 
@@ -17,6 +20,26 @@ def motion(t=T):
     q = 0.3 * np.arange(1, 7) - 1.0 + 0.8 * np.sin(np.outer(t, w))
     tau = 20.0 * np.cos(np.outer(t, w)) / np.arange(1, 7)
     return q, 0.8 * w * np.cos(np.outer(t, w)), tau
+
+
+def log_of(columns, *others):
+    """Return a log of one table beside other streams."""
+    return Log("log.csv", (Stream("table", frozen(columns)), *others))
+
+
+def converted(tmp_path, text, log, mechanism=None):
+    """Return what a map makes of a log."""
+    (tmp_path / "map.yaml").write_text(text)
+    return convert(log, read_map(tmp_path / "map.yaml", log, mechanism), mechanism)
+
+
+def assert_motion(recording, *groups):
+    """Assert that positions, velocities or efforts are those of the motion, joint by joint in the robot's order."""
+    found = {"q": recording.positions, "qd": recording.velocities, "tau": recording.efforts}
+    for name, true in zip(found, motion(T[: len(recording)]), strict=True):
+        if name in groups:
+            assert list(found[name]) == list(JOINTS)
+            assert np.abs(np.column_stack(list(found[name].values())) - true).max() < 1e-6
 
 
 def csv(path: Path, columns, separator=",", decimal=".", above=(), below=()):

@@ -5,32 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import prup_pin
 from prup_pin.errors import RecordingFileError
-from prup_pin.imports import Log, Stream, convert, guess, read_map
+from prup_pin.imports import Log, Stream, guess
 from prup_pin.imports.convert import resampled
 from prup_pin.imports.log import frozen
 from prup_pin.recordings import Noise, read_recording, write_recording
 from prup_pin.spatial import rotation_exp
 
 from . import logs
+from .logs import converted, log_of
 
 Q, QD, TAU = logs.motion()
 N = len(logs.T)
-
-
-@pytest.fixture(scope="module")
-def ur5():
-    return prup_pin.load("ur5").mechanism
-
-
-def log_of(columns, *others):
-    return Log("log.csv", (Stream("table", frozen(columns)), *others))
-
-
-def converted(tmp_path, text, log, mechanism=None):
-    (tmp_path / "map.yaml").write_text(text)
-    return convert(log, read_map(tmp_path / "map.yaml", log, mechanism), mechanism)
 
 
 def test_units_signs_scales_and_offsets(tmp_path, ur5):
@@ -230,7 +216,7 @@ def test_everything_wrong_with_a_map_is_told_at_once_with_line_and_key(tmp_path,
         'map.yaml:10: columns: p.tool1.x: scale: is the text "zero"; expected a number',
         "map.yaml:12: motors: [0]: matrix: has no inverse",
         "map.yaml:13: resample: expected either `rate`",
-        "map.yaml:14: colour: is no key here",
+        "map.yaml:14: colour: unknown key. ",
     ):
         assert part in text
 
@@ -248,11 +234,13 @@ def test_everything_wrong_with_a_map_is_told_at_once_with_line_and_key(tmp_path,
         ("time: " + "[" * 50_000, "map.yaml:1: nests its values too deep"),
         ("time: 2020-13-45\n", "holds a value that cannot be read: month must be in 1..12"),
         ("x" * 1_000_001, "holds 1000001 characters; no map has more than"),
-        ("rotations: 5\ncolumns: {q.j: {from: a, unit: rad}}\n", "rotations: is the number 5; expected keys"),
+        ("rotations: 5\ncolumns: {q.j: {from: a, unit: rad}}\n", "rotations: is the number 5; expected an object"),
         ("rotations: {r: {from: [t, t, t], as: [1]}}\n", r"as: is '\[1\]'; expected one of quaternion_xyzw"),
         ("motors: [{names: [m], joints: [j], matrix: [[.inf]]}]\n", "matrix: expected 1 rows of 1 numbers"),
-        ("noise: {position_noise: -1, force: 2}\n", r"noise\.position_noise: is the number -1; expected one standard"),
-        ("noise: {position_nois: 1}\n", "noise: position_nois: is no key here. Did you mean 'position_noise'"),
+        ("noise: {position_noise: -1, force: 2}\n", "map.yaml:1: noise: position_noise: is the number -1; expected"),
+        ("time: {from: t}\nresample: {clok: table}\n", "map.yaml:2: resample: clok: unknown key. Did you mean 'clock'"),
+        ("tolerances: {mas: 1}\n", "map.yaml:1: tolerances: mas: no tolerance has this name. Did you mean 'mass'"),
+        ("noise: {position_nois: 1}\n", "noise: position_nois: unknown key. Did you mean 'position_noise'"),
         ("time: {from: t}\ncolumns: {q.j: {from: a, unit: rad}}\nresample: {rate: 1e300}\n",
          r"resample: rate: 1e\+300/s over 5\.996 s are more than 10000000 rows; give a lower rate"),
         ("time: {from: t}\ncolumns: {q.m1: {from: a, unit: rad}, q.j: {from: a, unit: rad}}\n"

@@ -7,40 +7,20 @@ import pytest
 import yaml
 
 import prup_pin
-from prup_pin.imports import Log, Stream, convert, guess, read_log, read_map
+from prup_pin.imports import convert, guess, read_log, read_map
 from prup_pin.imports.convert import at_rest
-from prup_pin.imports.draft import Guessing
-from prup_pin.imports.guess import _without
-from prup_pin.imports.log import frozen
 from prup_pin.imports.units import spelled, unit_in_name, words_of
 
 from . import logs
+from .logs import assert_motion, converted, log_of
 
 Q, QD, TAU = logs.motion()
-
-
-@pytest.fixture(scope="module")
-def ur5():
-    return prup_pin.load("ur5").mechanism
-
-
-def log_of(columns):
-    return Log("log.csv", (Stream("table", frozen(columns)),))
 
 
 def imported(tmp_path, log, mechanism):
     """Return the guess and the recording that it makes."""
     first = guess(log, mechanism, "robot")
-    (tmp_path / "map.yaml").write_text(first.text)
-    return first, convert(log, read_map(tmp_path / "map.yaml", log, mechanism), mechanism).recording
-
-
-def assert_motion(recording, velocities=True):
-    for k, joint in enumerate(logs.JOINTS):
-        assert np.abs(recording.positions[joint] - Q[: len(recording), k]).max() < 1e-6
-        assert np.abs(recording.efforts[joint] - TAU[: len(recording), k]).max() < 1e-6
-        if velocities:
-            assert np.abs(recording.velocities[joint] - QD[: len(recording), k]).max() < 1e-6
+    return first, converted(tmp_path, first.text, log, mechanism).recording
 
 
 CASES = {
@@ -67,7 +47,7 @@ def test_logs_of_controllers(tmp_path, ur5, case):
     )
     made, recording = imported(tmp_path, log, ur5)
     assert made.doubts == ()
-    assert_motion(recording)
+    assert_motion(recording, "q", "qd", "tau")
     assert np.abs(recording.time - logs.T).max() < 1e-9
 
 
@@ -79,7 +59,7 @@ def test_joints_by_their_names_in_any_order(tmp_path, ur5):
     columns |= {f"/joint_states/{joint}/effort": TAU[:, logs.JOINTS.index(joint)] for joint in names}
     made, recording = imported(tmp_path, log_of(columns), ur5)
     assert made.doubts == ()
-    assert_motion(recording, velocities=False)
+    assert_motion(recording, "q", "tau")
     assert list(recording.positions) == list(logs.JOINTS)
 
 
@@ -105,7 +85,7 @@ def test_an_arm_with_a_hand_and_a_controller_that_logs_much_besides(tmp_path):
 def test_a_bag_of_joint_states_and_a_wrench(tmp_path, ur5, storage):
     log = read_log(logs.ros2_bag(tmp_path / "bag", logs.T, Q, QD, TAU, storage))
     made, recording = imported(tmp_path, log, ur5)
-    assert_motion(recording)
+    assert_motion(recording, "q", "qd", "tau")
     assert all(doubt.startswith("w.") for doubt in made.doubts)
     assert "resample: {clock: /joint_states}" in made.text
     force = recording.wrench[:, 2]
@@ -247,14 +227,14 @@ def test_a_driven_joint_without_a_position_is_told(lift_and_arm):
     assert len(none.doubts) == 1
 
 
-def test_many_joints_without_a_column_are_listed_not_told_one_by_one(lift_and_arm):
-    made = Guessing(open={f"finger_{k}": () for k in range(9)})
-    (told,) = _without(made, lift_and_arm, lambda text, doubt, what: doubt)
-    assert told.startswith("9 joints are without a column, and taken to stand at home: finger_0, ")
+def test_many_joints_without_a_column_are_listed_not_told_one_by_one(ur5):
+    made = guess(log_of({"time [s]": logs.T, "elbow_joint position [rad]": Q[:, 0]}), ur5)
+    (doubt,) = (doubt for doubt in made.doubts if "without a column" in doubt)
+    assert doubt.startswith("q.JOINT: 5 joints are without a column, and taken to stand at home: shoulder_pan_joint, ")
     hand = prup_pin.load("panda").mechanism
-    made = Guessing(open={"panda_finger_joint1": ()})
-    (told,) = _without(made, hand, lambda text, doubt, what: pytest.fail(text))  # it carries no tool
-    assert told.endswith("# no column is its position; it is taken to stand at home")
+    arm = {f"panda_joint{k} [rad]": Q[:, k % 6] for k in range(1, 8)}
+    text = guess(log_of({"time [s]": logs.T} | arm), hand).text
+    assert "# q.panda_finger_joint1: {from: NAME, unit: m}  # no column is its position" in text  # it carries no tool
 
 
 def test_a_recording_with_other_separators_is_one(tmp_path):
@@ -315,6 +295,16 @@ def planar(tmp_path_factory):
     (folder / "map.yaml").write_text(text, encoding="utf-8")
     done = convert(log, read_map(folder / "map.yaml", log, robot.mechanism), robot.mechanism)
     return text, done, (a, b, bent)
+
+
+def test_two_markers_of_which_two_coordinates_were_seen_are_told_and_taken_for_no_body(tmp_path):
+    (tmp_path / "arm.urdf").write_text(PLANAR.format(links='<link name="upper"/><link name="fore"/>'))
+    arm = prup_pin.load(tmp_path / "arm.urdf").mechanism
+    joints = {"t [s]": logs.T, "shoulder [rad]": Q[:, 0], "elbow [rad]": Q[:, 1]}
+    seen = {f"marker{k} {axis} [mm]": 100 * k + Q[:, k + 1] for k in (1, 2) for axis in "xy"}
+    made = guess(log_of(joints | seen), arm)
+    assert "p.FRAME.x: {from: 'marker2 x [mm]', unit: mm}" in made.text
+    assert "seen were marker1, marker2" in made.doubts[-1]
 
 
 def test_rotation_vectors_have_the_unit_of_their_headings(planar):

@@ -17,15 +17,11 @@ from prup_pin.imports.log import told_apart
 from ..reference.concealed.markers import ARMS
 from ..reference.concealed.sagging import Sagging
 from . import logs
+from .logs import assert_motion, converted
 
 T = logs.T[:400]
 Q, QD, TAU = logs.motion(T)
 AS_PUBLISHED = [2, 1, 0, 3, 4, 5]  # of the joints, by a driver's joint_states
-
-
-@pytest.fixture(scope="module")
-def ur5():
-    return prup_pin.load("ur5").mechanism
 
 
 def imported(tmp_path, mechanism, *paths, doubts=0):
@@ -33,19 +29,7 @@ def imported(tmp_path, mechanism, *paths, doubts=0):
     log = read_logs(paths)
     made = guess(log, mechanism, "robot")
     assert len(made.doubts) == doubts, made.doubts
-    (tmp_path / "map.yaml").write_text(made.text)
-    return convert(log, read_map(tmp_path / "map.yaml", log, mechanism), mechanism)
-
-
-def assert_motion(recording, *groups):
-    for name in groups:
-        values, true = {
-            "q": (recording.positions, Q),
-            "qd": (recording.velocities, QD),
-            "tau": (recording.efforts, TAU),
-        }[name]
-        assert list(values) == list(logs.JOINTS)
-        assert np.abs(np.column_stack(list(values.values())) - true).max() < 1e-6
+    return converted(tmp_path, made.text, log, mechanism)
 
 
 # ---- controllers ------------------------------------------------------------------------------------------------

@@ -69,7 +69,7 @@ def test_a_column_of_text_does_not_keep_a_table_from_being_streamed(tmp_path, de
 
 def test_a_log_of_many_rows_is_read_piece_by_piece_and_thinned(tmp_path, monkeypatch):
     from prup_pin.imports import text_table
-    from prup_pin.recordings import thinning
+    from prup_pin.recordings import table
 
     cells = [f"{k},{'' if k % 3 else k / 10},{'null' if k == 205 else k}" for k in range(400)]
     path = tmp_path / "log.csv"
@@ -80,8 +80,8 @@ def test_a_log_of_many_rows_is_read_piece_by_piece_and_thinned(tmp_path, monkeyp
     assert all(np.array_equal(whole[name], pieces[name], equal_nan=True) for name in whole)
     assert np.isnan(whole["q2"][205])
     assert np.nansum(whole["q1"]) == pytest.approx(sum(range(0, 400, 3)) / 10)
-    monkeypatch.setattr(thinning, "MOST_ROWS", 120)
-    monkeypatch.setattr(thinning, "PIECES", 4)
+    monkeypatch.setattr(table, "MOST_ROWS", 120)
+    monkeypatch.setattr(table, "PIECES", 4)
     log = read_log(path)
     assert only(log).columns["t"].tolist() == [*range(30), *range(123, 153), *range(246, 276), *range(370, 400)]
     assert "400 rows are more than are needed" in log.remarks[0]

@@ -9,16 +9,7 @@ import numpy as np
 import pytest
 
 from prup_pin.errors import RecordingFileError
-from prup_pin.recordings import (
-    KeyProblem,
-    Noise,
-    TableProblem,
-    read_recording,
-    suspicions,
-    table,
-    thinning,
-    write_recording,
-)
+from prup_pin.recordings import KeyProblem, Noise, TableProblem, read_recording, suspicions, table, write_recording
 
 from ..elsewhere import EMPS, PRACTICE, needs_emps, needs_practice
 
@@ -528,8 +519,8 @@ def test_what_is_wrong_in_a_late_piece_has_its_line(write, in_pieces, row, text,
 
 
 def test_of_more_rows_than_are_needed_pieces_are_kept_and_all_are_checked(write, in_pieces, monkeypatch):
-    monkeypatch.setattr(thinning, "MOST_ROWS", 100)
-    monkeypatch.setattr(thinning, "PIECES", 4)
+    monkeypatch.setattr(table, "MOST_ROWS", 100)
+    monkeypatch.setattr(table, "PIECES", 4)
     recording = read_recording(write(_long()))
     assert recording.time.tolist() == [*range(25), *range(191, 216), *range(383, 408), *range(575, 600)]
     assert recording.remarks[0].startswith("600 rows are more than are needed")

@@ -49,12 +49,6 @@ def test_every_kind_is_a_field_and_every_field_a_kind():
         assert all((kind.unit, kind.description))
 
 
-def test_the_typical_set_names_every_kind():
-    assert list(TYPICAL.declared) == NAMES
-    for kind in KINDS_OF_TOLERANCE:
-        assert 0 < TYPICAL.declared[kind.name] <= kind.largest / 5, kind.name
-
-
 def test_those_beside_a_recording_are_read_and_written_back(beside, tmp_path):
     path = beside({"robot": "3prup", "tolerances": {"stiffness": 0.1, "position": 5e-5, "mass": None}})
     recording = read_recording(path)
@@ -84,7 +78,6 @@ def test_all_kinds_make_the_round_trip(tmp_path):
     ("key", "value", "expected"),
     [
         ("stiffness", 0, "tolerances.stiffness: is the number 0; expected one standard deviation above 0 [relative]"),
-        ("position", -1e-5, "expected one standard deviation above 0 [m]"),
         ("position", 1e-200, "expected one standard deviation above 0 [m]"),
         (
             "position",
@@ -92,7 +85,6 @@ def test_all_kinds_make_the_round_trip(tmp_path):
             "is the number 0.2; expected at most 0.1 [m]: what is further off has no drawing. Is it in mm",
         ),
         ("direction", 2, "expected at most 0.5 [rad]: what is further off has no drawing. Is it in mm or degrees?"),
-        ("encoder_offset", 1, "expected at most 0.5 [m, rad]"),
         ("stiffness", 10, "expected at most 1 [relative]: what is further off has no drawing. 10 % is 0.1"),
         ("wrench_bias_force", 1e4, "expected at most 1000 [N]: what is further off has no drawing. Is the unit right?"),
         ("effort_bias", 1e300, "expected at most 1000 [N or N m]"),
@@ -100,7 +92,6 @@ def test_all_kinds_make_the_round_trip(tmp_path):
         ("mass", True, "is true; expected"),
         ("mass", [0.1], "is a list; expected"),
         ("stifness", 0.1, "tolerances.stifness: no tolerance has this name. Did you mean 'stiffness'?"),
-        ("frame", 0.1, "tolerances.frame: no tolerance has this name."),
     ],
 )
 def test_a_wrong_one_is_refused(beside, key, value, expected):
