@@ -25,6 +25,7 @@ from ..mechanism.plain_urdf import plain_urdf
 from ..mechanism.readers import read_content
 from ..mechanism.redrawn import dynamics_of, redrawn
 from ..mechanism.writer import urdf_of
+from ..mechanism.xml_file import parse_again
 from ..numbers import number, quantity
 from ..parameters import SMALLEST_VALUE, Quantity
 from ..robot import Robot
@@ -157,7 +158,7 @@ class _Urdf:
     def content(
         urdf: bytes, mechanism: Mechanism, dynamics: Mapping[str, JointDynamics], comment: Sequence[str]
     ) -> bytes:
-        root = etree.fromstring(urdf, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True))
+        root = parse_again(urdf)
         note = etree.Comment("\n" + "".join(f"  {line}".rstrip() + "\n" for line in comment))
         note.tail = "\n"
         root.addprevious(note)

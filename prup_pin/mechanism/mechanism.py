@@ -34,6 +34,7 @@ from .description import (
 from .joints import Joint, joints_of
 from .links import Link, links_of
 from .load_paths import LoadPaths
+from .xml_file import parse_again, words
 from .yielding import yielding_modules
 
 if TYPE_CHECKING:
@@ -817,7 +818,7 @@ def with_lengths(content: bytes, lengths: Iterable[LengthDescription]) -> bytes:
     moved = [length for length in lengths if length.parameter.value != length.reference]
     if not moved:
         return content
-    root = etree.fromstring(content, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True))
+    root = parse_again(content)
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     for length in moved:
         delta = length.parameter.value - length.reference
@@ -826,5 +827,5 @@ def with_lengths(content: bytes, lengths: Iterable[LengthDescription]) -> bytes:
             if origin is None:
                 origin = etree.SubElement(joints[name], "origin")
             xyz = np.array([float(word) for word in (origin.get("xyz") or "0 0 0").split()])
-            origin.set("xyz", " ".join(repr(float(x)) for x in xyz + delta * np.array(direction)))
+            origin.set("xyz", words(xyz + delta * np.array(direction)))
     return etree.tostring(root.getroottree())

@@ -26,6 +26,7 @@ from .description import (
 from .extension import EXTENSION
 from .joints import Joint
 from .mechanism import Mechanism, with_lengths
+from .xml_file import parse_again, words
 from .yielding import yielding_module
 
 __all__ = ["SMALLEST_MOMENT", "dynamics_of", "redrawn"]
@@ -58,7 +59,7 @@ def redrawn(changes: Changes, home: Array | None = None) -> RobotDescription:
         raise InputError(f"'{described.name}' was read from {described.source}; only URDFs can be redrawn")
     content = with_lengths(described.content, described.lengths)
     lengths = tuple(replace(item, reference=float(item.parameter.value)) for item in described.lengths)
-    drawing = _Drawing(etree.fromstring(content, _parser()), mechanism, changes)
+    drawing = _Drawing(parse_again(content), mechanism, changes)
     drawing.hold(described.held)
     drawing.move_joints()
     drawing.follow_zeros()
@@ -81,15 +82,6 @@ def redrawn(changes: Changes, home: Array | None = None) -> RobotDescription:
         modules=modules,
         gravity=tuple(changes.fall.tolist()) if changes.gravity.any() else described.gravity,
     )
-
-
-def _parser() -> etree.XMLParser:
-    return etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True)
-
-
-def words(values: Iterable[float]) -> str:
-    """Return numbers as a file has them, all digits."""
-    return " ".join(repr(float(value) + 0.0) for value in values)
 
 
 class _Drawing:
@@ -187,8 +179,6 @@ class _Drawing:
         etree.SubElement(joint, "parent", link=parent)
         etree.SubElement(joint, "child", link=name)
         set_origin(joint, at)
-        for element in (link, joint):
-            element.tail = "\n  "
         self.links[name], self.joints[f"{name}_joint"] = link, joint
         return name
 
@@ -410,7 +400,7 @@ def dynamics_of(description: RobotDescription) -> dict[str, JointDynamics]:
     if description.source != "URDF":
         return {}
     found = {}
-    for joint in etree.fromstring(description.content, _parser()).findall("joint"):
+    for joint in parse_again(description.content).findall("joint"):
         element = joint.find("dynamics")
         if element is not None:
             damping, friction = (float(element.get(key) or 0.0) for key in ("damping", "friction"))
