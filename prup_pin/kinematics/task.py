@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError, UnknownNameError, shortened
 from ..mechanism import Frame, Mechanism
-from ..mechanism.description import TASK_COMPONENTS
+from ..mechanism.description import COMPONENTS
 from ..spatial import Array
 
 
@@ -28,7 +28,7 @@ class TaskFrame:
         self._placement = tool.placement if tool else np.eye(4)
         self._offset = not np.array_equal(self._placement, np.eye(4))
         self.names = tuple(task.name for task in tasks)
-        self.components = tuple(TASK_COMPONENTS.index(task.component) for task in tasks)
+        self.components = tuple(COMPONENTS.index(task.component) for task in tasks)
         self.units = {task.name: "m" if task.component in "xyz" else "rad" for task in tasks}
         self._moves = np.repeat(support[dof_joint, self._joint][None], len(self.names), axis=0)
 

@@ -19,15 +19,18 @@ from lxml import etree
 from ..errors import InputError, Problem, PrupPinError, RobotFileError, UnknownNameError, named, shortened
 from ..modules import CompliantModule, DriveModule, WrenchModule
 from ..parameters import Parameter
-from ..spatial import Array, axis_as_z, placement, rotation_exp
+from ..spatial import Array, axis_as_z, placement, rotation_exp, skew
 from .coupling import coupling_of
 from .description import (
+    FrameDescription,
     LengthDescription,
     ModuleDescription,
     ModuleValuesError,
     RobotDescription,
     TaskDescription,
     kinds_by_name,
+    parameter_of,
+    quantities_of,
     resolve_values,
     same_description,
 )
@@ -133,27 +136,19 @@ def _rotation_rows(free: frozenset[str]) -> Array:
     None free: the skew part of E (weld). One free, about k: e_k x (E e_k) across k. Two free, i then j in cyclic
     order: e_i . (E e_j), a universal joint with e_i fixed in the first and e_j in the second frame.
     """
-    turning = [axis for axis, name in enumerate(("rx", "ry", "rz")) if name in free]
-    rows = []
-
-    def row(**entries: float) -> Array:
-        values = np.zeros((3, 3))
-        for key, value in entries.items():
-            values[int(key[1]), int(key[2])] = value
-        return values.ravel()
-
+    turning, unit = [axis for axis, name in enumerate(("rx", "ry", "rz")) if name in free], np.eye(3)
+    rows: list[Array] = []
     if not turning:
-        for j, k in ((1, 2), (2, 0), (0, 1)):
-            rows.append(row(**{f"e{k}{j}": 0.5, f"e{j}{k}": -0.5}))
+        rows = [0.5 * skew(axis) for axis in unit]
     elif len(turning) == 1:
         k = turning[0]
         i, j = (k + 1) % 3, (k + 2) % 3
         # e_k x (E e_k) = -E_jk e_i + E_ik e_j, minus the free component
-        rows += [row(**{f"e{j}{k}": -1.0}), row(**{f"e{i}{k}": 1.0})]
+        rows = [-np.outer(unit[j], unit[k]), np.outer(unit[i], unit[k])]
     elif len(turning) == 2:
         k = ({0, 1, 2} - set(turning)).pop()
-        rows.append(row(**{f"e{(k + 1) % 3}{(k + 2) % 3}": -1.0}))
-    return np.array(rows).reshape(-1, 9)
+        rows = [-np.outer(unit[(k + 1) % 3], unit[(k + 2) % 3])]
+    return np.array(rows).reshape(-1, 9) + 0.0
 
 
 #: Of a joint, to see what it moves [m or rad].
@@ -397,13 +392,13 @@ class Mechanism:
     # -- building blocks -----------------------------------------------------------------------------------------
 
     def _loop(self, loop) -> LoopClosure:
-        first, second = (self._offset_frame(end.name, end.offset) for end in (loop.first, loop.second))
+        first, second = (self._offset_frame(end) for end in (loop.first, loop.second))
         translations = tuple(i for i, name in enumerate("xyz") if name not in loop.free)
         return LoopClosure(loop.name, first, second, loop.free, translations, _rotation_rows(loop.free))
 
-    def _offset_frame(self, name: str, offset: Array | None) -> Frame:
-        frame = self.frame(name)
-        return frame if offset is None else replace(frame, placement=frame.placement @ offset)
+    def _offset_frame(self, end: FrameDescription) -> Frame:
+        frame = self.frame(end.name)
+        return frame if end.offset is None else replace(frame, placement=frame.placement @ end.offset)
 
     def _module(self, module: ModuleDescription) -> Module:
         kind = kinds_by_name()[module.kind]
@@ -728,18 +723,14 @@ def _with_values(module: ModuleDescription, values: Mapping[str, Any]) -> Module
 
     A changed value keeps its tolerance: a share of the value stays that share, an absolute one stays absolute.
     """
-    quantities = {quantity.name: quantity for quantity in kinds_by_name()[module.kind].quantities}
+    quantities = quantities_of(module.kind)
     kept = {
         name: parameter
         for name, parameter in module.values.items()
         if not set(quantities[name].derived_from) & set(values)
     }
     for short, value in values.items():
-        quantity = quantities[short]
-        before = module.values.get(short)
-        tolerance = before.declared_tolerance if before else None
-        unit = before.unit if before else quantity.unit
-        parameter = Parameter(f"{module.name}.{short}", None, unit, "", quantity.description, quantity, tolerance)
+        parameter = parameter_of(module.name, quantities[short], None, "", module.values.get(short))
         kept[short] = parameter.with_value(value)
     changed = replace(module, values=kept)
     try:
@@ -765,9 +756,7 @@ def _all_parameters(description: RobotDescription, modules: tuple[Module, ...]) 
                 parameters[name] = given.values[quantity.name]
             else:
                 source = "derived" if callable(quantity.default) else "default"
-                parameters[name] = Parameter(
-                    name, module.values[quantity.name], quantity.unit, source, quantity.description, quantity
-                )
+                parameters[name] = parameter_of(module.name, quantity, module.values[quantity.name], source)
     return parameters
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError, UnknownNameError
 from ..mechanism import Mechanism
-from ..mechanism.description import TASK_COMPONENTS
+from ..mechanism.description import COMPONENTS
 from ..spatial import Array
 
 __all__ = ["Coordinates", "Places", "drawn", "grid", "scattered"]
@@ -39,7 +39,7 @@ class Coordinates:
     def of(cls, mechanism: Mechanism, length: float) -> Coordinates:
         """Return the task coordinates, or, of a robot without any, the actuated joints."""
         if mechanism.tasks:
-            turning = [TASK_COMPONENTS.index(task.component) >= 3 for task in mechanism.tasks]
+            turning = [COMPONENTS.index(task.component) >= 3 for task in mechanism.tasks]
             names, widest = [task.name for task in mechanism.tasks], pi
         else:
             joints = [mechanism.joint(name) for name in mechanism.actuated]
