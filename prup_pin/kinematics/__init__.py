@@ -2,7 +2,7 @@
 
 from .closed_pose import ClosedPose, PassiveBalance
 from .loop_kinematics import LONGEST, SURE, TOLERANCE, LoopKinematics
-from .many_poses import AWAY, CLOSED, DOUBTFUL, LIMITS, ManyPoses, Reached
+from .many_poses import AWAY, CLOSED, DOUBTFUL, LIMITS, ManyPoses, Reached, alone
 from .mobility import Mobility, mobility
 from .task import TaskFrame
 
@@ -21,5 +21,6 @@ __all__ = [
     "PassiveBalance",
     "Reached",
     "TaskFrame",
+    "alone",
     "mobility",
 ]

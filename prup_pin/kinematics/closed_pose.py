@@ -28,7 +28,11 @@ class PassiveBalance(NamedTuple):
     idle: Array
 
 
-@dataclass(frozen=True, repr=False, init=False)
+#: The fields of a pose that are arrays.
+_ARRAYS = ("q", "placements", "jacobian", "closure_jacobian", "closure_wrenches", "closure_residual")
+
+
+@dataclass(frozen=True, repr=False)
 class ClosedPose:
     """A configuration with closed loops, and all kinematics that statics needs.
 
@@ -47,46 +51,13 @@ class ClosedPose:
     closure_residual: Array
     coordinates: Mapping[str, float]
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        q: Array,
-        placements: Array,
-        jacobian: Array,
-        closure_jacobian: Array,
-        closure_wrenches: Array,
-        balance: PassiveBalance,
-        closure_residual: Array,
-        coordinates: Mapping[str, float],
-    ):
-        # In one go: what `dataclass` writes for frozen ones takes twice as long.
-        self.__dict__.update(
-            mechanism=mechanism,
-            q=q,
-            placements=placements,
-            jacobian=jacobian,
-            closure_jacobian=closure_jacobian,
-            closure_wrenches=closure_wrenches,
-            balance=balance,
-            closure_residual=closure_residual,
-            coordinates=coordinates,
-        )
-
     def __setstate__(self, state: dict) -> None:
         self.__dict__.update(state)
         self.freeze()
 
     def freeze(self) -> ClosedPose:
         """Make all arrays read-only; a copy's are not by themselves."""
-        for array in (
-            self.q,
-            self.placements,
-            self.jacobian,
-            self.closure_jacobian,
-            self.closure_wrenches,
-            self.closure_residual,
-            *self.balance,
-        ):
+        for array in (*map(self.__dict__.__getitem__, _ARRAYS), *self.balance):
             array.setflags(write=False)
         return self
 
@@ -99,16 +70,8 @@ class ClosedPose:
         return self._each(lambda array: array[None])
 
     def _each(self, change: Callable[[Array], Array]) -> ClosedPose:
-        return replace(
-            self,
-            q=change(self.q),
-            placements=change(self.placements),
-            jacobian=change(self.jacobian),
-            closure_jacobian=change(self.closure_jacobian),
-            closure_wrenches=change(self.closure_wrenches),
-            balance=PassiveBalance(*map(change, self.balance)),
-            closure_residual=change(self.closure_residual),
-        )
+        changed = {name: change(getattr(self, name)) for name in _ARRAYS}
+        return replace(self, **changed, balance=PassiveBalance(*map(change, self.balance)))
 
     def __repr__(self) -> str:
         at = ", ".join(f"{name}={number(value, 6)}" for name, value in self.coordinates.items())

@@ -231,10 +231,9 @@ class _Writer:
             x *= _BALL / np.maximum(1.0, np.linalg.norm(x, axis=1, keepdims=True))
             self.coordinates = self.kinematics.start.coordinates + x * reach
             motions, _ = polynomial.of_many(self.coordinates - self.kinematics.start.coordinates)
-            settled = many.settle(many.tree.moved(self.kinematics.home, motions), self.coordinates)
-            if not settled.converged.all():
+            self.q, converged, _ = many.settle(many.tree.moved(self.kinematics.home, motions), self.coordinates)
+            if not converged.all():
                 raise _NotWrittenError
-            self.q = settled.q
         else:
             joints = [self.mechanism.joint(name) for name in many.names]
             size = np.where([joint.slides for joint in joints], self.kinematics.length, _TURN)
