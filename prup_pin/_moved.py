@@ -80,6 +80,8 @@ MOVED: dict[str, str] = {
     "imports.wrench_columns": "imports.columns",
     "imports.yaml_keys": "imports.map",
     "laws.loop_places": "laws.joint_places",
+    "mechanism.extension_writer": "mechanism.writer",
+    "mechanism.inertial": "mechanism.urdf",
     "recordings.tool_path": "recordings.recording",
     "views.drawing.drawing": "views.drawing.plotting",
     "views.drawing.effort_figures": "views.drawing.diagnosis_figures",

@@ -27,8 +27,6 @@ from ..sweep.quantities import Asked
 from .target import Cut, Target, targets_of
 from .variable import Variable, variables_of
 
-__all__ = ["Design", "design"]
-
 #: A target is met where no pose exceeds it by more than this share of it.
 MET = 1e-6
 _ROUNDS = 40

@@ -33,8 +33,6 @@ from ..simulation import CorrectedModel, Known
 from ..spatial import Array
 from .bodies import make_possible
 
-__all__ = ["Exported", "LeftOut", "Said", "export_model", "exported"]
-
 
 @dataclass(frozen=True)
 class Said:
@@ -99,7 +97,8 @@ def exported(model: CorrectedModel, path: Path) -> Exported:
     if mechanism.locked:
         raise InputError(f"locked joints ({', '.join(sorted(mechanism.locked))}) have no place in a robot file")
     changes, said, left = _gathered(model, mechanism, target)
-    changes.mechanism = _of_urdf(mechanism, path)
+    if mechanism.description.source != "URDF":  # without what its own format says besides
+        changes.mechanism = Mechanism(read_content(plain_urdf(mechanism), path))
     possible = tuple(make_possible(changes))
     described = redrawn(changes, _home(changes, path))
     remarks = (*target.remarks(mechanism, changes), *_seen(changes), *_kept(described, changes), *possible)
@@ -114,13 +113,6 @@ def exported(model: CorrectedModel, path: Path) -> Exported:
     except RobotFileError as error:
         raise InputError(f"'{robot.name}' cannot be written as '{path}': {error}") from error
     return Exported(content, mechanism, target.spoken(dynamics), said, left, remarks)
-
-
-def _of_urdf(mechanism: Mechanism, path: Path) -> Mechanism:
-    """Return the same mechanism as a URDF has it: of one from another format without what that format says besides."""
-    if mechanism.description.source == "URDF":
-        return mechanism
-    return Mechanism(read_content(plain_urdf(mechanism), path))
 
 
 def _home(changes: Changes, path: Path) -> Array | None:
@@ -280,8 +272,10 @@ def _gathered(
         own = Changes(mechanism)
         checked = effect.checked(mechanism)
         left = list(checked.law.written(checked.place, checked.values, setup, own))
-        own.dynamics = {joint: _without_traces(item) for joint, item in own.dynamics.items()}
         for joint, item in own.dynamics.items():
+            # zero for what a model holds as the least size
+            item = JointDynamics(*(0.0 if abs(value) <= SMALLEST_VALUE else value for value in astuple(item)))
+            own.dynamics[joint] = item
             left += target.unsaid(joint, item, mechanism)
         every.append((checked, own, left))
         setup.take(checked.deeds(setup))
@@ -336,11 +330,6 @@ def _is_none(effect: Effect, mechanism: Mechanism) -> bool:
     items = {item.name: item for item in effect.law.quantities_at(effect.place, mechanism)}
     acting = [name for name, none in effect.law.neutral.items() if none == 0 and name in items]
     return bool(acting) and all(_is_trace(items[name], effect.values[name]) for name in acting)
-
-
-def _without_traces(item: JointDynamics) -> JointDynamics:
-    """Return dynamics with zero for what a model holds as the least size."""
-    return JointDynamics(*(0.0 if abs(value) <= SMALLEST_VALUE else value for value in astuple(item)))
 
 
 def _values(effect: Effect, mechanism: Mechanism, known: Known) -> Iterator[str]:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..spatial import Array
-
-__all__ = ["ClosedPose", "PassiveBalance"]
 
 
 class PassiveBalance(NamedTuple):
@@ -32,7 +30,7 @@ class PassiveBalance(NamedTuple):
 _ARRAYS = ("q", "placements", "jacobian", "closure_jacobian", "closure_wrenches", "closure_residual")
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, init=False)
 class ClosedPose:
     """A configuration with closed loops, and all kinematics that statics needs.
 
@@ -50,6 +48,10 @@ class ClosedPose:
     balance: PassiveBalance
     closure_residual: Array
     coordinates: Mapping[str, float]
+
+    def __init__(self, **fields: Any):
+        # In one go: what `dataclass` writes for frozen ones takes twice as long.
+        self.__dict__.update(fields)
 
     def __setstate__(self, state: dict) -> None:
         self.__dict__.update(state)

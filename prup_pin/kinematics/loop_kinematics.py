@@ -146,7 +146,7 @@ class LoopKinematics:
                 longest = np.abs(step).max(initial=0.0)
                 step *= min(1.0, SHORT / longest)
             way += longest
-            q = tree.moved_back(q, step)
+            q = tree.moved(q, -step)
         raise _NotConvergedError(
             q, self._split(self.evaluate(q).residual) if np.isfinite(q).all() else (np.inf, np.inf)
         )
@@ -182,16 +182,13 @@ class LoopKinematics:
             solution = solve(right)
             if (length := hypot(*(solution if solution.ndim == 1 else solution.ravel()).tolist())) < LONGEST:
                 return solution, solve, length
-        least = self._least_inverse(matrix)
-        solution = least @ right
-        return solution, least.__matmul__, hypot(*solution.ravel().tolist())
-
-    def _least_inverse(self, matrix: Array) -> Array:
-        """Return the least inverse of the closure Jacobian with rows of wanted coordinates below it."""
+        # of the closure Jacobian with rows of wanted coordinates below it
         rows, columns = self.newton_scales
         wanted = np.abs(matrix[len(rows) :] * columns).max(axis=1, initial=0.0)
         rows = np.concatenate((rows, 1 / np.where(wanted > 0, wanted, 1.0)))
-        return rank_of(matrix, rows, columns).inverse
+        least = rank_of(matrix, rows, columns).inverse
+        solution = least @ right
+        return solution, least.__matmul__, hypot(*solution.ravel().tolist())
 
     def _nothing(self, q: Array, placements: Array) -> tuple[list[float], Callable[[Array], Array]]:
         """The goal of closing the loops and nothing else."""

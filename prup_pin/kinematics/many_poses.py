@@ -28,8 +28,6 @@ from .loop_kinematics import (
     LoopKinematics,
 )
 
-__all__ = ["AWAY", "CLOSED", "DOUBTFUL", "LIMITS", "ManyPoses", "Reached", "alone"]
-
 Mask = NDArray[np.bool_]
 States = NDArray[np.int8]
 #: Places of some poses among others.
@@ -271,9 +269,11 @@ class ManyPoses:
         gaps = self.closure.gaps(placements)
         closure = self.closure.jacobian(gaps.wrenches, jacobian)
         balance, doubtful = self._balance(placements, jacobian, closure)
-        return ClosedPose(
-            self.mechanism, q, placements, jacobian, closure, gaps.wrenches, balance, gaps.gap, {}
-        ), doubtful
+        pose = ClosedPose(
+            mechanism=self.mechanism, q=q, placements=placements, jacobian=jacobian, closure_jacobian=closure,
+            closure_wrenches=gaps.wrenches, balance=balance, closure_residual=gaps.gap, coordinates={},
+        )  # fmt: skip
+        return pose, doubtful
 
     def _balance(self, placements: Array, jacobian: Array, closure: Array) -> tuple[PassiveBalance, Mask]:
         """Return how the free joints balance, and where that may be otherwise than at home."""

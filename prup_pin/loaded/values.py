@@ -15,8 +15,6 @@ from ..spatial import Array
 from ..statics import StaticsLayout
 from ..statics.wrench_jacobians import ModuleGroup
 
-__all__ = ["ModuleValues", "revalued", "values_of"]
-
 
 @dataclass(frozen=True, eq=False)
 class ModuleValues:

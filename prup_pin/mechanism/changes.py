@@ -15,8 +15,6 @@ import numpy as np
 from ..spatial import Array
 from .mechanism import Mechanism
 
-__all__ = ["Changes", "JointDynamics"]
-
 
 @dataclass(frozen=True)
 class JointDynamics:

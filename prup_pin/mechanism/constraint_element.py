@@ -24,8 +24,6 @@ from ..spatial import Array, axis_as_z, placement
 from .description import FrameDescription, LoopDescription
 from .xml_file import Document, words
 
-__all__ = ["CONSTRAINT", "constraint_element", "read_constraint"]
-
 CONSTRAINT = "constraint"
 #: What each type leaves free, in the axes that the readers below give the frames.
 _FREE: dict[str, frozenset[str]] = {

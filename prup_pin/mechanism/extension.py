@@ -6,7 +6,8 @@ docs/robot_file.md describes it.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from pathlib import Path
 
 import numpy as np
 from lxml import etree
@@ -24,6 +25,7 @@ from .description import (
     VariantDescription,
     quantities_of,
 )
+from .mesh_paths import mesh_exists, mesh_problem
 from .xml_file import MAX_NUMBER, Document
 
 EXTENSION = "prup_pin"
@@ -33,7 +35,25 @@ _TOLERANCE = re.compile(r"([^%]+?)\s*(%?)")
 
 
 class ExtensionDocument(Document):
-    """A document that may hold a <prup_pin> element."""
+    """A document that may hold a <prup_pin> element, and names meshes."""
+
+    def __init__(self, root: etree._Element, path: Path, package_folders: Sequence[Path] = ()):
+        super().__init__(root, path)
+        self.package_folders = [Path(folder).resolve() for folder in package_folders]
+        #: Files of meshes that are not there.
+        self.meshes_missing: list[str] = []
+
+    def mesh(self, element: etree._Element, place: str, shown: str | None) -> None:
+        """Report a mesh that may not lie where it does, and note one that is not there, if it is `shown`.
+
+        It lies in the robot's folder or a declared one; nothing is fetched.
+        """
+        home = self.path.resolve().parent
+        message = mesh_problem(place, home, self.package_folders)
+        if message:
+            self.problem(element, message)
+        elif shown is not None and not mesh_exists(place, home, self.package_folders):
+            self.meshes_missing.append(shown)
 
     def only_extension(self) -> etree._Element | None:
         """Return the <prup_pin> element, or None; a second one is a problem."""
@@ -204,10 +224,10 @@ class ExtensionDocument(Document):
                 self._tolerance(item, f"module '{name}': parameter '{short}'", quantity.unit if quantity else ""),
             )
         if name and kind and joint:
-            frames = (element.get(key) for key in ("frame", "root", "tip"))
+            frame, root, tip, body = (element.get(key) for key in ("frame", "root", "tip", "body"))
             fields["modules"].append(
                 ModuleDescription(
-                    name, kind, joint, *frames, axis, element.get("body"), anchor, values, element.sourceline, lines
+                    name, kind, joint, frame, root, tip, axis, body, anchor, values, element.sourceline, lines
                 )
             )
 

@@ -43,8 +43,6 @@ from .yielding import yielding_modules
 if TYPE_CHECKING:
     from .lengths import MovedParts
 
-__all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module", "frames_by_name", "model_of", "with_lengths"]
-
 
 #: Motions [m or rad] along and about what a loop leaves free, by which two descriptions of it are compared, and how far
 #: they may differ: frames drawn to seven digits are enough.
@@ -381,11 +379,10 @@ class Mechanism:
 
     def askew(self, module: Module) -> float:
         """Return the angle [rad] between a module's axis and that of its joint at the file's home, 0 to pi/2."""
-        data, joint = self.model.createData(), self.joint(module.joint)
-        pin.forwardKinematics(self.model, data, self.home_configuration())
+        placed, joint = self.placements(self.home_configuration()), self.joint(module.joint)
         axes = (
-            data.oMi[joint.id].rotation @ joint.axis,
-            data.oMi[module.frame.joint].rotation @ module.frame.placement[:3, 2],
+            placed[joint.id, :3, :3] @ joint.axis,
+            placed[module.frame.joint, :3, :3] @ module.frame.placement[:3, 2],
         )
         return float(np.arctan2(np.linalg.norm(np.cross(*axes)), abs(axes[0] @ axes[1])))
 
@@ -458,9 +455,8 @@ class Mechanism:
 
     def _root_to_tip(self, root: Frame, tip: Frame, module: ModuleDescription) -> tuple[float, ...]:
         """Return the direction from root to tip in the tip's axes, at the file's home position."""
-        data = self.model.createData()
-        pin.forwardKinematics(self.model, data, self.home_configuration())
-        ends = [data.oMi[frame.joint].homogeneous @ frame.placement for frame in (root, tip)]
+        placed = self.placements(self.home_configuration())
+        ends = [placed[frame.joint] @ frame.placement for frame in (root, tip)]
         line = ends[1][:3, :3].T @ (ends[1][:3, 3] - ends[0][:3, 3])
         if np.linalg.norm(line) < 1e-9:
             raise _file_error(
@@ -529,13 +525,12 @@ class Mechanism:
         """Return True where a joint's motion takes a beam's root off its axis, or, if not asked `across` alone,
         changes its length: that of a rod which a drive pushes out does.
         """
-        data, spans = self.model.createData(), []
-        home = self.home_configuration()
+        home, spans = self.home_configuration(), []
         for step in (0.0, _SMALL_MOTION):
             velocity = np.zeros(self.model.nv)
             velocity[self.joint(joint).dofs] = step
-            pin.forwardKinematics(self.model, data, pin.integrate(self.model, home, velocity))
-            ends = [data.oMi[frame.joint].homogeneous @ frame.placement for frame in (root, tip)]
+            placed = self.placements(pin.integrate(self.model, home, velocity))
+            ends = [placed[frame.joint] @ frame.placement for frame in (root, tip)]
             spans.append(ends[1][:3, :3].T @ (ends[0][:3, 3] - ends[1][:3, 3]))
         length = max(float(np.linalg.norm(spans[0])), 1e-9)
         moved = spans[1] - spans[0]
@@ -623,6 +618,12 @@ class Mechanism:
                 self.set_joint(q, name, value)
         self.coupling.place(q)
         return q
+
+    def placements(self, q: Array) -> Array:
+        """Return base_from_joint of all joints at a configuration (nq,), (njoints, 4, 4); loops need not be closed."""
+        data = self.model.createData()
+        pin.forwardKinematics(self.model, data, q)
+        return np.array([placed.homogeneous for placed in data.oMi])
 
     @cached_property
     def limits(self) -> tuple[Array, Array]:

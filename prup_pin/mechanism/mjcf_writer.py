@@ -23,8 +23,6 @@ from .redrawn import SMALLEST_MOMENT
 from .writer import extension_of
 from .xml_file import words
 
-__all__ = ["MJCF_ENDINGS", "mjcf_of"]
-
 #: Of the names of MJCF files.
 MJCF_ENDINGS = (".xml", ".mjcf")
 
@@ -61,9 +59,7 @@ class _Writer:
         self.bodies: dict[int, etree._Element] = {0: self.world}
         self.fixed: set[str] = set()  # links that are bodies without joints
         self.positions: dict[etree._Element, Sequence[float]] = {}  # of joints' elements, in the key
-        data = mechanism.model.createData()
-        pin.forwardKinematics(mechanism.model, data, home)
-        self.placements = [item.homogeneous for item in data.oMi]
+        self.placements = mechanism.placements(home)
 
     def file(self, remarks: Sequence[str]) -> bytes:
         root, mechanism = self.root, self.mechanism
@@ -72,7 +68,10 @@ class _Writer:
         etree.SubElement(root, "compiler", angle="radian", inertiafromgeom="false", autolimits="true",
                          boundmass=repr(_LEAST_MASS), boundinertia=repr(_LEAST_INERTIA))  # fmt: skip
         etree.SubElement(root, "option", gravity=words(mechanism.gravity))
-        self._custom()
+        extension = extension_of(mechanism)
+        if len(extension):  # what MuJoCo has no words for
+            custom = etree.SubElement(root, "custom")
+            etree.SubElement(custom, "text", name=EXTENSION, data=etree.tostring(extension, encoding="unicode"))
         root.append(self.world)
         inertias = self._parts()
         equalities = etree.Element("equality")
@@ -265,14 +264,6 @@ class _Writer:
             a, b, c = pin.rpy.matrixToRpy(turn.T)
             motions += [("rx", -float(a)), ("ry", -float(b)), ("rz", -float(c))]
         return motions
-
-    # -- what MuJoCo has no words for --------------------------------------------------------------------------------
-
-    def _custom(self) -> None:
-        extension = extension_of(self.mechanism)
-        if len(extension):
-            custom = etree.SubElement(self.root, "custom")
-            etree.SubElement(custom, "text", name=EXTENSION, data=etree.tostring(extension, encoding="unicode"))
 
 
 def _body_at(parent: etree._Element, name: str, at: Array) -> etree._Element:

@@ -17,8 +17,6 @@ from .redrawn import set_inertia, set_origin
 from .writer import extension_of, urdf_of
 from .xml_file import words
 
-__all__ = ["plain_urdf"]
-
 
 def plain_urdf(mechanism: Mechanism) -> bytes:
     """Return a URDF whose joints, frames, bodies, loops and modules have the names that they have in the mechanism.
@@ -100,4 +98,4 @@ class _PlainUrdf:
         names = f"{loop.name}_end_1", f"{loop.name}_end_2"
         for name, frame in zip(names, (loop.first, loop.second), strict=True):
             self._fixed(name, frame.joint, frame.placement)
-        return LoopDescription(loop.name, *map(FrameDescription, names), loop.free)
+        return LoopDescription(loop.name, FrameDescription(names[0]), FrameDescription(names[1]), loop.free)

@@ -31,8 +31,6 @@ from .mechanism import Mechanism, with_lengths
 from .xml_file import parse_again, words
 from .yielding import yielding_as
 
-__all__ = ["SMALLEST_MOMENT", "dynamics_of", "redrawn"]
-
 #: Moments of inertia below zero by less than this share of the largest are rounding.
 _ROUNDING = 1e-9
 #: So are smaller ones about a body's centre that were told about the frame of its joint [kg m^2].
@@ -291,11 +289,9 @@ class _Drawing:
             if frame is not None:
                 self.add_link(f"{frame}_measured", frame, inside)
             if not np.array_equal(outside, np.eye(4)):
-                self.add_link("pose_sensor", self._root_link(), np.linalg.inv(outside))
-
-    def _root_link(self) -> str:
-        children = {str(joint.find("child").get("link")) for joint in self.joints.values()}
-        return next(name for name in self.links if name not in children)
+                children = {str(joint.find("child").get("link")) for joint in self.joints.values()}
+                base = next(name for name in self.links if name not in children)
+                self.add_link("pose_sensor", base, np.linalg.inv(outside))
 
     def seat(self) -> dict[str, str]:
         """Return links that stand where joints do that turn and tilt across, each on the body before: by joint."""

@@ -15,8 +15,6 @@ from .extension import EXTENSION
 from .mechanism import Mechanism, with_lengths
 from .xml_file import parse_again, words
 
-__all__ = ["extension_of", "urdf_of"]
-
 
 def urdf_of(description: RobotDescription) -> bytes:
     """Return the robot file of a description: its own, comments included, with what was changed or given by `load`.

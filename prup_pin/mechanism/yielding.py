@@ -10,8 +10,6 @@ import numpy as np
 from .description import ModuleDescription, parameter_of, quantities_of
 from .joints import Joint
 
-__all__ = ["WAYS", "yielding_as", "yielding_module", "yielding_modules"]
-
 #: How a joint may yield: along its own motion (about the axis of one that turns), or about axes across it.
 WAYS = ("own", "across")
 

@@ -24,8 +24,6 @@ from .places import Coordinates
 from .quantities import QUANTITIES, Asked, Solved
 from .written import Written, written
 
-__all__ = ["Answer", "Engine"]
-
 #: So many poses are solved together: their matrices fit a processor's memory.
 _TOGETHER = 256
 #: So many leave what a machine hands on in the cache.

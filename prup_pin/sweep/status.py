@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-__all__ = ["LIMITS", "MODULE", "NO_STIFFNESS", "OK", "REASONS", "SINGULAR", "STATUSES", "UNREACHABLE"]
-
 OK, UNREACHABLE, LIMITS, SINGULAR, MODULE, NO_STIFFNESS = range(6)
 
 #: The words of a status; a sweep holds indices into this while it runs.

@@ -16,8 +16,6 @@ from ..mechanism import Mechanism
 from ..spatial import Array
 from ..statics import StaticsLayout
 
-__all__ = ["Feasible", "Span"]
-
 #: So many poses are looked at together.
 _TOGETHER = 512
 #: What is in the way whatever the limits are.
@@ -54,18 +52,13 @@ class Feasible:
         self._layout = StaticsLayout(mechanism) if self.beams else None
         self._slots = [[module.name for module in mechanism.modules].index(span.name) for span in self.beams]
 
-    @property
-    def size(self) -> int:
-        """How many numbers a configuration has."""
-        return int(self.mechanism.model.nq)
-
     def solve(self, coordinates: Array, starts: Array | None = None) -> tuple[NDArray[np.int16], Array]:
         """Return what is in the way at coordinates (n, t), (n,), and the configurations there, (n, nq).
 
         With `starts` (n, nq), feasible configurations a little way off, only what is near them is looked for: that is
         quick, and goes on where the workspace does.
         """
-        codes, q = np.zeros(len(coordinates), np.int16), np.full((len(coordinates), self.size), np.nan)
+        codes, q = np.zeros(len(coordinates), np.int16), np.full((len(coordinates), self.mechanism.model.nq), np.nan)
         with np.errstate(all="ignore"):
             for start in range(0, len(coordinates), _TOGETHER):
                 some = slice(start, start + _TOGETHER)
@@ -93,7 +86,7 @@ class Feasible:
         """Return what is in the way at one place, and the configuration; with the care that a single question gets."""
         state, pose = alone(self.kinematics, row)
         if pose is None:
-            return _STATES[state], np.full(self.size, np.nan)
+            return _STATES[state], np.full(self.mechanism.model.nq, np.nan)
         return int(self._judged(pose.as_many())[0]), pose.q
 
     def _judged(self, poses: ClosedPose) -> NDArray[np.int16]:
