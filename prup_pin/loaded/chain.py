@@ -31,7 +31,7 @@ from .residual import Evaluation, evaluated
 from .rigid_samples import RigidSamples, gaps_of, geometries_of
 from .state import Conditions, State, rigid_state, stepped
 from .structure import Structure
-from .values import ModuleValues, revalued, values_of
+from .values import ModuleValues, revalued
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ class Chain:
 
 def chain_of(layout: StaticsLayout) -> Chain:
     """Return the chain of a mechanism as its robot file describes it. Raises PrupPinError where it has no tool."""
-    return Chain(Structure(layout), values_of(layout))
+    return Chain(Structure(layout), ModuleValues(layout.wrench_groups, layout.drive_groups))
 
 
 def with_values(chain: Chain, changes: Mapping[str, Any]) -> Chain:
