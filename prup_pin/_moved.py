@@ -87,6 +87,8 @@ MOVED: dict[str, str] = {
     "life.answers": "life.kept",
     "recordings.remarks": "recordings.reader",
     "recordings.thinning": "recordings.table",
+    "mechanism.extension_writer": "mechanism.writer",
+    "mechanism.inertial": "mechanism.urdf",
     "recordings.tool_path": "recordings.recording",
     "views.drawing.drawing": "views.drawing.plotting",
     "views.drawing.effort_figures": "views.drawing.diagnosis_figures",

@@ -27,8 +27,6 @@ from ..sweep.quantities import Asked
 from .target import Cut, Target, targets_of
 from .variable import Variable, variables_of
 
-__all__ = ["Design", "design"]
-
 #: A target is met where no pose exceeds it by more than this share of it.
 MET = 1e-6
 _ROUNDS = 40
@@ -74,16 +72,13 @@ class Design:
         return f"<Design: {chosen}; {self.mass:.4g} kg, was {self.mass_before:.4g}>"
 
     def __str__(self) -> str:
-        lines = [f"{name:<32} {value:.6g}{_bound(self.binding.get(name))}" for name, value in self.values.items()]
+        said = {None: "", "low": " (its least)", "high": " (its largest)"}
+        lines = [f"{name:<32} {value:.6g}{said[self.binding.get(name)]}" for name, value in self.values.items()]
         lines.append(f"{'mass':<32} {self.mass:.5g} kg, was {self.mass_before:.5g} kg")
         for target, was, value, at in zip(self.targets, self.before, self.reached, self.at, strict=True):
             where = ", ".join(f"{name} {number:.4g}" for name, number in at.items())
             lines.append(f"{target}: {value:.5g} at {where}, was {was:.5g}")
         return "\n".join(lines)
-
-
-def _bound(which: str | None) -> str:
-    return "" if which is None else f" (its {'least' if which == 'low' else 'largest'})"
 
 
 def design(
@@ -102,7 +97,8 @@ def design(
     if not mechanism.modules:
         raise PrupPinError(f"'{mechanism.name}' has no compliant module: nothing yields, there is nothing to design")
     variables = variables_of(mechanism, free, bounds, costs)
-    search = _Search(mechanism, kinematics or LoopKinematics(mechanism), wanted, variables, poses, axes)
+    robot = _Robot(mechanism, kinematics or LoopKinematics(mechanism))
+    search = _Search(robot, wanted, variables, poses, axes)
     x = np.log([variable.start for variable in variables])
     rounds = 0
     watched: list[_Place] = search.worst(x)
@@ -123,41 +119,75 @@ def design(
     return search.found(x, rounds)
 
 
+class _Robot:
+    """A robot with values of its own: its kinematics, its C at any coordinates, what it weighs."""
+
+    def __init__(self, mechanism: Mechanism, kinematics: LoopKinematics):
+        self.mechanism, self.kinematics = mechanism, kinematics
+        self.engine = Engine(mechanism, Asked(("C",)), kinematics)
+
+    def with_values(self, changes: Mapping[str, float]) -> _Robot:
+        """Return the robot with other values of parameters."""
+        mechanism = self.mechanism.with_parameters(changes)
+        same = mechanism.model is self.mechanism.model  # no length has changed
+        return _Robot(mechanism, self.kinematics.of(mechanism) if same else LoopKinematics(mechanism))
+
+    def statics(self, row: Array) -> Statics:
+        """Return the solved statics at coordinates (t,)."""
+        return solve_statics(self.engine.layout, self.kinematics.at_coordinates(row))
+
+    @cached_property
+    def home(self) -> Statics:
+        """The solved statics at home."""
+        return solve_statics(self.engine.layout, self.kinematics.home_pose())
+
+    @property
+    def mass(self) -> float:
+        """The mass of all modules that say one [kg]."""
+        return sum(mass_of(self.home, module, module.values) for module in self.mechanism.modules)
+
+    def step(self, name: str) -> ValueStep | None:
+        """Return a small change of a parameter at a pose that stays; None of a length, which moves joints."""
+        lengths = {length.parameter.name for length in self.mechanism.description.lengths}
+        parameter = self.mechanism.parameters[name]
+        return ValueStep.of(self.mechanism, parameter) if name not in lengths and has_slope(parameter) else None
+
+    def beside(self, name: str, value: float) -> tuple[_Robot, _Robot]:
+        """Return the robots whose parameter is less and more than a value by the share `_STEP`."""
+        return self.with_values({name: value * (1 - _STEP)}), self.with_values({name: value * (1 + _STEP)})
+
+
 class _Search:
     """One design: what is asked, and the robot at any values of its variables, given by logarithms x."""
 
     def __init__(
         self,
-        mechanism: Mechanism,
-        kinematics: LoopKinematics,
+        robot: _Robot,
         targets: tuple[Target, ...],
         variables: tuple[Variable, ...],
         poses: Any,
         axes: Mapping[str, Any],
     ):
-        self.mechanism, self.kinematics = mechanism, kinematics
-        self.targets, self.variables = targets, variables
-        self.rigid = {length.parameter.name for length in mechanism.description.lengths}
-        engine = Engine(mechanism, Asked(("C",)), kinematics)
+        self.robot, self.targets, self.variables = robot, targets, variables
+        coordinates = robot.engine.coordinates
+        self.names = coordinates.names
         if poses is None and not axes:
-            names, home = engine.coordinates.names, kinematics.home_pose()
-            at = home.coordinates if mechanism.tasks else home.actuators
-            poses = [[float(at[name]) for name in names]]
-        self.names = engine.coordinates.names
+            home = robot.kinematics.home_pose()
+            at = home.coordinates if robot.mechanism.tasks else home.actuators
+            poses = [[float(at[name]) for name in self.names]]
         if poses is not None and axes:
             raise InputError(f"poses= says where all poses are; leave out {', '.join(axes)}")
-        places = grid(engine.coordinates, axes) if poses is None else scattered(engine.coordinates, poses)
-        self.rows = places.rows()
-        answer = engine.solve(self.rows)
+        self.rows = (grid(coordinates, axes) if poses is None else scattered(coordinates, poses)).rows()
+        answer = robot.engine.solve(self.rows)
         bad = np.flatnonzero(answer.status != 0)
         if len(bad):
             at = self._at(int(bad[0]))
             raise InputError(
                 f"{len(bad)} of {len(self.rows)} poses cannot be judged, the first at {at}: "
-                f"{engine.reason(self.rows[bad[0]])}. Expected poses that the robot reaches"
+                f"{robot.engine.reason(self.rows[bad[0]])}. Expected poses that the robot reaches"
             )
         self._start = answer.values["C"]
-        self._kept: dict[bytes, tuple[Mechanism, Array]] = {}
+        self._kept: dict[bytes, tuple[_Robot, Array]] = {}
         if not self.slopes(np.log([variable.start for variable in variables]))[1].any():
             named = ", ".join(variable.name for variable in variables)
             raise InputError(
@@ -178,26 +208,15 @@ class _Search:
             for name in variable.parameters
         }
 
-    def at(self, x: Array) -> tuple[Mechanism, Array]:
+    def at(self, x: Array) -> tuple[_Robot, Array]:
         """Return the robot and its C at all poses, (n, 6, 6); NaN where it does not reach one any more."""
         key = np.asarray(x, float).tobytes()
         if key not in self._kept:
             if len(self._kept) > 4:
                 self._kept.pop(next(iter(self._kept)))
-            mechanism = self.mechanism.with_parameters(self.changes(x))
-            engine = Engine(mechanism, Asked(("C",)), self._kinematics_of(mechanism))
-            self._kept[key] = mechanism, engine.solve(self.rows).values["C"]
+            robot = self.robot.with_values(self.changes(x))
+            self._kept[key] = robot, robot.engine.solve(self.rows).values["C"]
         return self._kept[key]
-
-    def _kinematics_of(self, mechanism: Mechanism) -> LoopKinematics:
-        if mechanism.model is self.mechanism.model:  # no length has changed
-            return self.kinematics.of(mechanism)
-        return LoopKinematics(mechanism)
-
-    def statics(self, mechanism: Mechanism, row: int) -> Statics:
-        """Return the solved statics at one pose."""
-        engine = Engine(mechanism, Asked(("C",)), self._kinematics_of(mechanism))
-        return solve_statics(engine.layout, engine.pose(self.rows[row]))
 
     def values(self, x: Array) -> Array:
         """Return what every target limits at every pose, (targets, n); infinite where the robot does not reach it."""
@@ -227,40 +246,27 @@ class _Search:
 
     def slopes(self, x: Array) -> tuple[float, Array]:
         """Return the cost [kg] and its slope by x."""
-        mechanism = self.mechanism.with_parameters(self.changes(x))
-        home = self._kinematics_of(mechanism)
-        engine = Engine(mechanism, Asked(("C",)), home)
-        statics = solve_statics(engine.layout, home.home_pose())
-        cost, slope = _mass(statics), np.zeros(len(x))
+        robot = self.at(x)[0]
+        cost, slope = robot.mass, np.zeros(len(x))
         for column, variable in enumerate(self.variables):
             value = float(np.exp(x[column]))
             cost += variable.cost * value
             slope[column] = variable.cost * value
             for name in variable.parameters:
-                slope[column] += value * self._heavier(mechanism, statics, name, value)
+                if (step := robot.step(name)) is not None:
+                    slope[column] += value * step.mass(robot.home)
+                else:
+                    less, more = robot.beside(name, value)
+                    slope[column] += (more.mass - less.mass) / (2 * _STEP)
         return cost, slope
-
-    def _heavier(self, mechanism: Mechanism, statics: Statics, name: str, value: float) -> float:
-        """Return dm/dp of a parameter [kg per unit]."""
-        parameter = mechanism.parameters[name]
-        if name not in self.rigid and has_slope(parameter):
-            return ValueStep.of(mechanism, parameter).mass(statics)
-        ends = []
-        for sign in (-1, 1):
-            other = mechanism.with_parameters({name: value * (1 + sign * _STEP)})
-            kinematics = LoopKinematics(other)
-            pose = kinematics.home_pose()
-            ends.append(_mass(solve_statics(Engine(other, Asked(("C",)), kinematics).layout, pose)))
-        return (ends[1] - ends[0]) / (2 * _STEP * value)
 
     def watched(self, x: Array, places: list[_Place]) -> tuple[Array, Array]:
         """Return by which factors the places miss their targets, as logarithms (k,), and the slopes by x, (k, v)."""
-        mechanism = self.at(x)[0]
+        robot = self.at(x)[0]
         sizes, slopes = np.zeros(len(places)), np.zeros((len(places), len(x)))
         for row in dict.fromkeys(place.row for place in places):
-            statics = self.statics(mechanism, row)
-            c = Compliance(statics, np.ones((6, 6)), None).C
-            changes = self._changes_of_c(mechanism, statics, row, x)
+            statics = robot.statics(self.rows[row])
+            c, changes = _compliance(statics).C, self._changes_of_c(robot, statics, self.rows[row], x)
             for index, place in enumerate(places):
                 if place.row == row:
                     size, by_c = place.cut.of(c)
@@ -268,25 +274,17 @@ class _Search:
                     slopes[index] = (by_c * changes).sum(axis=(1, 2)) / size
         return sizes, slopes
 
-    def _changes_of_c(self, mechanism: Mechanism, statics: Statics, row: int, x: Array) -> Array:
+    def _changes_of_c(self, robot: _Robot, statics: Statics, row: Array, x: Array) -> Array:
         """Return dC/dx at one pose, (v, 6, 6); the tool held where it is."""
         out = np.zeros((len(x), 6, 6))
         for column, variable in enumerate(self.variables):
             value = float(np.exp(x[column]))
             for name in variable.parameters:
-                parameter = mechanism.parameters[name]
-                if name not in self.rigid and has_slope(parameter):
-                    out[column] += value * ValueStep.of(mechanism, parameter).compliance(statics)
-                    continue
-                ends = [
-                    Compliance(
-                        self.statics(mechanism.with_parameters({name: value * (1 + sign * _STEP)}), row),
-                        np.ones((6, 6)),
-                        None,
-                    ).C
-                    for sign in (-1, 1)
-                ]
-                out[column] += (ends[1] - ends[0]) / (2 * _STEP)
+                if (step := robot.step(name)) is not None:
+                    out[column] += value * step.compliance(statics)
+                else:
+                    less, more = (_compliance(other.statics(row)).C for other in robot.beside(name, value))
+                    out[column] += (more - less) / (2 * _STEP)
         return out
 
     def solved(self, x: Array, places: list[_Place], feasible: bool) -> tuple[Array, float]:
@@ -347,18 +345,13 @@ class _Search:
 
     # -- the end -------------------------------------------------------------------------------------------------------
 
-    @cached_property
-    def _before(self) -> tuple[Array, float, float]:
-        there = self._start
-        values = np.array([target.worst(there) for target in self.targets])
-        pose = self.kinematics.home_pose()
-        mass = _mass(solve_statics(Engine(self.mechanism, Asked(("C",)), self.kinematics).layout, pose))
-        known = self.mechanism.parameters
-        more = sum(v.cost * float(np.mean([known[name].value for name in v.parameters])) for v in self.variables)
-        return values, mass, mass + more
-
     def found(self, x: Array, rounds: int) -> Design:
-        values, (before, mass_before, cost_before) = self.values(x), self._before
+        values, known = self.values(x), self.robot.mechanism.parameters
+        before = np.array([target.worst(self._start) for target in self.targets])
+        mass_before = self.robot.mass
+        cost_before = mass_before + sum(
+            v.cost * float(np.mean([known[name].value for name in v.parameters])) for v in self.variables
+        )
         worst = values.argmax(axis=1)
         cost = self.slopes(x)[0]
         more = sum(v.cost * float(np.exp(at)) for v, at in zip(self.variables, x, strict=True))
@@ -387,12 +380,12 @@ class _Search:
         excess = self.excess(x)
         index, row = np.unravel_index(int(np.argmax(excess)), excess.shape)
         target, at = self.targets[index], self._at(int(row))
-        mechanism, c = self.at(x)
+        robot, c = self.at(x)
         reached = float(self.values(x)[index, row])
         where = ", ".join(f"{name} = {value:.5g}" for name, value in at.items())
         soft = ""
         if np.isfinite(c[row]).all():
-            compliance = Compliance(self.statics(mechanism, int(row)), np.ones((6, 6)), None)
+            compliance = _compliance(robot.statics(self.rows[row]))
             worst = max(target.cuts(c[row]), key=lambda cut: cut.of(c[row])[0])
             shares = sorted(compliance.shares(worst.wrench).items(), key=lambda item: -item[1])[:3]
             soft = " Most of it yields in " + ", ".join(f"{name} ({100 * share:.0f} %)" for name, share in shares) + "."
@@ -406,6 +399,6 @@ class _Search:
         )
 
 
-def _mass(statics: Statics) -> float:
-    """Return the mass of all modules that say one [kg]."""
-    return sum(mass_of(statics, module, module.values) for module in statics.layout.mechanism.modules)
+def _compliance(statics: Statics) -> Compliance:
+    """Return the compliance of solved statics, in plain units."""
+    return Compliance(statics, np.ones((6, 6)), None)

@@ -12,8 +12,6 @@ import numpy as np
 from ..errors import InputError, UnknownNameError
 from ..spatial import Array, as_wrench
 
-__all__ = ["Cut", "Target", "targets_of"]
-
 #: A direction in which the tool yields by less than this share of the worst is never worst.
 _RIGID = 1e-6
 #: Corners of a box of wrenches, one of each opposite pair, (32, 6).
@@ -93,8 +91,7 @@ class Target:
         if self.along is None and not len(self._loads):
             return np.asarray(np.linalg.eigvalsh(c[:, rows, rows])[:, -1])
         if self.along is not None:
-            axis = np.asarray(self.along, float) / np.linalg.norm(self.along)
-            return np.einsum("i,nij,j->n", axis, c[:, rows, rows], axis)
+            return np.einsum("i,nij,j->n", self._axis, c[:, rows, rows], self._axis)
         moved = c[:, rows] @ self._loads.T
         return np.sqrt((moved * moved).sum(axis=1).max(axis=-1))
 
@@ -106,11 +103,14 @@ class Target:
             yielding = axes.T[values > _RIGID * values[-1]]
             return [Cut(rows, _widened(axis, rows), True) for axis in yielding]
         if self.along is not None:
-            axis = np.asarray(self.along, float) / np.linalg.norm(self.along)
-            return [Cut(rows, _widened(axis, rows), True)]
+            return [Cut(rows, _widened(self._axis, rows), True)]
         sizes = np.linalg.norm(c[rows] @ self._loads.T, axis=0)
         near = sizes > 0.999 * sizes.max()
         return [Cut(rows, load, False) for load in self._loads[near]]
+
+    @property
+    def _axis(self) -> Array:
+        return np.asarray(self.along, float) / np.linalg.norm(np.asarray(self.along, float))
 
     @property
     def _loads(self) -> Array:

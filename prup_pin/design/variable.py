@@ -12,8 +12,6 @@ from ..errors import InputError, UnknownNameError
 from ..mechanism import Mechanism
 from ..sensitivity import has_slope
 
-__all__ = ["Variable", "variables_of"]
-
 #: Without bounds a value may become so many times smaller or larger.
 _WIDE = 4.0
 

@@ -9,8 +9,6 @@ import numpy as np
 from ..numbers import number
 from ..spatial import Array
 
-__all__ = ["EvenClock", "even_clock"]
-
 #: A step that differs from the usual one by more than this share of it is jitter.
 _JITTER = 0.02
 #: A clock is uneven where more than this share of its steps jitter.

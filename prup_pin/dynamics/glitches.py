@@ -18,8 +18,6 @@ from ..recordings.columns import JOINT_GROUPS
 from ..spatial import Array
 from .rates import samples_of
 
-__all__ = ["without_glitches"]
-
 #: How many times as far off as all else a glitch is; the share of samples that may be glitches, more is the signal's
 #: own; and samples about it that tell what is usual there.
 _FAR, _MOST, _ABOUT = 8.0, 0.01, 41

@@ -16,8 +16,6 @@ from .motion import Motion
 from .smoothing import differences, pieces
 from .travel import Travel
 
-__all__ = ["InMotion", "could_be_gravity"]
-
 #: Share of its size that gravity may differ by where it pulls another way than drawn.
 _SAME_SIZE = 0.05
 

@@ -7,8 +7,6 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..spatial import Array
 
-__all__ = ["INERTIAL", "in_frame", "near_body", "of_pseudo_inertia", "point_mass", "pseudo_inertia"]
-
 #: Mass, first moments and moments of inertia about a frame's origin, in the order of a regressor's columns.
 INERTIAL = ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 #: By which share a link's mass and moments are off where nothing is declared, a standard deviation; and the share of

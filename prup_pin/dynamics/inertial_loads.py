@@ -17,8 +17,6 @@ from ..mechanism import Frame, Link, Mechanism
 from ..spatial import Array, cross, skew
 from .inverse import tree_motion
 
-__all__ = ["BodyMotion", "body_motion"]
-
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:

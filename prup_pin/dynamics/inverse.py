@@ -23,8 +23,6 @@ from ..mechanism import Frame, Mechanism
 from ..spatial import Array
 from .motion import Motion
 
-__all__ = ["InverseDynamics", "Trajectory", "tree_motion"]
-
 #: Step of the numerical rate of S along the motion [s].
 _STEP = 1e-5
 
@@ -45,12 +43,6 @@ class Trajectory:
 
     def __len__(self) -> int:
         return len(self.q)
-
-    def of_actuators(self, generalised: Array) -> Array:
-        """Return efforts of the actuators (N, k, ...) that do the work of generalised forces (N, nv, ...)."""
-        if self.spread is None:
-            return generalised[:, self.dofs]
-        return np.einsum("nva,nv...->na...", self.spread, generalised)
 
 
 class InverseDynamics:
@@ -111,7 +103,7 @@ class InverseDynamics:
 
     def efforts(self, at: Trajectory, wrench: Array | None = None, gravity: Array | None = None) -> Array:
         """Return efforts (N, k) [N or N m] under wrenches (N, 6) on the tool in base axes, gravity (3,) or (N, 3)."""
-        model = self._model()
+        model = pin.Model(self.model)  # its gravity is set sample by sample
         data = model.createData()
         out = np.empty((len(at), model.nv))
         fields = _fields(self.mechanism.gravity if gravity is None else gravity, len(at))
@@ -123,11 +115,12 @@ class InverseDynamics:
             for row in np.flatnonzero(np.any(wrench, axis=1)).tolist():
                 jacobian = self._jacobian(model, data, at.q[row], tool)
                 out[row] -= jacobian.T @ wrench[row]
-        return at.of_actuators(out)
+        # by the work that they do
+        return out[:, at.dofs] if at.spread is None else np.einsum("nva,nv->na", at.spread, out)
 
     def regressor(self, at: Trajectory, gravity: Array | None = None) -> Array:
         """Return Y (N, k, bodies, 10): efforts per inertial parameter (`inertial.INERTIAL`) of each joint's body."""
-        model = self._model()
+        model = pin.Model(self.model)  # its gravity is set sample by sample
         data = model.createData()
         bodies = model.njoints - 1
         out = np.empty((len(at), len(at.dofs), bodies, 10))
@@ -139,9 +132,6 @@ class InverseDynamics:
             own = whole[at.dofs] if at.spread is None else at.spread[row].T @ whole
             out[row] = own.reshape(len(at.dofs), bodies, 10)
         return out
-
-    def _model(self) -> pin.Model:
-        return pin.Model(self.model)  # its gravity is set sample by sample
 
     def _jacobian(self, model: pin.Model, data: pin.Data, q: Array, frame: Frame) -> Array:
         """Return the frame's twist per velocity (6, nv), at its origin in base axes."""
@@ -163,11 +153,7 @@ def tree_motion(
     v, a = np.zeros((count, model.nv)), np.zeros((count, model.nv))
     for column, name in enumerate(names):
         joint = mechanism.joint(name)
-        if joint.nq == 1:
-            q[:, joint.first_q] = position[:, column]
-        else:
-            q[:, joint.first_q] = np.cos(position[:, column])
-            q[:, joint.first_q + 1] = np.sin(position[:, column])
+        joint.place(q, position[:, column])
         v[:, joint.first_v] = speed[:, column]
         a[:, joint.first_v] = acceleration[:, column]
     coupling = mechanism.coupling

@@ -20,8 +20,6 @@ from .saturation import at_limit, limits_told
 from .smoothing import Band, LowPass, bandwidth, differences, floor_of, pieces, spectrum
 from .travel import Path
 
-__all__ = ["Motion", "is_standing", "motion_of"]
-
 #: The slowest cut-off [Hz]: what a drive's friction does at a reversal is faster than the motion itself.
 _SLOWEST = 10.0
 #: Samples per period of the cut-off that are kept, for friction turns round faster than the motion; fewer where
@@ -195,12 +193,14 @@ def motion_of(
         limited = {name: here if there is None else here[there] for name, here in limited.items()}
     speeds = _logged(recording.velocities, names)
     accelerations = _logged(recording.accelerations, names)
-    columns = [recording.positions[name] for name in names] + [recording.efforts[name] for name in drives]
-    columns += [recording.velocities[name] for name in speeds] + [
-        recording.accelerations[name] for name in accelerations
-    ]
-    columns += [limited[name].astype(float) for name in drives]
-    table = np.column_stack(columns)
+    groups = (
+        [recording.positions[name] for name in names],
+        [recording.efforts[name] for name in drives],
+        [recording.velocities[name] for name in speeds],
+        [recording.accelerations[name] for name in accelerations],
+        [limited[name].astype(float) for name in drives],
+    )
+    table = np.column_stack([column for group in groups for column in group])
     clock = even_clock(recording.time, table, recording.run)
     if not clock.exact:
         clock = _smoother(clock, clock.counted(), table[:, : len(names)])
@@ -212,13 +212,11 @@ def motion_of(
             f"{', '.join(f'q.{name}' for name in names)} and the efforts"
         )
     rate = 1 / clock.step
-    position = _unwrapped(clock.sampled(table[:, : len(names)]), names, mechanism)
-    efforts = clock.sampled(table[:, len(names) : len(names) + len(drives)])
-    at = len(names) + len(drives)
-    logged_speed = dict(zip(speeds, clock.sampled(table[:, at : at + len(speeds)]).T, strict=True))
-    at += len(speeds)
-    logged_acceleration = dict(zip(accelerations, clock.sampled(table[:, at : at + len(accelerations)]).T, strict=True))
-    saturated = np.abs(clock.sampled(table[:, at + len(accelerations) :])) > _TOUCHED
+    parts_of = np.split(clock.sampled(table), np.cumsum([len(group) for group in groups[:-1]]), axis=1)
+    position, efforts, logged_speeds, logged_accelerations, limits = parts_of
+    position, saturated = _unwrapped(position, names, mechanism), np.abs(limits) > _TOUCHED
+    logged_speed = dict(zip(speeds, logged_speeds.T, strict=True))
+    logged_acceleration = dict(zip(accelerations, logged_accelerations.T, strict=True))
     _strange_speeds(names, position, logged_speed, clock)
 
     rows = clock.rows[np.clip(np.searchsorted(clock.row_time, clock.time), 0, len(clock.rows) - 1)]

@@ -14,8 +14,6 @@ from ..recordings import Recording
 from ..recordings.columns import JOINT_GROUPS
 from ..spatial import Array
 
-__all__ = ["OneRate", "one_rate", "samples_of"]
-
 #: Share of rows with a number from which a column is one of every row, but for gaps.
 _EVERY = 0.9
 #: A value that repeats is held between samples where nine in ten values do; fewer changes tell nothing.

@@ -14,8 +14,6 @@ from ..numbers import counted, number
 from ..recordings import Recording
 from ..spatial import Array
 
-__all__ = ["at_limit", "limits_told"]
-
 #: Readings within this share of the largest are equal to it; those from `_NEAR` of it on are near it.
 _EQUAL, _NEAR = 1e-6, 0.5
 #: Least share of the rows at a limit, how many times as long as a reading near it one there lasts on average, fewest

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from ..spatial import Array
-
-__all__ = ["Band", "LowPass", "bandwidth", "differences", "pieces"]
 
 _ORDER = 4
 #: Power above that of the sensor's noise at which a motion still counts.
@@ -32,16 +29,6 @@ def pieces(piece: np.ndarray) -> Iterator[slice]:
         yield slice(int(start), int(end))
 
 
-def _of_alike_length(piece: np.ndarray) -> Iterator[list[slice]]:
-    """Yield pieces that are worked on side by side: none of them is twice as long as another."""
-    every = sorted(pieces(piece), key=lambda where: where.stop - where.start)
-    while every:
-        longest = every[-1].stop - every[-1].start
-        together = [where for where in every if 2 * (where.stop - where.start) > longest]
-        every = every[: -len(together)]
-        yield together
-
-
 @dataclass(frozen=True)
 class LowPass:
     """A Butterworth filter run forwards and backwards, so that it delays nothing; `cutoff` and `rate` in Hz.
@@ -58,30 +45,19 @@ class LowPass:
 
     def __call__(self, values: Array, piece: np.ndarray) -> Array:
         """Return values (N, ...) without what is faster than the cut-off, each piece for itself."""
-        from scipy.signal import sosfilt  # heavy; not needed to load a robot
+        from scipy.signal import butter, sosfiltfilt  # heavy; not needed to load a robot
 
         if self.cutoff >= 0.49 * self.rate:
             return np.array(values, float)
-        sections, settled = _butterworth(self.cutoff, self.rate)
+        sections = butter(_ORDER, self.cutoff, fs=self.rate, output="sos")
         rows = np.reshape(values, (len(values), -1)).T
         out = np.empty(rows.shape)
         longest = round(3 * self.rate / self.cutoff) + 3 * _ORDER
-        for together in _of_alike_length(piece):
-            parts = []
-            for where in together:
-                here, padding = rows[:, where], min(longest, where.stop - where.start - 1)
-                before, after = (self._beyond(own, padding) for own in (here, here[:, ::-1]))
-                parts.append(np.concatenate((before[:, ::-1], here, after), axis=1))
-            for _ in range(2):
-                table = np.zeros((len(parts), len(rows), max(part.shape[1] for part in parts)))
-                for row, part in zip(table, parts, strict=True):
-                    row[:, : part.shape[1]] = part
-                passed = sosfilt(sections, table, zi=settled * table[:, :, :1])[0]
-                parts = [own[:, part.shape[1] - 1 :: -1] for own, part in zip(passed, parts, strict=True)]
-            for where, part in zip(together, parts, strict=True):
-                length = where.stop - where.start
-                padding = (part.shape[1] - length) // 2
-                out[:, where] = part[:, padding : padding + length]
+        for where in pieces(piece):
+            here, padding = rows[:, where], min(longest, where.stop - where.start - 1)
+            before, after = (self._beyond(own, padding) for own in (here, here[:, ::-1]))
+            padded = np.concatenate((before[:, ::-1], here, after), axis=1)
+            out[:, where] = sosfiltfilt(sections, padded, padtype=None)[:, padding : padding + here.shape[1]]
         return out.T.reshape(np.shape(values))
 
     def _beyond(self, rows: Array, many: int) -> Array:
@@ -106,15 +82,6 @@ class LowPass:
         for where in pieces(piece):
             out[where.start : where.start + end] = out[max(where.stop - end, where.start) : where.stop] = False
         return out if out.any() else np.ones(len(piece), bool)
-
-
-@lru_cache(maxsize=64)
-def _butterworth(cutoff: float, rate: float) -> tuple[Array, Array]:
-    """Return a filter's sections (s, 6), and its state (s, 1, 1, 2) where one has stood for long."""
-    from scipy.signal import butter, sosfilt_zi
-
-    sections = butter(_ORDER, cutoff, fs=rate, output="sos")
-    return sections, sosfilt_zi(sections)[:, None, None]
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,6 @@ import numpy as np
 
 from ..spatial import Array
 
-__all__ = ["Path", "Travel"]
-
 #: Parts of a step in which a motion turns round, and the share of its usual speed below which it only rests.
 _FINER, _RESTING = 16, 1e-3
 #: Share of its usual speed above which a piece begins in motion: else nobody knows what its friction was before.

@@ -11,8 +11,6 @@ from ..mechanism import Changes
 from ..numbers import quantity
 from ..spatial import Array
 
-__all__ = ["make_possible"]
-
 #: The lightest body that is written, as a share of one that weighs as much as the robot.
 _LIGHTEST = 1e-9
 #: What is below nothing by less than that share is rounding.

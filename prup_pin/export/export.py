@@ -25,14 +25,13 @@ from ..mechanism.plain_urdf import plain_urdf
 from ..mechanism.readers import read_content
 from ..mechanism.redrawn import dynamics_of, redrawn
 from ..mechanism.writer import urdf_of
+from ..mechanism.xml_file import parse_again
 from ..numbers import number, quantity
 from ..parameters import SMALLEST_VALUE, Quantity
 from ..robot import Robot
 from ..simulation import CorrectedModel, Known
 from ..spatial import Array
 from .bodies import make_possible
-
-__all__ = ["Exported", "LeftOut", "Said", "export_model", "exported"]
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,8 @@ def exported(model: CorrectedModel, path: Path) -> Exported:
     if mechanism.locked:
         raise InputError(f"locked joints ({', '.join(sorted(mechanism.locked))}) have no place in a robot file")
     changes, said, left = _gathered(model, mechanism, target)
-    changes.mechanism = _of_urdf(mechanism, path)
+    if mechanism.description.source != "URDF":  # without what its own format says besides
+        changes.mechanism = Mechanism(read_content(plain_urdf(mechanism), path))
     possible = tuple(make_possible(changes))
     described = redrawn(changes, _home(changes, path))
     remarks = (*target.remarks(mechanism, changes), *_seen(changes), *_kept(described, changes), *possible)
@@ -113,13 +113,6 @@ def exported(model: CorrectedModel, path: Path) -> Exported:
     except RobotFileError as error:
         raise InputError(f"'{robot.name}' cannot be written as '{path}': {error}") from error
     return Exported(content, mechanism, target.spoken(dynamics), said, left, remarks)
-
-
-def _of_urdf(mechanism: Mechanism, path: Path) -> Mechanism:
-    """Return the same mechanism as a URDF has it: of one from another format without what that format says besides."""
-    if mechanism.description.source == "URDF":
-        return mechanism
-    return Mechanism(read_content(plain_urdf(mechanism), path))
 
 
 def _home(changes: Changes, path: Path) -> Array | None:
@@ -157,7 +150,7 @@ class _Urdf:
     def content(
         urdf: bytes, mechanism: Mechanism, dynamics: Mapping[str, JointDynamics], comment: Sequence[str]
     ) -> bytes:
-        root = etree.fromstring(urdf, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True))
+        root = parse_again(urdf)
         note = etree.Comment("\n" + "".join(f"  {line}".rstrip() + "\n" for line in comment))
         note.tail = "\n"
         root.addprevious(note)
@@ -279,8 +272,10 @@ def _gathered(
         own = Changes(mechanism)
         checked = effect.checked(mechanism)
         left = list(checked.law.written(checked.place, checked.values, setup, own))
-        own.dynamics = {joint: _without_traces(item) for joint, item in own.dynamics.items()}
         for joint, item in own.dynamics.items():
+            # zero for what a model holds as the least size
+            item = JointDynamics(*(0.0 if abs(value) <= SMALLEST_VALUE else value for value in astuple(item)))
+            own.dynamics[joint] = item
             left += target.unsaid(joint, item, mechanism)
         every.append((checked, own, left))
         setup.take(checked.deeds(setup))
@@ -335,11 +330,6 @@ def _is_none(effect: Effect, mechanism: Mechanism) -> bool:
     items = {item.name: item for item in effect.law.quantities_at(effect.place, mechanism)}
     acting = [name for name, none in effect.law.neutral.items() if none == 0 and name in items]
     return bool(acting) and all(_is_trace(items[name], effect.values[name]) for name in acting)
-
-
-def _without_traces(item: JointDynamics) -> JointDynamics:
-    """Return dynamics with zero for what a model holds as the least size."""
-    return JointDynamics(*(0.0 if abs(value) <= SMALLEST_VALUE else value for value in astuple(item)))
 
 
 def _values(effect: Effect, mechanism: Mechanism, known: Known) -> Iterator[str]:

@@ -20,8 +20,6 @@ from ..mechanism import Mechanism
 from ..spatial import Array, product, rotation_exp, skew
 from .program import Expression
 
-__all__ = ["Closure", "LoopForces", "LoopGaps"]
-
 #: Of an entry that is 1 where frames meet as they should, and -1 half a turn off.
 _LEAST_ALIGNED = 0.9
 _GENERATORS = np.stack([skew(axis) for axis in np.eye(3)])

@@ -15,8 +15,6 @@ from ..spatial import Array
 from .machine import LANES, MachineCode
 from .program import FUNCTIONS, GIVEN, LONG, SHORT, STEPS, Pipeline, Program
 
-__all__ = ["Columns"]
-
 #: Poses of a column. A call of numpy costs as much as some hundred of them; machine code has more columns in its hands.
 _POSES, _POSES_COMPILED = 8192, 1024
 #: After so many steps those that have not ended go on by themselves.

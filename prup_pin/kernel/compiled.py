@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,8 +19,6 @@ from ..errors import PrupPinError
 from ..mechanism import Frame, Mechanism
 from ..spatial import Array
 from .closure import Closure
-
-__all__ = ["Configuration", "FixedFrames", "LoopedTree", "Passing"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,10 +73,6 @@ class LoopedTree:
     def moved(self, q: Array, motion: Array) -> Array:
         """Return the configuration (nq,) that a motion (nv,) leads to."""
         return q + motion if self._straight else pin.integrate(self.model, q, motion)
-
-    def moved_back(self, q: Array, motion: Array) -> Array:
-        """Return the configuration (nq,) that the reverse of a motion (nv,) leads to."""
-        return q - motion if self._straight else pin.integrate(self.model, q, -motion)
 
     def passing(self, q: Array) -> Passing:
         """Return what a step of Newton's method needs at a configuration (nq,)."""
@@ -208,7 +203,8 @@ class _Memory:
         self.upper = self.whole[:, :3]
         self.constraints = []
         for loop in loops:
-            constraint = pin.ConstraintModel(_anchor(model, loop.first, loop.second))
+            ends = ((end.joint, pin.SE3(end.placement)) for end in (loop.first, loop.second))
+            constraint = pin.ConstraintModel(pin.FrameAnchorConstraintModel(model, *chain.from_iterable(ends)))
             self.constraints.append((constraint, constraint.createData()))
         found = [held.extract() for _, held in self.constraints]
         # [E | d], the second end as the first sees it, and a 1; and base twists as the first end sees them.
@@ -228,12 +224,6 @@ class _Memory:
         self.actions_stacked = self.action.reshape(-1, 6)
         self.relatives = list(zip(self.relative, views, strict=True))
         self.actions = list(zip(self.action, [held.A2_world for held in found], strict=True))
-
-
-def _anchor(model: pin.Model, first: Frame, second: Frame) -> pin.FrameAnchorConstraintModel:
-    return pin.FrameAnchorConstraintModel(
-        model, first.joint, pin.SE3(first.placement), second.joint, pin.SE3(second.placement)
-    )
 
 
 def _stacked(rotations: list[Array]) -> Array:

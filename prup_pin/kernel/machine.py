@@ -17,8 +17,6 @@ from ..errors import imported
 from ..spatial import Array
 from .program import Program
 
-__all__ = ["LANES", "MachineCode"]
-
 #: Poses that are computed side by side.
 LANES = 8
 _TYPE, _MASK = f"<{LANES} x double>", f"<{LANES} x i1>"

@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 
 from ..spatial import Array
 
-__all__ = ["Expression", "Operation", "Pipeline", "Program", "Tape", "eliminated", "largest", "least"]
-
 #: Smaller than this share of what it is made of, at every sample: zero. Rounding leaves some 1e-15. Two expressions
 #: that agree so well at every sample are the same.
 _ZERO, _SAME = 1e-13, 1e-12
@@ -95,13 +93,6 @@ class Tape:
         if operation in self._known:
             return Expression(self, self._known[operation])
         return self._known_or_new(operation, np.full(self._samples, float(value)))
-
-    def constants(self, values: Array) -> Array:
-        """Return an object array of constants."""
-        out = np.empty(values.shape, object)
-        for index, value in np.ndenumerate(values):
-            out[index] = self.constant(value)
-        return out
 
     def expressed(self, values: Array) -> Array:
         """Return an object array whose numbers have become constants."""
@@ -297,24 +288,6 @@ class Expression:
             return self.tape.constant(float(FUNCTIONS[name](self.known)))
         return self.tape.apply(name, self)
 
-    def sqrt(self):
-        return self._function("sqrt")
-
-    def sin(self):
-        return self._function("sin")
-
-    def cos(self):
-        return self._function("cos")
-
-    def tan(self):
-        return self._function("tan")
-
-    def arccos(self):
-        return self._function("arccos")
-
-    def rint(self):
-        return self._function("rint")
-
     def __abs__(self):
         return self._function("abs")
 
@@ -337,6 +310,15 @@ class Expression:
 
     def hypot(self, other):
         return self.tape.apply("hypot", self, self._other(other))
+
+
+def _method(name: str) -> Callable[[Expression], Expression]:
+    return lambda expression: expression._function(name)
+
+
+#: numpy's functions of arrays of expressions call methods of their names.
+for _name in ("sqrt", "sin", "cos", "tan", "arccos", "rint"):
+    setattr(Expression, _name, _method(_name))
 
 
 def largest(values: Sequence[Any]) -> Any:
@@ -371,8 +353,8 @@ def eliminated(matrix: Array, right: Array) -> tuple[Array, list[Expression]]:
     order: list[tuple[int, int]] = []
     pivots: list[Expression] = []
     inverses: dict[int, Any] = {}
-    zero = _is_zero(a)
-    values = _tape_of(a).sampled(a)
+    zero = np.array([[_vanishes(value) for value in row] for row in a], bool).reshape(a.shape)
+    values = next(value for value in a.flat if isinstance(value, Expression)).tape.sampled(a)
     while rows:
         row, column = _pivot(values, zero, rows, columns)
         order.append((row, column))
@@ -429,14 +411,6 @@ def _pivot(values: Array, zero: NDArray[np.bool_], rows: list[int], columns: lis
 def _vanishes(value: Any) -> bool:
     known = value.known if isinstance(value, Expression) else value
     return known is not None and known == 0
-
-
-def _is_zero(matrix: Array) -> NDArray[np.bool_]:
-    return np.array([[_vanishes(value) for value in row] for row in matrix], bool).reshape(matrix.shape)
-
-
-def _tape_of(matrix: Array) -> Tape:
-    return next(value for value in matrix.flat if isinstance(value, Expression)).tape
 
 
 class Program:

@@ -13,18 +13,6 @@ from numpy.typing import NDArray
 
 from ..spatial import Array
 
-__all__ = [
-    "NEGLIGIBLE",
-    "NEGLIGIBLE_ENERGY",
-    "Rank",
-    "equal_ranks",
-    "independent",
-    "pseudo_inverse",
-    "rank_of",
-    "semidefinite_inverse",
-    "semidefinite_null",
-]
-
 #: A motion or force below this share of the largest is none. Robot files place their frames to seven digits or more,
 #: and what geometry makes exactly zero comes out at 1e-12 at worst: the decision lies between.
 NEGLIGIBLE = 1e-6

@@ -13,8 +13,6 @@ from eigenpy import PartialPivLU
 
 from ..spatial import Array
 
-__all__ = ["Factors", "inverse"]
-
 
 class Factors(threading.local):
     """Room for the factors of one matrix, in each thread. To make it anew takes longer than to factorise."""

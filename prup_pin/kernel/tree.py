@@ -10,8 +10,6 @@ import numpy as np
 from ..mechanism import Joint, Mechanism
 from ..spatial import Array, skew
 
-__all__ = ["Tree"]
-
 
 class Tree:
     """The joints of one mechanism as arrays; each slides along or turns about one axis by itself.

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..spatial import Array
-
-__all__ = ["ClosedPose", "PassiveBalance"]
 
 
 class PassiveBalance(NamedTuple):
@@ -26,6 +24,10 @@ class PassiveBalance(NamedTuple):
     inverse: Array
     self_stress: Array
     idle: Array
+
+
+#: The fields of a pose that are arrays.
+_ARRAYS = ("q", "placements", "jacobian", "closure_jacobian", "closure_wrenches", "closure_residual")
 
 
 @dataclass(frozen=True, repr=False, init=False)
@@ -47,30 +49,9 @@ class ClosedPose:
     closure_residual: Array
     coordinates: Mapping[str, float]
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        q: Array,
-        placements: Array,
-        jacobian: Array,
-        closure_jacobian: Array,
-        closure_wrenches: Array,
-        balance: PassiveBalance,
-        closure_residual: Array,
-        coordinates: Mapping[str, float],
-    ):
+    def __init__(self, **fields: Any):
         # In one go: what `dataclass` writes for frozen ones takes twice as long.
-        self.__dict__.update(
-            mechanism=mechanism,
-            q=q,
-            placements=placements,
-            jacobian=jacobian,
-            closure_jacobian=closure_jacobian,
-            closure_wrenches=closure_wrenches,
-            balance=balance,
-            closure_residual=closure_residual,
-            coordinates=coordinates,
-        )
+        self.__dict__.update(fields)
 
     def __setstate__(self, state: dict) -> None:
         self.__dict__.update(state)
@@ -78,15 +59,7 @@ class ClosedPose:
 
     def freeze(self) -> ClosedPose:
         """Make all arrays read-only; a copy's are not by themselves."""
-        for array in (
-            self.q,
-            self.placements,
-            self.jacobian,
-            self.closure_jacobian,
-            self.closure_wrenches,
-            self.closure_residual,
-            *self.balance,
-        ):
+        for array in (*map(self.__dict__.__getitem__, _ARRAYS), *self.balance):
             array.setflags(write=False)
         return self
 
@@ -99,16 +72,8 @@ class ClosedPose:
         return self._each(lambda array: array[None])
 
     def _each(self, change: Callable[[Array], Array]) -> ClosedPose:
-        return replace(
-            self,
-            q=change(self.q),
-            placements=change(self.placements),
-            jacobian=change(self.jacobian),
-            closure_jacobian=change(self.closure_jacobian),
-            closure_wrenches=change(self.closure_wrenches),
-            balance=PassiveBalance(*map(change, self.balance)),
-            closure_residual=change(self.closure_residual),
-        )
+        changed = {name: change(getattr(self, name)) for name in _ARRAYS}
+        return replace(self, **changed, balance=PassiveBalance(*map(change, self.balance)))
 
     def __repr__(self) -> str:
         at = ", ".join(f"{name}={number(value, 6)}" for name, value in self.coordinates.items())

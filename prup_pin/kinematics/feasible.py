@@ -50,7 +50,10 @@ def nearest_feasible(
     for begin in starts:
         if not np.isfinite(begin).all():
             continue
-        asked = _independent(evaluate(begin).closure)
+        # In a plane half of the closures are idle, and SLSQP takes no constraint twice: combinations (r, c) that ask
+        # different things of the joints.
+        left, sizes, _ = np.linalg.svd(evaluate(begin).closure)
+        asked = left[:, : int((sizes > _IDLE * sizes.max(initial=0.0)).sum())].T
         found = minimize(
             distance,
             np.clip(begin, lower, upper),
@@ -72,13 +75,6 @@ def nearest_feasible(
     if best is None:
         return None
     return dict(zip(task.names, task.values(evaluate(best[1]).placements).tolist(), strict=True))
-
-
-def _independent(closure: Array) -> Array:
-    """Return combinations (r, c) of closures that ask different things of the joints: in a plane half of them are idle,
-    and SLSQP takes no constraint twice."""
-    left, sizes, _ = np.linalg.svd(closure)
-    return np.asarray(left[:, : int((sizes > _IDLE * sizes.max(initial=0.0)).sum())].T)
 
 
 def last_regular(here: Array, target: Array, reach: Callable[[Array], object]) -> Array | None:

@@ -146,7 +146,7 @@ class LoopKinematics:
                 longest = np.abs(step).max(initial=0.0)
                 step *= min(1.0, SHORT / longest)
             way += longest
-            q = tree.moved_back(q, step)
+            q = tree.moved(q, -step)
         raise _NotConvergedError(
             q, self._split(self.evaluate(q).residual) if np.isfinite(q).all() else (np.inf, np.inf)
         )
@@ -156,17 +156,14 @@ class LoopKinematics:
 
         Followers are moved by their leaders.
         """
-        matrix = self._by_joints(at, wanted_rows)
-        return matrix @ self.mechanism.coupling.motions if self.mechanism.coupling else matrix
-
-    def _by_joints(self, at: Passing, wanted_rows: Callable[[Array], Array]) -> Array:
         if isinstance(wanted_rows, TaskRows):
             # Copied, as Pinocchio's comes by columns: two plain matrices are multiplied in half the time.
             matrix = self._tree.wrenches(at, wanted_rows.in_line).dot(at.jacobian.copy())
             matrix *= self._signs
-            return matrix
-        closure = self.closure.jacobian(self._tree.wrenches(at), at.jacobian)
-        return np.concatenate((closure, wanted_rows(at.jacobian)))
+        else:
+            closure = self.closure.jacobian(self._tree.wrenches(at), at.jacobian)
+            matrix = np.concatenate((closure, wanted_rows(at.jacobian)))
+        return matrix @ self.mechanism.coupling.motions if self.mechanism.coupling else matrix
 
     def _as_drawn(self, gap: Array, wanted: Sequence[float]) -> bool:
         """Return True where all that is left open is what the drawing of frames makes of redundant closures.
@@ -185,16 +182,13 @@ class LoopKinematics:
             solution = solve(right)
             if (length := hypot(*(solution if solution.ndim == 1 else solution.ravel()).tolist())) < LONGEST:
                 return solution, solve, length
-        least = self._least_inverse(matrix)
-        solution = least @ right
-        return solution, least.__matmul__, hypot(*solution.ravel().tolist())
-
-    def _least_inverse(self, matrix: Array) -> Array:
-        """Return the least inverse of the closure Jacobian with rows of wanted coordinates below it."""
+        # of the closure Jacobian with rows of wanted coordinates below it
         rows, columns = self.newton_scales
         wanted = np.abs(matrix[len(rows) :] * columns).max(axis=1, initial=0.0)
         rows = np.concatenate((rows, 1 / np.where(wanted > 0, wanted, 1.0)))
-        return rank_of(matrix, rows, columns).inverse
+        least = rank_of(matrix, rows, columns).inverse
+        solution = least @ right
+        return solution, least.__matmul__, hypot(*solution.ravel().tolist())
 
     def _nothing(self, q: Array, placements: Array) -> tuple[list[float], Callable[[Array], Array]]:
         """The goal of closing the loops and nothing else."""
@@ -208,10 +202,7 @@ class LoopKinematics:
         q = self.mechanism.home_configuration()
         if not len(self.closure.row_loop):
             return q
-
-        held = self.mechanism.actuated_dofs
-
-        given = q.copy()
+        held, given = self.mechanism.actuated_dofs, q.copy()
 
         def hold_actuators(q, placements):
             away = pin.difference(self.model, given, q)[held]
@@ -360,7 +351,20 @@ class LoopKinematics:
         """Row and column factors that make the free joints' part of the closure Jacobian dimensionless."""
         return self.scales(self.mechanism.free_dofs)
 
+    @cached_property
+    def free_rank(self) -> int:
+        """Rank of the free joints' part of the closure Jacobian at home."""
+        rows, columns = self.free_scales
+        return rank_of(self._home.closure[:, self.mechanism.free_dofs], rows, columns).rank
+
     # -- poses -----------------------------------------------------------------------------------------------------
+
+    def at_coordinates(self, row: Array) -> ClosedPose:
+        """Return the pose at coordinates (t,), the tasks, or without any the actuated joints.
+
+        Raises as `reach` does, without looking for what might be reached instead.
+        """
+        return self.reach(row, {}, self.task.goal) if self.mechanism.tasks else self.pose_from_actuators(row)
 
     def pose(self, wanted: Mapping[str, float]) -> ClosedPose:
         """Return the pose with the wanted task coordinates; those not given stay at a home that the file declares."""
@@ -635,13 +639,6 @@ class LoopKinematics:
         """Return what a configuration is called that nobody asked for by coordinates."""
         return "home" if np.allclose(placements, self._home.placements, atol=_AT_LIMIT) else "this configuration"
 
-    def _last_regular(self, requested: Mapping[str, float]) -> dict[str, float] | None:
-        if not self._are_tasks(requested):
-            return None
-        here, target = self.task.values(self._home.placements), np.array(list(requested.values()))
-        found = last_regular(here, target, lambda at: self.reach(at, {}, self.task.goal))
-        return None if found is None else dict(zip(requested, found.tolist(), strict=True))
-
     def _are_tasks(self, requested: Mapping[str, float]) -> bool:
         """Return True where task coordinates were requested, False for actuator positions or nothing."""
         return bool(requested) and tuple(requested) == self.task.names
@@ -778,7 +775,11 @@ class LoopKinematics:
         direction = ", ".join(
             f"{name} {value:+.2f}" for name, value in zip(TWIST_NAMES, twist, strict=True) if abs(value) > 0.01
         )
-        nearest = self._last_regular(requested)
+        nearest = None
+        if self._are_tasks(requested):
+            here, target = self.task.values(self._home.placements), np.array(list(requested.values()))
+            found = last_regular(here, target, self.at_coordinates)
+            nearest = None if found is None else dict(zip(requested, found.tolist(), strict=True))
         raise SingularPoseError(
             f"{self._listed(requested) or self._place(placements)} is a singular pose: with the actuators locked the "
             f"tool can still move ({direction}), through {', '.join(strongest)}; no stiffness holds it. "

@@ -7,12 +7,12 @@ knows of the others, so that an answer does not depend on its company.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import SingularPoseError, UnreachablePoseError
 from ..kernel import NEGLIGIBLE, Tree, equal_ranks, pseudo_inverse, rank_of
 from ..spatial import Array
 from .closed_pose import ClosedPose, PassiveBalance
@@ -27,8 +27,6 @@ from .loop_kinematics import (
     TOLERANCE,
     LoopKinematics,
 )
-
-__all__ = ["AWAY", "CLOSED", "DOUBTFUL", "LIMITS", "ManyPoses", "Reached"]
 
 Mask = NDArray[np.bool_]
 States = NDArray[np.int8]
@@ -51,12 +49,6 @@ class Reached(NamedTuple):
 
     q: Array
     state: States
-
-
-class _Settled(NamedTuple):
-    q: Array
-    converged: Mask
-    way: Array
 
 
 class ManyPoses:
@@ -98,8 +90,11 @@ class ManyPoses:
 
     # -- Newton ----------------------------------------------------------------------------------------------------
 
-    def settle(self, q: Array, target: Array) -> _Settled:
-        """Return what Newton's method makes of configurations (n, nq) for targets (n, t)."""
+    def settle(self, q: Array, target: Array) -> tuple[Array, Mask, Array]:
+        """Return what Newton's method makes of configurations (n, nq) for targets (n, t).
+
+        Where they end (n, nq), which have converged (n,), and the sums of their steps (n,) [m, rad].
+        """
         count = len(q)
         q = q.copy()
         converged, way = np.zeros(count, bool), np.zeros(count)
@@ -124,7 +119,7 @@ class ManyPoses:
             last[busy] = np.where(long, most, length)
             way[busy] += last[busy]
             q[busy] = self.tree.moved(at[on], -step)
-        return _Settled(q, converged, way)
+        return q, converged, way
 
     def _passing(self, q: Array, target: Array) -> tuple[Array, Mask, Array]:
         """Return how far configurations (n, nq) are from closed loops and targets, (n,) [m, rad]; where only redundant
@@ -210,11 +205,7 @@ class ManyPoses:
         """Return the configurations of a tree whose joints are given."""
         q = np.repeat(self.kinematics.home[None], len(target), axis=0)
         for column, name in enumerate(self.mechanism.actuated):
-            joint = self.mechanism.joint(name)
-            value = target[:, column]
-            q[:, joint.first_q] = value if joint.nq == 1 else np.cos(value)
-            if joint.nq == 2:
-                q[:, joint.first_q + 1] = np.sin(value)
+            self.mechanism.joint(name).place(q, target[:, column])
         state = np.full(len(q), CLOSED, np.int8)
         if self.mechanism.description.described:
             state[self.kinematics.outside_limits(q)] = LIMITS
@@ -278,9 +269,11 @@ class ManyPoses:
         gaps = self.closure.gaps(placements)
         closure = self.closure.jacobian(gaps.wrenches, jacobian)
         balance, doubtful = self._balance(placements, jacobian, closure)
-        return ClosedPose(
-            self.mechanism, q, placements, jacobian, closure, gaps.wrenches, balance, gaps.gap, {}
-        ), doubtful
+        pose = ClosedPose(
+            mechanism=self.mechanism, q=q, placements=placements, jacobian=jacobian, closure_jacobian=closure,
+            closure_wrenches=gaps.wrenches, balance=balance, closure_residual=gaps.gap, coordinates={},
+        )  # fmt: skip
+        return pose, doubtful
 
     def _balance(self, placements: Array, jacobian: Array, closure: Array) -> tuple[PassiveBalance, Mask]:
         """Return how the free joints balance, and where that may be otherwise than at home."""
@@ -290,18 +283,18 @@ class ManyPoses:
         rows, scales = self.kinematics.free_scales
         doubtful = np.zeros(count, bool)
         if not columns.size:
-            alone = rank_of(columns[0].T, scales, rows) if count else rank_of(np.zeros((len(free), len(rows))))
-            return PassiveBalance(
-                *(_repeated(part, count) for part in (alone.inverse, alone.right, alone.left))
-            ), doubtful
-        if columns.shape[-1] == columns.shape[-2] == self._rank:
+            only = rank_of(columns[0].T, scales, rows) if count else rank_of(np.zeros((len(free), len(rows))))
+            parts = (only.inverse, only.right, only.left)
+            return PassiveBalance(*(np.broadcast_to(part, (count, *part.shape)) for part in parts)), doubtful
+        rank = self.kinematics.free_rank
+        if columns.shape[-1] == columns.shape[-2] == rank:
             inverse, regular = self._inverted(columns.mT)
             if not regular.all():
-                ranks, same = equal_ranks(columns[~regular].mT, scales, rows, self._rank)
+                ranks, same = equal_ranks(columns[~regular].mT, scales, rows, rank)
                 inverse[~regular], doubtful[~regular] = ranks.inverse, ~same
             none = np.zeros((count, len(free), 0))
             return PassiveBalance(inverse, none, none), doubtful
-        ranks, same = equal_ranks(columns.mT, scales, rows, self._rank)
+        ranks, same = equal_ranks(columns.mT, scales, rows, rank)
         doubtful = ~same
         if ranks.left.shape[-1] and self.mechanism.tool is not None:
             velocities = np.zeros((count, self.mechanism.model.nv, ranks.left.shape[-1]))
@@ -319,16 +312,12 @@ class ManyPoses:
         squares = (inverse * inverse).sum(axis=(-1, -2)) * (matrix * matrix).sum(axis=(-1, -2))
         return inverse, np.sqrt(squares) * self.kinematics.free_spread < 1 / NEGLIGIBLE
 
-    @cached_property
-    def _rank(self) -> int:
-        """Rank of the free joints' part of the closure Jacobian at home."""
-        home = self.kinematics.home
-        placements = self.tree.placements(home)
-        gaps = self.closure.gaps(placements)
-        closure = self.closure.jacobian(gaps.wrenches, self.tree.jacobian(placements))
-        rows, scales = self.kinematics.free_scales
-        return rank_of(closure[:, self.mechanism.free_dofs].T, scales, rows).rank
 
-
-def _repeated(matrix: Array, count: int) -> Array:
-    return np.broadcast_to(matrix, (count, *matrix.shape))
+def alone(kinematics: LoopKinematics, row: Array) -> tuple[int, ClosedPose | None]:
+    """Return what became of one place (t,), and its pose where it is closed, with the care of a single question."""
+    try:
+        return CLOSED, kinematics.at_coordinates(row)
+    except SingularPoseError:
+        return DOUBTFUL, None
+    except UnreachablePoseError as error:
+        return (LIMITS if "outside its limits" in str(error) else AWAY), None

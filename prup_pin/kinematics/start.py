@@ -23,8 +23,6 @@ from ..errors import PrupPinError
 from ..kernel import Expression, Factors, LoopedTree
 from ..spatial import Array
 
-__all__ = ["NoPlaceError", "PolynomialStart"]
-
 Mask = NDArray[np.bool_]
 
 #: Radius of the ball about home [dimensionless, rad] where all places close, and the part of it that holds where not.

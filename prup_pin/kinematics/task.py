@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError, UnknownNameError, shortened
 from ..mechanism import Frame, Mechanism
-from ..mechanism.description import TASK_COMPONENTS
+from ..mechanism.description import COMPONENTS
 from ..spatial import Array
 
 
@@ -28,9 +28,10 @@ class TaskFrame:
         self._placement = tool.placement if tool else np.eye(4)
         self._offset = not np.array_equal(self._placement, np.eye(4))
         self.names = tuple(task.name for task in tasks)
-        self.components = tuple(TASK_COMPONENTS.index(task.component) for task in tasks)
+        self.components = tuple(COMPONENTS.index(task.component) for task in tasks)
         self.units = {task.name: "m" if task.component in "xyz" else "rad" for task in tasks}
-        self._moves = np.repeat(support[dof_joint, self._joint][None], len(self.names), axis=0)
+        #: 1 for each velocity that moves the tool, else 0, alike for all coordinates, (t, nv).
+        self.moves = np.repeat(support[dof_joint, self._joint][None], len(self.names), axis=0)
 
     @classmethod
     def of(cls, mechanism: Mechanism) -> TaskFrame:
@@ -76,11 +77,6 @@ class TaskFrame:
         if self.rotation == "xyz":
             return x, y, z, atan2(-r12, r22), atan2(r02, hypot(r00, r01)), atan2(-r01, r00)
         return x, y, z, atan2(r21, r22), atan2(-r20, hypot(r00, r10)), atan2(r10, r00)
-
-    @property
-    def moves(self) -> Array:
-        """1 for each velocity that moves the tool, else 0, alike for all coordinates, (t, nv)."""
-        return self._moves
 
     def values(self, placements: Array) -> Array:
         """Return the task coordinates of a configuration."""

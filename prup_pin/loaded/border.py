@@ -28,8 +28,6 @@ from .structure import Structure
 if TYPE_CHECKING:
     from .residual import Evaluation
 
-__all__ = ["Border", "gathered", "inverted", "left_solved", "no_border", "slack", "undetermined"]
-
 #: A matrix of a greater condition number is singular: no digit of its inverse is right.
 _SINGULAR = 1e15
 

@@ -14,7 +14,7 @@ All arrays have one leading axis, the samples.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,18 +22,16 @@ import numpy as np
 
 from ..errors import InputError
 from ..kinematics import ClosedPose
-from ..mechanism import Frame, Link, Mechanism
+from ..mechanism import Frame, Mechanism
 from ..spatial import Array
 from ..statics import StaticsLayout
 from . import derivative
 from .border import Border, gathered, no_border, undetermined
-from .residual import Evaluation, evaluated, is_balanced
+from .residual import Evaluation, evaluated
 from .rigid_samples import RigidSamples, gaps_of, geometries_of
-from .state import Conditions, State, rigid_state, stepped, with_actuators
-from .structure import Structure, structure_of
-from .values import ModuleValues, revalued, values_of
-
-__all__ = ["Chain", "chain_of", "with_values"]
+from .state import Conditions, State, rigid_state, stepped
+from .structure import Structure
+from .values import ModuleValues, revalued
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,16 +53,6 @@ class Chain:
     def sizes(self) -> tuple[int, int, int, int]:
         """Number of free joint velocities, drives, module deformations (six each) and closure forces."""
         return self.structure.sizes
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the wrench modules, in the order of their deformations."""
-        return self.structure.names
-
-    @property
-    def free(self) -> np.ndarray:
-        """Velocity indices of the free joints."""
-        return self.structure.free
 
     @property
     def moving(self) -> np.ndarray:
@@ -103,64 +91,20 @@ class Chain:
         """Return the state moved by `change` (N, m) of all unknowns."""
         return stepped(self.structure, state, change)
 
-    def with_actuators(self, state: State, actuators: Array | None) -> State:
-        """Return the state with the actuated joints moved by `actuators` (N, actuated joints) [m, rad]."""
-        return with_actuators(self.structure, state, actuators)
-
     # -- equations -----------------------------------------------------------------------------------------------------
 
     def evaluate(self, rigid: RigidSamples, state: State, conditions: Conditions) -> Evaluation:
         """Return the equations' residual at a state, and what it is made of."""
         return evaluated(self.structure, self.values, rigid, state, conditions)
 
-    def balanced(self, rigid: RigidSamples, state: State, at: Evaluation) -> np.ndarray:
-        """Return which samples obey all equations, (N,), also those that Newton's steps leave out."""
-        return is_balanced(self.structure, state, at, rigid.border.holds)
-
     def matrix(self, state: State, at: Evaluation, conditions: Conditions) -> Array:
         """Return d(residual)/d(unknowns), (N, m, m)."""
         return derivative.matrix(self.structure, state, at, conditions)
-
-    def load_columns(self, at: Evaluation) -> Array:
-        """Return d(residual)/d(wrench on the tool), (N, m, 6)."""
-        return derivative.load_columns(self.structure, at)
-
-    def wrench_columns(self, at: Evaluation, bodies: np.ndarray, wrenches: Array) -> Array:
-        """Return d(residual) of base wrenches (N, 6, c) on the bodies of joints (c,), (N, m, c)."""
-        return derivative.wrench_columns(self.structure, at, bodies, wrenches)
 
     def by_torque(self, at: Evaluation) -> Array:
         """Return d(residual)/d(resisting torque) of free and driven joints, (N, j), each in its own row."""
         free = np.full((len(at.residual), self.sizes[0]), -1.0)
         return np.concatenate((free, at.drives.slope), axis=1)
-
-    def mass_columns(self, at: Evaluation, gravity: Array, links: Sequence[Link]) -> Array:
-        """Return d(residual)/d(mass of links), (N, m, c), under gravity (3,) or (N, 3)."""
-        return derivative.mass_columns(self.structure, at, gravity, links)
-
-    def joint_motions(
-        self, state: State, at: Evaluation, conditions: Conditions, joints: Sequence[int]
-    ) -> derivative.Motions:
-        """Return the motions by displacements of joints' drawn places, six a joint, as in `Conditions.offsets`."""
-        return derivative.joint_motions(self.structure, state, at, conditions, joints)
-
-    def loop_end_motions(
-        self, at: Evaluation, conditions: Conditions, ends: Sequence[tuple[int, int]]
-    ) -> derivative.Motions:
-        """Return the motions by displacements of loops' ends, six an end, as in `Conditions.loop_offsets`."""
-        return derivative.loop_end_motions(self.structure, at, conditions, ends)
-
-    def motion_columns(self, at: Evaluation, conditions: Conditions, motions: derivative.Motions) -> Array:
-        """Return d(residual)/d(motions), (N, m, c)."""
-        return derivative.motion_columns(self.structure, at, conditions, motions)
-
-    def frame_columns(self, at: Evaluation, frame: Frame) -> Array:
-        """Return d(translation and turn of a frame fixed to a body)/d(unknowns), (N, 6, m), base axes."""
-        return derivative.frame_columns(self.structure, at, frame)
-
-    def tool_columns(self, at: Evaluation) -> Array:
-        """Return the same of the tool."""
-        return self.frame_columns(at, self.tool)
 
     def check(self, poses: list[ClosedPose]) -> None:
         """Raise InputError where a pose belongs to another mechanism."""
@@ -171,7 +115,7 @@ class Chain:
 
 def chain_of(layout: StaticsLayout) -> Chain:
     """Return the chain of a mechanism as its robot file describes it. Raises PrupPinError where it has no tool."""
-    return Chain(structure_of(layout), values_of(layout))
+    return Chain(Structure(layout), ModuleValues(layout.wrench_groups, layout.drive_groups))
 
 
 def with_values(chain: Chain, changes: Mapping[str, Any]) -> Chain:

@@ -20,21 +20,6 @@ from .rod import LoadedRod
 from .state import Conditions, State
 from .structure import Structure
 
-__all__ = [
-    "Motions",
-    "conjugate_moment_slope",
-    "coordinate_motions",
-    "frame_columns",
-    "frame_motions",
-    "joint_motions",
-    "load_columns",
-    "loop_end_motions",
-    "mass_columns",
-    "matrix",
-    "motion_columns",
-    "wrench_columns",
-]
-
 
 class Motions(NamedTuple):
     """Motions of parts of the chain that stand anywhere in it: c of them, among k coordinates and L loops.
@@ -209,6 +194,11 @@ def frame_columns(structure: Structure, at: Evaluation, frame: Frame) -> Array:
     out = np.zeros((len(at.screws), 6, sum(structure.sizes)))
     out[:, :, : at.screws.shape[1]] = frame_motions(at, frame, coordinate_motions(structure, at))
     return out
+
+
+def tool_columns(structure: Structure, at: Evaluation) -> Array:
+    """Return the same of the tool."""
+    return frame_columns(structure, at, structure.tool)
 
 
 def frame_motions(at: Evaluation, frame: Frame, motions: Motions) -> Array:

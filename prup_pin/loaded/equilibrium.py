@@ -15,11 +15,10 @@ from ..kinematics import ClosedPose
 from ..spatial import Array
 from .border import inverted
 from .chain import Chain
-from .residual import Evaluation
+from .derivative import load_columns, tool_columns
+from .residual import Evaluation, is_balanced
 from .rigid_samples import RigidSamples
-from .state import Conditions, State
-
-__all__ = ["Equilibria", "find_equilibria", "with_torques"]
+from .state import Conditions, State, with_actuators
 
 _ITERATIONS, _FEW = 40, 12
 #: Converged when no unknown displacement moves farther than this [m, rad].
@@ -88,10 +87,10 @@ class Equilibria:
         """
         matrix = self.matrix()
         inverse = inverted(matrix, self.rigid.border)
-        loads = self.chain.load_columns(self.evaluation)
+        loads = load_columns(self.chain.structure, self.evaluation)
         moved = inverse @ loads
         moved += inverse @ (loads - matrix @ moved)
-        return -self.chain.tool_columns(self.evaluation) @ moved
+        return -tool_columns(self.chain.structure, self.evaluation) @ moved
 
 
 def find_equilibria(
@@ -117,7 +116,7 @@ def find_equilibria(
     if start is not None and conditions.actuators is None and start.conditions.actuators is None:
         state = start.state
     else:
-        state = chain.with_actuators(chain.rigid_state(poses, rows), conditions.actuators)
+        state = with_actuators(chain.structure, chain.rigid_state(poses, rows), conditions.actuators)
         if start is not None:
             old = start.state
             state = replace(state, strain=old.strain, closure=old.closure)
@@ -244,7 +243,8 @@ def _newton(
         active, part = active[left], part.take(left)
         inside, some = rigid.take(active), conditions.take(active)
     evaluation = chain.evaluate(rigid, state, conditions)
-    return state, evaluation, (size < TOLERANCE) & chain.balanced(rigid, state, evaluation), size, shared
+    balanced = is_balanced(chain.structure, state, evaluation, rigid.border.holds)
+    return state, evaluation, (size < TOLERANCE) & balanced, size, shared
 
 
 def _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps):
@@ -256,7 +256,8 @@ def _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps):
         if not len(going):
             break
         reached = np.zeros(len(rows))
-        part = chain.with_actuators(chain.rigid_state(poses, rows[going]), conditions.take(going).actuators)
+        start = chain.rigid_state(poses, rows[going])
+        part = with_actuators(chain.structure, start, conditions.take(going).actuators)
         for step in range(1, count + 1):
             some = conditions.take(going)
             partly = replace(some, wrench=step / count * some.wrench)

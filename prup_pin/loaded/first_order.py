@@ -14,18 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import UnknownNameError
 from ..kernel import NEGLIGIBLE
 from ..mechanism import Frame, Link, MovedParts
 from ..spatial import Array, cross, motion_between, rotation_exp, skew
+from . import derivative
 from .border import left_solved
 from .border import slack as slack_of
-from .derivative import Motions, frame_motions
 from .equilibrium import Equilibria
-from .other_values import law_rows
-from .state import Conditions, State
-
-__all__ = ["FirstOrder", "elastic_deformation"]
+from .other_values import group_of, law_rows
+from .state import Conditions, State, with_actuators
 
 
 class FirstOrder:
@@ -37,7 +34,7 @@ class FirstOrder:
     def __init__(self, found: Equilibria, frames: Sequence[Frame] | None = None):
         """`frames` are watched, by default the tool alone."""
         self.found = found
-        self.chain = found.chain
+        self.chain, self.structure = found.chain, found.chain.structure
         mechanism = self.chain.mechanism
         self.frames = (self.chain.tool,) if frames is None else tuple(mechanism.own(frame) for frame in frames)
         nq, nd, _, _ = self.chain.sizes
@@ -78,13 +75,13 @@ class FirstOrder:
     @cached_property
     def by_row(self) -> Array:
         """Minus what is watched per residual of the equations, (n, R, m)."""
-        columns = [self.chain.frame_columns(self.found.evaluation, frame) for frame in self.frames]
+        columns = [derivative.frame_columns(self.structure, self.found.evaluation, frame) for frame in self.frames]
         return left_solved(self.matrix, self.found.rigid.border, np.concatenate(columns, axis=1))
 
     @cached_property
     def by_wrench(self) -> Array:
         """What is watched per wrench on the tool, (n, R, 6): at the tool the compliance under load."""
-        return -self.by_row @ self.chain.load_columns(self.found.evaluation)
+        return -self.by_row @ derivative.load_columns(self.structure, self.found.evaluation)
 
     def loads(self, module: str) -> Array:
         """Return a module's loads (n, k) in the axes of its law."""
@@ -131,7 +128,9 @@ class FirstOrder:
 
         def compute() -> Array:
             found = self.found
-            return self._by_motions(self.chain.joint_motions(found.state, found.evaluation, found.conditions, joints))
+            return self._by_motions(
+                derivative.joint_motions(self.structure, found.state, found.evaluation, found.conditions, joints)
+            )
 
         start = 6 * (joint - joints[0])
         return self.once(("joints", joints[0]), compute)[..., start : start + 6]
@@ -173,8 +172,8 @@ class FirstOrder:
         """Return what is watched per displacement of a loop's end, (n, R, 6), as in `Conditions.loop_offsets`."""
 
         def compute() -> Array:
-            found = self.found
-            return self._by_motions(self.chain.loop_end_motions(found.evaluation, found.conditions, [(loop, end)]))
+            at, conditions = self.found.evaluation, self.found.conditions
+            return self._by_motions(derivative.loop_end_motions(self.structure, at, conditions, [(loop, end)]))
 
         return self.once(("loop end", loop, end), compute)
 
@@ -183,20 +182,20 @@ class FirstOrder:
 
         Beams and other modules keep their places. NaN where redundant loops do not close any more.
         """
-        found, chain = self.found, self.chain
+        found, structure = self.found, self.structure
         at, conditions = found.evaluation, found.conditions
-        watched, change = np.zeros(self.by_row.shape[:2]), np.zeros((len(self), sum(chain.sizes)))
+        watched, change = np.zeros(self.by_row.shape[:2]), np.zeros((len(self), sum(structure.sizes)))
         for shifts, motions_of in (
-            (parts.joints, lambda places: chain.joint_motions(found.state, at, conditions, places)),
-            (parts.loop_ends, lambda places: chain.loop_end_motions(at, conditions, places)),
+            (parts.joints, lambda places: derivative.joint_motions(structure, found.state, at, conditions, places)),
+            (parts.loop_ends, lambda places: derivative.loop_end_motions(structure, at, conditions, places)),
         ):
             if not shifts:
                 continue
             motions, amounts = motions_of([*shifts]), np.zeros((len(shifts), 6))
             amounts[:, :3] = [*shifts.values()]
-            moved = [frame_motions(at, frame, motions) for frame in self.frames]
+            moved = [derivative.frame_motions(at, frame, motions) for frame in self.frames]
             watched += np.concatenate(moved, axis=1) @ amounts.ravel()
-            change += chain.motion_columns(at, conditions, motions) @ amounts.ravel()
+            change += derivative.motion_columns(structure, at, conditions, motions) @ amounts.ravel()
         for index, frame in enumerate(self.frames):
             if frame.name in parts.frames:
                 watched[:, 6 * index : 6 * index + 3] += (
@@ -218,7 +217,7 @@ class FirstOrder:
             for spring in conditions.springs:
                 more[:, :3] -= (spring.stiffness_at(at.tool[:, :3, 3]) @ shift[..., None])[..., 0]
             more[:, 3:] = cross(shift, conditions.force_at(at.tool[:, :3, 3]))
-            change += (self.chain.load_columns(at) @ more[..., None])[..., 0]
+            change += (derivative.load_columns(self.structure, at) @ more[..., None])[..., 0]
         for index, link in enumerate(self.chain.mechanism.links):
             if link.name not in parts.links or (conditions.gravity is None and conditions.inertia is None):
                 continue
@@ -230,12 +229,12 @@ class FirstOrder:
                 force += factor * conditions.inertia[:, index, :3]
             shift = at.placements[:, link.joint, :3, :3] @ parts.links[link.name]
             wrench = np.concatenate((np.zeros_like(force), cross(shift, force)), axis=1)
-            change += self.chain.wrench_columns(at, np.array([link.joint]), wrench[..., None])[..., 0]
+            change += derivative.wrench_columns(self.structure, at, np.array([link.joint]), wrench[..., None])[..., 0]
         return change
 
     def by_mass(self, link: Link, gravity: Array) -> Array:
         """Return what is watched per mass of a link, (n, R), under gravity (3,) or (n, 3), or as in `mass_columns`."""
-        return -(self.by_row @ self.chain.mass_columns(self.found.evaluation, gravity, [link]))[..., 0]
+        return -(self.by_row @ derivative.mass_columns(self.structure, self.found.evaluation, gravity, [link]))[..., 0]
 
     def by_values(self, module: str, ahead: Mapping[str, Any], behind: Mapping[str, Any]) -> Array:
         """Return what is watched, (n, R), between two sets of values of a module, both near the present ones."""
@@ -244,14 +243,14 @@ class FirstOrder:
         change = np.stack([after[row] - before[row] for row in rows], axis=-1)
         return -(self.by_row[:, :, rows] @ change[..., None])[..., 0]
 
-    def _by_motions(self, motions: Motions) -> Array:
+    def _by_motions(self, motions: derivative.Motions) -> Array:
         """Return what is watched per motion of parts that are no coordinates, (n, R, c).
 
         NaN where redundant loops do not close any more.
         """
         found = self.found
-        moved = [frame_motions(found.evaluation, frame, motions) for frame in self.frames]
-        columns = self.chain.motion_columns(found.evaluation, found.conditions, motions)
+        moved = [derivative.frame_motions(found.evaluation, frame, motions) for frame in self.frames]
+        columns = derivative.motion_columns(self.structure, found.evaluation, found.conditions, motions)
         watched = np.concatenate(moved, axis=1) - self.by_row @ columns
         return np.where(self._askew(columns)[:, None], np.nan, watched)
 
@@ -294,16 +293,17 @@ class FirstOrder:
 
     def by_travel(self, column: int) -> Array:
         """Return what is watched per travel of an actuated joint, (n, R)."""
-        return self.once(("travel", column), lambda: self._by_travel(column))
 
-    def _by_travel(self, column: int) -> Array:
-        # The joint moves, and with it the length of a beam that it pushes out of its clamp.
-        now = self.found.conditions
-        step = np.zeros((len(self), len(self.chain.mechanism.actuated_dofs)))
-        step[:, column] = _STEP
-        state = self.chain.with_actuators(self.found.state, step)
-        moved = replace(now, actuators=step if now.actuators is None else now.actuators + step)
-        return self.by_equations(state, moved) / _STEP
+        def compute() -> Array:
+            # The joint moves, and with it the length of a beam that it pushes out of its clamp.
+            now = self.found.conditions
+            step = np.zeros((len(self), len(self.chain.mechanism.actuated_dofs)))
+            step[:, column] = _STEP
+            state = with_actuators(self.structure, self.found.state, step)
+            moved = replace(now, actuators=step if now.actuators is None else now.actuators + step)
+            return self.by_equations(state, moved) / _STEP
+
+        return self.once(("travel", column), compute)
 
     def _moved(self, before: Array, after: Array) -> Array:
         """Return the motion of the watched frames between two placements of all joints, (n, R)."""
@@ -325,18 +325,14 @@ def elastic_deformation(found: Equilibria, module: str) -> Array:
     layout, values = found.chain.structure.layout, found.chain.values
     if module in layout.wrench_names:
         slot = layout.wrench_names.index(module)
-        for index, group in enumerate(values.wrench_groups):
-            if group.slots.start <= slot < group.slots.stop:
-                at = found.rigid.geometries[index]
-                load = found.evaluation.loads[:, group.slots]
-                lam = group.kind.compliance(group.values, at, None)
-                whole = (np.broadcast_to(lam, (*load.shape, load.shape[-1])) @ load[..., None])[..., 0]
-                return whole[:, slot - group.slots.start]
+        index, column = group_of(values.wrench_groups, slot)
+        group, at = values.wrench_groups[index], found.rigid.geometries[index]
+        load = found.evaluation.loads[:, group.slots]
+        lam = group.kind.compliance(group.values, at, None)
+        return (np.broadcast_to(lam, (*load.shape, load.shape[-1])) @ load[..., None])[:, column, :, 0]
     slot = layout.drive_names.index(module)
-    for index, group in enumerate(values.drive_groups):
-        if group.slots.start <= slot < group.slots.stop:
-            at = found.rigid.geometries[len(values.wrench_groups) + index]
-            ratio = values.drive_ratios[group.slots, 0, 0]
-            load = found.evaluation.drive_loads[:, layout.drive_rows[group.slots]] * ratio
-            return group.kind.deformation(group.values, at, load[..., None])[:, slot - group.slots.start]
-    raise UnknownNameError("module", module, layout.names)
+    index, column = group_of(values.drive_groups, slot)
+    group, at = values.drive_groups[index], found.rigid.geometries[len(values.wrench_groups) + index]
+    force = found.evaluation.drive_loads[:, layout.drive_rows[group.slots]]
+    load = force * values.drive_ratios[group.slots, 0, 0]
+    return group.kind.deformation(group.values, at, load[..., None])[:, column]

@@ -23,11 +23,10 @@ from ..spatial import Array, as_wrench, motion_between, wrench_text
 from ..statics.compliance import _ROUNDING, _Named
 from .border import inverted, no_border
 from .chain import Chain
+from .derivative import load_columns, tool_columns
 from .equilibrium import Equilibria, find_equilibria
 from .first_order import FirstOrder
 from .state import Conditions
-
-__all__ = ["Energy", "LoadedPose", "find_loaded_pose"]
 
 #: Where nothing gives way up to this factor, `buckling_margin` returns infinity.
 LIMIT = 1e4
@@ -92,7 +91,7 @@ class LoadedPose:
     @cached_property
     def displacement(self) -> Array:
         """Translation of the tool and rotation vector of its turn since the rigid pose, (6,) [m, rad], base axes."""
-        return _frozen(_displacement(self.pose, self._equilibria))
+        return _frozen(motion_between(self.pose.base_from_tool, self._equilibria.tool[0]))
 
     @property
     def placements(self) -> Array:
@@ -267,11 +266,6 @@ def _gravity(given: ArrayLike, mechanism: Mechanism) -> Array | None:
     return vector
 
 
-def _displacement(pose: ClosedPose, equilibria: Equilibria) -> Array:
-    """Return the tool's translation and rotation vector since the rigid pose, (6,)."""
-    return motion_between(pose.base_from_tool, equilibria.tool[0])
-
-
 def _frozen(values: Array) -> Array:
     values = np.array(values)
     values.setflags(write=False)
@@ -434,11 +428,11 @@ class _LoadPath:
         """Return the translation and spin of the tool per growing share of wrench and resistance, (6,)."""
         found, chain = at.equilibria, self.chain
         inverse = found.own_inverses()[0]
-        more = chain.load_columns(found.evaluation)[0] @ self.conditions.wrench[0]
+        more = load_columns(chain.structure, found.evaluation)[0] @ self.conditions.wrench[0]
         if self.conditions.torques is not None:
             resisting = chain.by_torque(found.evaluation)[0] * self.conditions.torques[0]
             more[: len(resisting)] += resisting
-        return -chain.tool_columns(found.evaluation)[0] @ (inverse @ more)
+        return -tool_columns(chain.structure, found.evaluation)[0] @ (inverse @ more)
 
     def resisted(self, at: _Point) -> float:
         """Return what resists in the joints times their travel [J]."""

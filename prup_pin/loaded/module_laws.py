@@ -21,16 +21,6 @@ from .state import Conditions, State
 from .structure import Structure
 from .values import ModuleValues
 
-__all__ = [
-    "DriveDeformations",
-    "ModuleDeformations",
-    "Slopes",
-    "beam_lengths",
-    "bent_group",
-    "drive_deformations",
-    "module_deformations",
-]
-
 _AXIS = np.array([0.0, 0.0, 1.0])
 
 
@@ -221,8 +211,9 @@ def bent_group(
         frames = np.where(inner[:, None, None], tips[True][:, group.slots], tips[False][:, group.slots])
         gravity = (frames[..., :3, :3].mT @ conditions.gravity[..., None, :, None])[..., 0]
         if conditions.mass_factors is not None:  # a link that weighs more, weighs more all along its beam
-            factors = [_mass_factor(structure, module, conditions.mass_factors) for module in group.modules]
-            gravity = gravity * np.array(factors)[:, None]
+            names = [link.name for link in structure.links]
+            factors = dict(zip(names, conditions.mass_factors, strict=True))
+            gravity = gravity * np.array([factors.get(module.body or "", 1.0) for module in group.modules])[:, None]
         tip = tip - _own_weight(structure, group, at, gravity, inner)
     rod = _rods(group, at, tip, gravity, with_tangent=False)
     back = rod.rotation.mT
@@ -245,7 +236,11 @@ def _own_weight(structure: Structure, group: ModuleGroup, at: ModuleGeometry, gr
     force = body.mass[..., None] * gravity
     centre = -body.centre_from_tip[..., None] * _AXIS
     whole = np.concatenate((force, cross(centre, force)), axis=-1)
-    inside = np.array([_weighs_on_own_joint(structure, module) for module in group.modules])
+    on_own_joint = [
+        m.body is not None and bool(structure.support.item(m.joint, structure.mechanism.frame(m.body).joint))
+        for m in group.modules
+    ]
+    inside = np.array(on_own_joint)
     total[:] = np.where((np.logical_not(inner) & inside)[:, None], whole, 0.0)
     return total - _beyond_tip(group, at, gravity)
 
@@ -258,18 +253,6 @@ def _beyond_tip(group: ModuleGroup, at: ModuleGeometry, gravity: Array) -> Array
     force = (line * reach)[..., None] * gravity
     centre = 0.5 * reach[..., None] * _AXIS
     return np.concatenate((force, cross(centre, force)), axis=-1)
-
-
-def _mass_factor(structure: Structure, module, factors: Array) -> float:
-    """Return what the mass of the link is multiplied by that a beam is."""
-    return next((float(f) for f, link in zip(factors, structure.links, strict=True) if link.name == module.body), 1.0)
-
-
-def _weighs_on_own_joint(structure: Structure, module) -> bool:
-    if not module.body:
-        return False
-    owner = structure.mechanism.frame(module.body).joint
-    return bool(structure.support[module.joint, owner])
 
 
 def _rods(group: ModuleGroup, at: ModuleGeometry, tip: Array, gravity: Array | None, with_tangent: bool) -> LoadedRod:

@@ -18,8 +18,6 @@ from .equilibrium import Equilibria
 from .module_laws import ModuleDeformations, beam_lengths, bent_group
 from .residual import sliding_force
 
-__all__ = ["deformation_of_law", "law_rows", "values_of_one"]
-
 
 def law_rows(found: Equilibria, name: str, values: Mapping[str, Any]) -> dict[int, Array]:
     """Return what a module with other `values` adds to the residual, by row (N,): less its deformation.
@@ -68,14 +66,14 @@ def _group_of_one(found: Equilibria, slot: int, values: Mapping[str, Any]) -> tu
     chain = found.chain
     module = chain.structure.modules[slot]
     group = ModuleGroup(module.kind, (module,), slice(slot, slot + 1), values_of_one(module, values))
-    index, column = _place(chain.values.wrench_groups, slot)
+    index, column = group_of(chain.values.wrench_groups, slot)
     return group, _one(found.rigid.geometries[index], column), found.evaluation.loads[:, slot : slot + 1]
 
 
 def _drive_row(found: Equilibria, slot: int, values: Mapping[str, Any]) -> dict[int, Array]:
     chain = found.chain
     layout, groups = chain.structure.layout, chain.values.drive_groups
-    index, column = _place(groups, slot)
+    index, column = group_of(groups, slot)
     module = groups[index].modules[column]
     assert isinstance(module.kind, DriveModule)
     stacked = values_of_one(module, values)
@@ -93,7 +91,7 @@ def values_of_one(module: Module, values: Mapping[str, Any]) -> Mapping[str, Any
     )
 
 
-def _place(groups: tuple[ModuleGroup, ...], slot: int) -> tuple[int, int]:
+def group_of(groups: tuple[ModuleGroup, ...], slot: int) -> tuple[int, int]:
     """Return the group that holds a slot, and the module's place in it."""
     index = next(index for index, group in enumerate(groups) if group.slots.start <= slot < group.slots.stop)
     return index, slot - groups[index].slots.start

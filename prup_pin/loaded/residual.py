@@ -22,17 +22,6 @@ from .state import Conditions, State
 from .structure import Sliding, Structure
 from .values import ModuleValues
 
-__all__ = [
-    "Evaluation",
-    "ModuleFrames",
-    "ModuleLoads",
-    "evaluated",
-    "inertial_loads",
-    "is_balanced",
-    "loads_on_bodies",
-    "sliding_force",
-]
-
 #: Forces left over, as a share of the largest one carried, and gaps left open [m, rad].
 _UNBALANCED, _OPEN, _JAMMED = 1e-6, 1e-8, 1e-10
 

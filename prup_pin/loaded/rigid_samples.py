@@ -12,8 +12,6 @@ from ..spatial import Array
 from ..statics import StaticsLayout
 from .border import Border
 
-__all__ = ["RigidSamples", "gaps_of", "geometries_of"]
-
 
 @dataclass(frozen=True, eq=False)
 class RigidSamples:

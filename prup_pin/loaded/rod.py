@@ -23,8 +23,6 @@ import numpy as np
 from ..modules.flexibility import SectionFlexibilities
 from ..spatial import Array, cross, rotation_exp, rotation_tangent, skew
 
-__all__ = ["LoadedRod", "loaded_rod", "piece_count"]
-
 _STAGES = 6
 _POINTS, _LAST = np.polynomial.legendre.leggauss(_STAGES)
 _NODES, _LAST = (_POINTS + 1) / 2, _LAST / 2
@@ -267,13 +265,8 @@ def _advance_tangent(tangent, spread, r, p, flexibility, n, m, line, matrix, las
     wrench with the section's twist, and E what the weight between moves its own wrench, Y' = -A (I + E + B Y). Besides,
     E at the end of the piece, and where the sweeps settle.
     """
-    adjoint = np.zeros((*r.shape[:-2], 6, 6))
-    adjoint[..., :3, :3] = adjoint[..., 3:, 3:] = r
-    adjoint[..., :3, 3:] = skew(p) @ r
+    adjoint, b = _adjoint(r, p), _turning(n, m)
     a = -(adjoint * flexibility[..., None, :]) @ adjoint.mT
-    b = np.zeros_like(a)
-    b[..., :3, 3:] = b[..., 3:, :3] = skew(n)
-    b[..., 3:, 3:] = skew(m)
     flat = (*a.shape[:-2], 36)
     start, before = tangent[..., None, :, :], spread[..., None, :, :]
     y, e = np.broadcast_to(start, a.shape), before
@@ -302,15 +295,25 @@ def _advance_tangent(tangent, spread, r, p, flexibility, n, m, line, matrix, las
 _IDENTITY = np.eye(6)
 
 
-def _root_slope(rotation: Array, position: Array, n: Array, m: Array, tangent: Array, spread: Array) -> Array:
-    """Return the change of the wrench that the root carries, in its axes, with the tip's: Ad^T (I + E + B Y)."""
-    adjoint = np.zeros((*rotation.shape[:-2], 6, 6))
-    adjoint[..., :3, :3] = adjoint[..., 3:, 3:] = rotation
-    adjoint[..., :3, 3:] = skew(position) @ rotation
-    b = np.zeros_like(adjoint)
+def _adjoint(r: Array, p: Array) -> Array:
+    """Return Ad (..., 6, 6) of a section placed at (r, p): its twists as seen from the tip."""
+    adjoint = np.zeros((*r.shape[:-2], 6, 6))
+    adjoint[..., :3, :3] = adjoint[..., 3:, 3:] = r
+    adjoint[..., :3, 3:] = skew(p) @ r
+    return adjoint
+
+
+def _turning(n: Array, m: Array) -> Array:
+    """Return B (..., 6, 6): the change of a dead wrench (n, m) about the tip with a section's twist."""
+    b = np.zeros((*n.shape[:-1], 6, 6))
     b[..., :3, 3:] = b[..., 3:, :3] = skew(n)
     b[..., 3:, 3:] = skew(m)
-    return adjoint.mT @ (_IDENTITY + spread + b @ tangent)
+    return b
+
+
+def _root_slope(rotation: Array, position: Array, n: Array, m: Array, tangent: Array, spread: Array) -> Array:
+    """Return the change of the wrench that the root carries, in its axes, with the tip's: Ad^T (I + E + B Y)."""
+    return _adjoint(rotation, position).mT @ (_IDENTITY + spread + _turning(n, m) @ tangent)
 
 
 def _tilt_spin(tilting: Array, root: Array, moment_rate: Array, rotation: Array) -> Array:
@@ -329,14 +332,8 @@ def _tilt(tilting, root, rotation, position, tangent, spread, energy, n, m):
     energy = energy + 0.5 * (turn * root).sum(-1)
     if tangent is None:
         return tilted, tangent, energy
-    adjoint = np.zeros((*rotation.shape[:-2], 6, 6))
-    adjoint[..., :3, :3] = adjoint[..., 3:, 3:] = rotation
-    adjoint[..., :3, 3:] = skew(position) @ rotation
-    turned = np.zeros_like(adjoint)
+    turned = np.zeros((*rotation.shape[:-2], 6, 6))
     turned[..., 3:, 3:] = rotation @ rotation_tangent(-turn[..., 3:])
     turned[..., :3, 3:] = skew(position) @ turned[..., 3:, 3:]
-    a = (turned * compliance[..., None, :]) @ adjoint.mT
-    b = np.zeros_like(a)
-    b[..., :3, 3:] = b[..., 3:, :3] = skew(n)
-    b[..., 3:, 3:] = skew(m)
-    return tilted, tangent - a @ (_IDENTITY + spread + b @ tangent), energy
+    a = (turned * compliance[..., None, :]) @ _adjoint(rotation, position).mT
+    return tilted, tangent - a @ (_IDENTITY + spread + _turning(n, m) @ tangent), energy

@@ -11,8 +11,6 @@ from ..kinematics import ClosedPose
 from ..spatial import Array, rotation_exp, rotation_tangent
 from .structure import Structure
 
-__all__ = ["Conditions", "Pull", "State", "rigid_state", "stepped", "with_actuators"]
-
 
 class Pull(Protocol):
     """What pulls the tool point by where it is: a spring, a cable."""

@@ -12,10 +12,7 @@ import numpy as np
 from ..errors import UnknownNameError
 from ..modules import DriveModule
 from ..spatial import Array
-from ..statics import StaticsLayout
 from ..statics.wrench_jacobians import ModuleGroup
-
-__all__ = ["ModuleValues", "revalued", "values_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +35,6 @@ class ModuleValues:
             if isinstance(group.kind, DriveModule)
         ]
         return np.concatenate(ratios)[:, None, None] if ratios else np.zeros((0, 1, 1))
-
-
-def values_of(layout: StaticsLayout) -> ModuleValues:
-    """Return the values of the robot file."""
-    return ModuleValues(layout.wrench_groups, layout.drive_groups)
 
 
 def revalued(values: ModuleValues, changes: Mapping[str, Any]) -> ModuleValues:

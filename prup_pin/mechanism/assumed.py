@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -11,8 +10,6 @@ from ..modules import WrenchModule
 from ..modules.joint_spring import JointSpring
 from ..numbers import number
 from .mechanism import Mechanism
-
-__all__ = ["assumed", "masses_in_doubt", "without_weight"]
 
 #: Names that a sentence lists.
 _LISTED = 6
@@ -71,14 +68,10 @@ def _taken_as_rigid(mechanism: Mechanism) -> Iterator[str]:
     ]
     if bare:
         yield f"hinges that are rigid but for their own turning, as no bearing is given: {_listed(bare)}"
-    stiff = [module.name for module in modules if _shears_not(module.values)]
+    # with a coefficient of shear that is zero
+    stiff = [module.name for module in modules if not np.any(module.values.get("shear_coefficient", 1.0))]
     if stiff and not any("shear" in note for note in mechanism.description.notes):  # the file says it itself
         yield f"beams that bend without shear, as no shear coefficient is given: {_listed(stiff)}"
-
-
-def _shears_not(values: Mapping[str, Any]) -> bool:
-    """Return whether these are the values of a beam without shear: they have its coefficient, and it is zero."""
-    return "shear_coefficient" in values and not np.any(values["shear_coefficient"])
 
 
 def without_weight(mechanism: Mechanism) -> Iterator[str]:

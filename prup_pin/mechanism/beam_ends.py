@@ -15,8 +15,6 @@ import numpy as np
 from ..spatial import Array
 from .mechanism import Frame, Mechanism, Module
 
-__all__ = ["AtOtherEnd", "at_other_ends"]
-
 #: How far before the end that it is fixed to something may lie, as a share of the beam's length.
 _BEFORE = 0.05
 #: What lies farther beside a beam's axis, as a share of its length, is held by another part of the link.

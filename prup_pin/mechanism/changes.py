@@ -5,14 +5,15 @@ Laws say what of them a file can hold (`laws/law.py: Law.written`); `redrawn.py`
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, field, fields
+from operator import add
+from typing import Any
 
 import numpy as np
 
 from ..spatial import Array
 from .mechanism import Mechanism
-
-__all__ = ["Changes", "JointDynamics"]
 
 
 @dataclass(frozen=True)
@@ -29,22 +30,12 @@ class JointDynamics:
     preload: float = 0.0
 
     def __add__(self, other: JointDynamics) -> JointDynamics:
-        return JointDynamics(
-            self.damping + other.damping,
-            self.friction + other.friction,
-            self.armature + other.armature,
-            self.stiffness + other.stiffness,
-            self.preload + other.preload,
-        )
+        return JointDynamics(*map(add, astuple(self), astuple(other)))
 
     @property
     def slack(self) -> float | None:
         """Where its spring is slack [rad or m]; None of a force that no position takes away."""
         return -self.preload / self.stiffness if self.stiffness else None if self.preload else 0.0
-
-
-def _nothing() -> Array:
-    return np.zeros(6)
 
 
 @dataclass
@@ -69,33 +60,35 @@ class Changes:
     masses: dict[str, float] = field(default_factory=dict)
     weight: float | None = None
     gravity: Array = field(default_factory=lambda: np.zeros(3))
-    compliances: dict[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)
+    compliances: dict[tuple[str, str], Array] = field(default_factory=dict)
     dynamics: dict[str, JointDynamics] = field(default_factory=dict)
     views: dict[str | None, tuple[Array, Array]] = field(default_factory=dict)
 
+    def _sum(self, name: str, key: Any, more: Any) -> None:
+        table = getattr(self, name)
+        table[key] = table[key] + more if key in table else more
+
     def move_joint(self, joint: str, displacement: Array) -> None:
-        self.joints[joint] = self.joints.get(joint, _nothing()) + displacement
+        self._sum("joints", joint, displacement)
 
     def move_loop_end(self, loop: str, end: int, displacement: Array) -> None:
-        self.loop_ends[loop, end] = self.loop_ends.get((loop, end), _nothing()) + displacement
+        self._sum("loop_ends", (loop, end), displacement)
 
     def move_zero(self, joint: str, offset: float) -> None:
-        self.zeros[joint] = self.zeros.get(joint, 0.0) + offset
+        self._sum("zeros", joint, offset)
 
     def lengthen(self, name: str, error: float) -> None:
-        self.lengths[name] = self.lengths.get(name, 0.0) + error
+        self._sum("lengths", name, error)
 
     def add_body(self, joint: int, inertial: Array) -> None:
         """Add inertial parameters (10,) about its frame to a joint's body, by its Pinocchio id."""
-        name = self.mechanism.joint(joint).name
-        self.bodies[name] = self.bodies.get(name, np.zeros(10)) + inertial
+        self._sum("bodies", self.mechanism.joint(joint).name, inertial)
 
-    def give_way(self, joint: str, way: str, compliance: tuple[float, ...]) -> None:
-        before = self.compliances.get((joint, way), (0.0,) * len(compliance))
-        self.compliances[joint, way] = tuple(a + b for a, b in zip(before, compliance, strict=True))
+    def give_way(self, joint: str, way: str, compliance: Sequence[float]) -> None:
+        self._sum("compliances", (joint, way), np.array(compliance))
 
     def resist(self, joint: str, dynamics: JointDynamics) -> None:
-        self.dynamics[joint] = self.dynamics.get(joint, JointDynamics()) + dynamics
+        self._sum("dynamics", joint, dynamics)
 
     def see(self, frame: str | None, outside: Array, inside: Array) -> None:
         """Let a pose sensor make outside P inside of what it made of a frame's pose P so far."""
@@ -104,20 +97,9 @@ class Changes:
 
     def add(self, other: Changes) -> None:
         """Add changes of what comes later."""
-        for joint, moved in other.joints.items():
-            self.move_joint(joint, moved)
-        for (loop, end), moved in other.loop_ends.items():
-            self.move_loop_end(loop, end, moved)
-        for joint, offset in other.zeros.items():
-            self.move_zero(joint, offset)
-        for name, error in other.lengths.items():
-            self.lengthen(name, error)
-        for joint, inertial in other.bodies.items():
-            self.bodies[joint] = self.bodies.get(joint, np.zeros(10)) + inertial
-        for (joint, way), compliance in other.compliances.items():
-            self.give_way(joint, way, compliance)
-        for joint, dynamics in other.dynamics.items():
-            self.resist(joint, dynamics)
+        for name in ("joints", "loop_ends", "zeros", "lengths", "bodies", "compliances", "dynamics"):
+            for key, more in getattr(other, name).items():
+                self._sum(name, key, more)
         for frame, (outside, inside) in other.views.items():
             self.see(frame, outside, inside)
         for link, factor in other.masses.items():

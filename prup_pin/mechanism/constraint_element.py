@@ -22,9 +22,7 @@ from lxml import etree
 from ..errors import nearest_names
 from ..spatial import Array, axis_as_z, placement
 from .description import FrameDescription, LoopDescription
-from .xml_file import Document
-
-__all__ = ["CONSTRAINT", "constraint_element", "read_constraint"]
+from .xml_file import Document, words
 
 CONSTRAINT = "constraint"
 #: What each type leaves free, in the axes that the readers below give the frames.
@@ -99,11 +97,7 @@ def constraint_element(loop: LoopDescription, link_of: dict[str, str]) -> etree.
         etree.SubElement(element, end, link=link_of[frame.name])
         if frame.offset is not None:
             xyz, rpy = frame.offset[:3, 3], pin.rpy.matrixToRpy(frame.offset[:3, :3])
-            etree.SubElement(element, f"{end}_origin", xyz=_words(xyz), rpy=_words(rpy))
+            etree.SubElement(element, f"{end}_origin", xyz=words(xyz), rpy=words(rpy))
         if end in axes:
-            etree.SubElement(element, f"{end}_axis", xyz=_words(np.eye(3)[axes[end]]))
+            etree.SubElement(element, f"{end}_axis", xyz=words(np.eye(3)[axes[end]]))
     return element
-
-
-def _words(values: Array) -> str:
-    return " ".join(repr(float(value) + 0.0) for value in values)

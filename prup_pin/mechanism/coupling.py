@@ -17,8 +17,6 @@ from ..spatial import Array
 from .description import CouplingDescription
 from .joints import Joint
 
-__all__ = ["Coupling", "Follower"]
-
 
 class Follower(NamedTuple):
     """A joint that stands at `ratio` times the position of `leader` plus `offset` [m or rad]; one freedom each."""

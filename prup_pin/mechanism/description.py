@@ -14,13 +14,12 @@ import numpy as np
 
 from ..errors import ParameterError, Problem, close_names, nearest_names
 from ..modules import KINDS, CompliantModule
-from ..parameters import SMALLEST_TOLERANCE, Parameter, Tolerance
+from ..parameters import SMALLEST_TOLERANCE, Parameter, Quantity, Tolerance
 from ..spatial import Array
 
-#: The six relative motions that a loop closure may leave free, in the axes of its first frame.
-LOOP_AXES = ("x", "y", "z", "rx", "ry", "rz")
-#: Components of the tool's pose that can serve as task coordinates.
-TASK_COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
+#: Components of a pose: what a loop closure may leave free, in the axes of its first frame; what of the tool's pose
+#: can serve as task coordinates.
+COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 #: Orders of rotation: "xyz" is R_x R_y R_z (Eq. 50), "zyx" is R_z R_y R_x (URDF's rpy).
 ROTATION_ORDERS = ("xyz", "zyx")
 
@@ -31,6 +30,21 @@ MAX_PROBLEMS = 100
 def kinds_by_name() -> dict[str, CompliantModule]:
     """Return all kinds of modules, those that are brought along too, by the words of robot files."""
     return {kind.kind: kind for kind in KINDS}
+
+
+def quantities_of(kind: str) -> dict[str, Quantity]:
+    """Return the quantities of a kind of modules by name; none of a kind that nobody knows."""
+    found = kinds_by_name().get(kind)
+    return {} if found is None else {quantity.name: quantity for quantity in found.quantities}
+
+
+def parameter_of(
+    module: str, quantity: Quantity, value: Any, source: str, before: Parameter | None = None
+) -> Parameter:
+    """Return a module's parameter; unit and tolerance stay those that it had `before`."""
+    unit, tolerance = (quantity.unit, None) if before is None else (before.unit, before.declared_tolerance)
+    label = f"{module}.{quantity.name}"
+    return Parameter(label, value, unit, source, quantity.description, quantity, tolerance)
 
 
 @dataclass(frozen=True)
@@ -161,13 +175,10 @@ class RobotDescription:
             for key, (value, source) in variant.values.items():
                 owner, _, short = key.rpartition(".")
                 if owner == module.name:
-                    quantity = next(q for q in kinds_by_name()[module.kind].quantities if q.name == short)
-                    tolerance = variant.tolerances.get(key) or (
-                        values[short].declared_tolerance if short in values else None
-                    )
-                    values[short] = Parameter(
-                        key, value, quantity.unit, source, quantity.description, quantity, tolerance
-                    )
+                    quantity, before = quantities_of(module.kind)[short], values.get(short)
+                    changed = replace(parameter_of(owner, quantity, value, source, before), unit=quantity.unit)
+                    tolerance = variant.tolerances.get(key) or changed.declared_tolerance
+                    values[short] = replace(changed, declared_tolerance=tolerance)
             modules.append(replace(module, kind=variant.kinds.get(module.name, module.kind), values=values))
         notes = (*self.notes, *variant.notes)
         return replace(self, name=f"{self.name}_{name}", modules=tuple(modules), notes=notes)
@@ -239,8 +250,7 @@ def check_references(
         for key in variant.values:
             owner, _, short = key.rpartition(".")
             need("module", owner, names, variant.line, where)
-            if owner in names and names[owner].kind in kinds_by_name():
-                quantities = [q.name for q in kinds_by_name()[names[owner].kind].quantities]
+            if owner in names and (quantities := quantities_of(names[owner].kind)):
                 need(f"parameter of '{owner}'", short, quantities, variant.line, where)
     return problems
 
@@ -278,20 +288,17 @@ def _check_kinds(robot: RobotDescription) -> list[Problem]:
             continue
         if kind.spans_frames and not (module.root and module.tip):
             problems.append(Problem(f'{where}: a {kind.kind} needs both frames, root="…" and tip="…"', module.line))
-        problems.extend(_check_values(module))
+        try:
+            resolve_values(module)
+            told = [
+                (name, f"{where}: parameter '{name}': {text}")
+                for name, parameter in module.values.items()
+                if (text := _wrong_tolerance(parameter))
+            ]
+        except ModuleValuesError as error:
+            told = error.problems
+        problems += [Problem(text, module.lines.get(name) or module.line) for name, text in told]
     return problems
-
-
-def _check_values(module: ModuleDescription) -> list[Problem]:
-    try:
-        resolve_values(module)
-    except ModuleValuesError as error:
-        return [Problem(text, module.lines.get(name) or module.line) for name, text in error.problems]
-    return [
-        Problem(f"module '{module.name}': parameter '{name}': {text}", module.lines.get(name) or module.line)
-        for name, parameter in module.values.items()
-        if (text := _wrong_tolerance(parameter))
-    ]
 
 
 def _wrong_tolerance(parameter: Parameter) -> str:

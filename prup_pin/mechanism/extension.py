@@ -6,6 +6,8 @@ docs/robot_file.md describes it.
 from __future__ import annotations
 
 import re
+from collections.abc import Collection, Sequence
+from pathlib import Path
 
 import numpy as np
 from lxml import etree
@@ -13,17 +15,17 @@ from lxml import etree
 from ..errors import nearest_names
 from ..parameters import LARGEST_VALUE, SMALLEST_TOLERANCE, SMALLEST_VALUE, Parameter, Tolerance, plain_unit
 from .description import (
-    LOOP_AXES,
+    COMPONENTS,
     ROTATION_ORDERS,
-    TASK_COMPONENTS,
     FrameDescription,
     LengthDescription,
     LoopDescription,
     ModuleDescription,
     TaskDescription,
     VariantDescription,
-    kinds_by_name,
+    quantities_of,
 )
+from .mesh_paths import mesh_exists, mesh_problem
 from .xml_file import MAX_NUMBER, Document
 
 EXTENSION = "prup_pin"
@@ -33,7 +35,25 @@ _TOLERANCE = re.compile(r"([^%]+?)\s*(%?)")
 
 
 class ExtensionDocument(Document):
-    """A document that may hold a <prup_pin> element."""
+    """A document that may hold a <prup_pin> element, and names meshes."""
+
+    def __init__(self, root: etree._Element, path: Path, package_folders: Sequence[Path] = ()):
+        super().__init__(root, path)
+        self.package_folders = [Path(folder).resolve() for folder in package_folders]
+        #: Files of meshes that are not there.
+        self.meshes_missing: list[str] = []
+
+    def mesh(self, element: etree._Element, place: str, shown: str | None) -> None:
+        """Report a mesh that may not lie where it does, and note one that is not there, if it is `shown`.
+
+        It lies in the robot's folder or a declared one; nothing is fetched.
+        """
+        home = self.path.resolve().parent
+        message = mesh_problem(place, home, self.package_folders)
+        if message:
+            self.problem(element, message)
+        elif shown is not None and not mesh_exists(place, home, self.package_folders):
+            self.meshes_missing.append(shown)
 
     def only_extension(self) -> etree._Element | None:
         """Return the <prup_pin> element, or None; a second one is a problem."""
@@ -95,10 +115,9 @@ class ExtensionDocument(Document):
         for item in element.findall("coordinate"):
             name = self.attribute(item, "name", "<coordinate>")
             component = item.get("component", "")
-            if component not in TASK_COMPONENTS:
-                self.problem(
-                    item, f"coordinate '{name}': component=\"{component}\". {nearest_names(component, TASK_COMPONENTS)}"
-                )
+            if component not in COMPONENTS:
+                near = nearest_names(component, COMPONENTS)
+                self.problem(item, f"coordinate '{name}': component=\"{component}\". {near}")
             elif name:
                 tasks.append(TaskDescription(name, component, item.sourceline))
         fields["rotation"], fields["tasks"] = order, tuple(tasks)
@@ -116,20 +135,14 @@ class ExtensionDocument(Document):
         self.only(element, ("name", "frame1", "frame2", "free"), "<loop>")
         name = self.attribute(element, "name", "<loop>")
         first, second = (self.attribute(element, key, f"loop '{name}'") for key in ("frame1", "frame2"))
-        free = (element.get("free") or "").split()
+        free: Collection[str] = (element.get("free") or "").split()
         for word in free:
-            if word not in LOOP_AXES:
-                self.problem(element, f"loop '{name}': free=\"{word}\". {nearest_names(word, LOOP_AXES)}")
+            if word not in COMPONENTS:
+                self.problem(element, f"loop '{name}': free=\"{word}\". {nearest_names(word, COMPONENTS)}")
         if name and first and second:
-            fields["loops"].append(
-                LoopDescription(
-                    name,
-                    FrameDescription(first),
-                    FrameDescription(second),
-                    frozenset(free) & set(LOOP_AXES),
-                    element.sourceline,
-                )
-            )
+            ends = FrameDescription(first), FrameDescription(second)
+            free = frozenset(free) & set(COMPONENTS)
+            fields["loops"].append(LoopDescription(name, *ends, free, element.sourceline))
 
     def _note(self, element, fields) -> None:
         fields["notes"].append(" ".join((element.text or "").split()))
@@ -158,14 +171,8 @@ class ExtensionDocument(Document):
                     f"length '{name}': tolerance=\"{element.get('tolerance')[:60]}\" of {value[0]:g} m: expected more "
                     f"than 0 and at most {_MAX_DISPLACEMENT:g} m",
                 )
-            parameter = Parameter(
-                name,
-                value[0],
-                "m",
-                element.get("source", ""),
-                "length that places joints",
-                declared_tolerance=tolerance,
-            )
+            about = element.get("source", ""), "length that places joints"
+            parameter = Parameter(name, value[0], "m", *about, declared_tolerance=tolerance)
             fields["lengths"].append(LengthDescription(parameter, value[0], tuple(moves), element.sourceline))
 
     def _module(self, element, fields) -> None:
@@ -179,7 +186,7 @@ class ExtensionDocument(Document):
             self.problem(element, f"module '{name}': anchor=\"{anchor}\"; expected root or tip")
         values: dict[str, Parameter] = {}
         lines: dict[str, int | None] = {}
-        quantities = {q.name: q for q in kinds_by_name()[kind].quantities} if kind in kinds_by_name() else {}
+        quantities = quantities_of(kind or "")
         for item in element:
             if item.tag != "parameter":
                 self.problem(item, f"module '{name}': unknown element <{item.tag}>; expected <parameter>")
@@ -217,20 +224,10 @@ class ExtensionDocument(Document):
                 self._tolerance(item, f"module '{name}': parameter '{short}'", quantity.unit if quantity else ""),
             )
         if name and kind and joint:
+            frame, root, tip, body = (element.get(key) for key in ("frame", "root", "tip", "body"))
             fields["modules"].append(
                 ModuleDescription(
-                    name,
-                    kind,
-                    joint,
-                    element.get("frame"),
-                    element.get("root"),
-                    element.get("tip"),
-                    axis,
-                    element.get("body"),
-                    anchor,
-                    values,
-                    element.sourceline,
-                    lines,
+                    name, kind, joint, frame, root, tip, axis, body, anchor, values, element.sourceline, lines
                 )
             )
 

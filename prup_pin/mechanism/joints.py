@@ -9,8 +9,6 @@ import pinocchio as pin
 
 from ..spatial import Array, axis_as_z
 
-__all__ = ["Joint", "joints_of"]
-
 
 @dataclass(frozen=True, eq=False)
 class Joint:

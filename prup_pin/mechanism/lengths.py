@@ -15,8 +15,6 @@ from ..spatial import Array
 from .links import links_of
 from .mechanism import Mechanism, frames_by_name, model_of
 
-__all__ = ["MovedParts", "moved_by_length"]
-
 #: Displacements per length that are rounding.
 _ROUNDING = 1e-12
 

@@ -10,8 +10,6 @@ import pinocchio as pin
 
 from ..spatial import Array
 
-__all__ = ["Link", "links_of"]
-
 #: A mass below this is none [kg].
 _NONE = 1e-9
 

@@ -10,8 +10,6 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-__all__ = ["LoadPaths"]
-
 
 class LoadPaths:
     """The bodies of a tree, by their joints' ids (0: the base), and the loops between them.

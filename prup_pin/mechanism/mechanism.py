@@ -19,27 +19,29 @@ from lxml import etree
 from ..errors import InputError, Problem, PrupPinError, RobotFileError, UnknownNameError, named, shortened
 from ..modules import CompliantModule, DriveModule, WrenchModule
 from ..parameters import Parameter
-from ..spatial import Array, axis_as_z, placement, rotation_exp
+from ..spatial import Array, axis_as_z, placement, rotation_exp, skew
 from .coupling import coupling_of
 from .description import (
+    FrameDescription,
     LengthDescription,
     ModuleDescription,
     ModuleValuesError,
     RobotDescription,
     TaskDescription,
     kinds_by_name,
+    parameter_of,
+    quantities_of,
     resolve_values,
     same_description,
 )
 from .joints import Joint, joints_of
 from .links import Link, links_of
 from .load_paths import LoadPaths
+from .xml_file import parse_again, words
 from .yielding import yielding_modules
 
 if TYPE_CHECKING:
     from .lengths import MovedParts
-
-__all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module", "frames_by_name", "model_of", "with_lengths"]
 
 
 #: Motions [m or rad] along and about what a loop leaves free, by which two descriptions of it are compared, and how far
@@ -132,27 +134,19 @@ def _rotation_rows(free: frozenset[str]) -> Array:
     None free: the skew part of E (weld). One free, about k: e_k x (E e_k) across k. Two free, i then j in cyclic
     order: e_i . (E e_j), a universal joint with e_i fixed in the first and e_j in the second frame.
     """
-    turning = [axis for axis, name in enumerate(("rx", "ry", "rz")) if name in free]
-    rows = []
-
-    def row(**entries: float) -> Array:
-        values = np.zeros((3, 3))
-        for key, value in entries.items():
-            values[int(key[1]), int(key[2])] = value
-        return values.ravel()
-
+    turning, unit = [axis for axis, name in enumerate(("rx", "ry", "rz")) if name in free], np.eye(3)
+    rows: list[Array] = []
     if not turning:
-        for j, k in ((1, 2), (2, 0), (0, 1)):
-            rows.append(row(**{f"e{k}{j}": 0.5, f"e{j}{k}": -0.5}))
+        rows = [0.5 * skew(axis) for axis in unit]
     elif len(turning) == 1:
         k = turning[0]
         i, j = (k + 1) % 3, (k + 2) % 3
         # e_k x (E e_k) = -E_jk e_i + E_ik e_j, minus the free component
-        rows += [row(**{f"e{j}{k}": -1.0}), row(**{f"e{i}{k}": 1.0})]
+        rows = [-np.outer(unit[j], unit[k]), np.outer(unit[i], unit[k])]
     elif len(turning) == 2:
         k = ({0, 1, 2} - set(turning)).pop()
-        rows.append(row(**{f"e{(k + 1) % 3}{(k + 2) % 3}": -1.0}))
-    return np.array(rows).reshape(-1, 9)
+        rows = [-np.outer(unit[(k + 1) % 3], unit[(k + 2) % 3])]
+    return np.array(rows).reshape(-1, 9) + 0.0
 
 
 #: Of a joint, to see what it moves [m or rad].
@@ -385,24 +379,23 @@ class Mechanism:
 
     def askew(self, module: Module) -> float:
         """Return the angle [rad] between a module's axis and that of its joint at the file's home, 0 to pi/2."""
-        data, joint = self.model.createData(), self.joint(module.joint)
-        pin.forwardKinematics(self.model, data, self.home_configuration())
+        placed, joint = self.placements(self.home_configuration()), self.joint(module.joint)
         axes = (
-            data.oMi[joint.id].rotation @ joint.axis,
-            data.oMi[module.frame.joint].rotation @ module.frame.placement[:3, 2],
+            placed[joint.id, :3, :3] @ joint.axis,
+            placed[module.frame.joint, :3, :3] @ module.frame.placement[:3, 2],
         )
         return float(np.arctan2(np.linalg.norm(np.cross(*axes)), abs(axes[0] @ axes[1])))
 
     # -- building blocks -----------------------------------------------------------------------------------------
 
     def _loop(self, loop) -> LoopClosure:
-        first, second = (self._offset_frame(end.name, end.offset) for end in (loop.first, loop.second))
+        first, second = (self._offset_frame(end) for end in (loop.first, loop.second))
         translations = tuple(i for i, name in enumerate("xyz") if name not in loop.free)
         return LoopClosure(loop.name, first, second, loop.free, translations, _rotation_rows(loop.free))
 
-    def _offset_frame(self, name: str, offset: Array | None) -> Frame:
-        frame = self.frame(name)
-        return frame if offset is None else replace(frame, placement=frame.placement @ offset)
+    def _offset_frame(self, end: FrameDescription) -> Frame:
+        frame = self.frame(end.name)
+        return frame if end.offset is None else replace(frame, placement=frame.placement @ end.offset)
 
     def _module(self, module: ModuleDescription) -> Module:
         kind = kinds_by_name()[module.kind]
@@ -462,9 +455,8 @@ class Mechanism:
 
     def _root_to_tip(self, root: Frame, tip: Frame, module: ModuleDescription) -> tuple[float, ...]:
         """Return the direction from root to tip in the tip's axes, at the file's home position."""
-        data = self.model.createData()
-        pin.forwardKinematics(self.model, data, self.home_configuration())
-        ends = [data.oMi[frame.joint].homogeneous @ frame.placement for frame in (root, tip)]
+        placed = self.placements(self.home_configuration())
+        ends = [placed[frame.joint] @ frame.placement for frame in (root, tip)]
         line = ends[1][:3, :3].T @ (ends[1][:3, 3] - ends[0][:3, 3])
         if np.linalg.norm(line) < 1e-9:
             raise _file_error(
@@ -533,13 +525,12 @@ class Mechanism:
         """Return True where a joint's motion takes a beam's root off its axis, or, if not asked `across` alone,
         changes its length: that of a rod which a drive pushes out does.
         """
-        data, spans = self.model.createData(), []
-        home = self.home_configuration()
+        home, spans = self.home_configuration(), []
         for step in (0.0, _SMALL_MOTION):
             velocity = np.zeros(self.model.nv)
             velocity[self.joint(joint).dofs] = step
-            pin.forwardKinematics(self.model, data, pin.integrate(self.model, home, velocity))
-            ends = [data.oMi[frame.joint].homogeneous @ frame.placement for frame in (root, tip)]
+            placed = self.placements(pin.integrate(self.model, home, velocity))
+            ends = [placed[frame.joint] @ frame.placement for frame in (root, tip)]
             spans.append(ends[1][:3, :3].T @ (ends[0][:3, 3] - ends[1][:3, 3]))
         length = max(float(np.linalg.norm(spans[0])), 1e-9)
         moved = spans[1] - spans[0]
@@ -627,6 +618,12 @@ class Mechanism:
                 self.set_joint(q, name, value)
         self.coupling.place(q)
         return q
+
+    def placements(self, q: Array) -> Array:
+        """Return base_from_joint of all joints at a configuration (nq,), (njoints, 4, 4); loops need not be closed."""
+        data = self.model.createData()
+        pin.forwardKinematics(self.model, data, q)
+        return np.array([placed.homogeneous for placed in data.oMi])
 
     @cached_property
     def limits(self) -> tuple[Array, Array]:
@@ -727,18 +724,14 @@ def _with_values(module: ModuleDescription, values: Mapping[str, Any]) -> Module
 
     A changed value keeps its tolerance: a share of the value stays that share, an absolute one stays absolute.
     """
-    quantities = {quantity.name: quantity for quantity in kinds_by_name()[module.kind].quantities}
+    quantities = quantities_of(module.kind)
     kept = {
         name: parameter
         for name, parameter in module.values.items()
         if not set(quantities[name].derived_from) & set(values)
     }
     for short, value in values.items():
-        quantity = quantities[short]
-        before = module.values.get(short)
-        tolerance = before.declared_tolerance if before else None
-        unit = before.unit if before else quantity.unit
-        parameter = Parameter(f"{module.name}.{short}", None, unit, "", quantity.description, quantity, tolerance)
+        parameter = parameter_of(module.name, quantities[short], None, "", module.values.get(short))
         kept[short] = parameter.with_value(value)
     changed = replace(module, values=kept)
     try:
@@ -764,9 +757,7 @@ def _all_parameters(description: RobotDescription, modules: tuple[Module, ...]) 
                 parameters[name] = given.values[quantity.name]
             else:
                 source = "derived" if callable(quantity.default) else "default"
-                parameters[name] = Parameter(
-                    name, module.values[quantity.name], quantity.unit, source, quantity.description, quantity
-                )
+                parameters[name] = parameter_of(module.name, quantity, module.values[quantity.name], source)
     return parameters
 
 
@@ -817,7 +808,7 @@ def with_lengths(content: bytes, lengths: Iterable[LengthDescription]) -> bytes:
     moved = [length for length in lengths if length.parameter.value != length.reference]
     if not moved:
         return content
-    root = etree.fromstring(content, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True))
+    root = parse_again(content)
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     for length in moved:
         delta = length.parameter.value - length.reference
@@ -826,5 +817,5 @@ def with_lengths(content: bytes, lengths: Iterable[LengthDescription]) -> bytes:
             if origin is None:
                 origin = etree.SubElement(joints[name], "origin")
             xyz = np.array([float(word) for word in (origin.get("xyz") or "0 0 0").split()])
-            origin.set("xyz", " ".join(repr(float(x)) for x in xyz + delta * np.array(direction)))
+            origin.set("xyz", words(xyz + delta * np.array(direction)))
     return etree.tostring(root.getroottree())

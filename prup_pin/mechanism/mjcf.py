@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -28,7 +28,6 @@ from .description import (
     check_references,
 )
 from .extension import EXTENSION, ExtensionDocument
-from .mesh_paths import mesh_exists, mesh_problem
 from .xml_file import MAX_JOINTS, MAX_NUMBER, parse
 
 #: Share of the largest moment of inertia that rounding may leave below zero.
@@ -44,8 +43,7 @@ _GENERATORS = ("attach", "replicate", "composite", "flexcomp", "plugin")
 _BODY_PARTS = ("body", "frame", "joint", "freejoint", "site", "inertial", "geom", "camera", "light", *_GENERATORS)
 
 
-@dataclass(frozen=True)
-class _Shape:
+class _Shape(NamedTuple):
     """A simple solid: how many half sizes it has, its volume and its inertia about its centre."""
 
     sizes: int
@@ -152,16 +150,13 @@ class MjcfDocument(ExtensionDocument):
     """An MJCF file."""
 
     def __init__(self, root: etree._Element, path: Path, package_folders: Sequence[Path] = ()):
-        super().__init__(root, path)
-        self.package_folders = [Path(folder).resolve() for folder in package_folders]
+        super().__init__(root, path, package_folders)
         self.settings = {key: value for element in root.findall("compiler") for key, value in element.attrib.items()}
         self.degrees = self.settings.get("angle", "degree") != "radian"
         self.euler = self.settings.get("eulerseq", "xyz")
         self.bodies: list[Body] = []
         self.lines_of_names: dict[tuple[str, str], int | None] = {}
         self.meshed: list[str] = []
-        #: Files of meshes that are not there.
-        self.meshes_missing: list[str] = []
 
     def read(self, content: bytes) -> RobotDescription:
         self._check_document()
@@ -241,30 +236,20 @@ class MjcfDocument(ExtensionDocument):
                 )
         if self.root.find("worldbody") is None:
             self.problem(self.root, "has no <worldbody>")
-        home = self.path.resolve().parent
         folder = self.settings.get("meshdir", self.settings.get("assetdir", ""))
         for mesh in self.root.iter("mesh"):
             name = mesh.get("file")
             if name and "strippath" in self.settings and self.settings["strippath"] == "true":
                 name = name.replace("\\", "/").rpartition("/")[2]
-            if not name:
-                continue
-            place = f"{folder}/{name}" if folder else name
-            message = mesh_problem(place, home, self.package_folders)
-            if message:
-                self.problem(mesh, message)
-            elif not mesh_exists(place, home, self.package_folders):
-                self.meshes_missing.append(name)
-        self._check_mesh_names()
-        # A file with these is refused before anything else of it is read.
-        self.raise_problems()
-
-    def _check_mesh_names(self) -> None:
-        """Add a problem for every geom whose mesh is none of the assets; without a name an asset has its file's."""
+            if name:
+                self.mesh(mesh, f"{folder}/{name}" if folder else name, name)
+        # Without a name an asset has its file's.
         known = {mesh.get("name") or PurePosixPath(mesh.get("file", "")).stem for mesh in self.root.iter("mesh")}
         for geom in self.root.iter("geom"):
             if (name := geom.get("mesh")) is not None and name not in known:
                 self.problem(geom, f"<geom>: no mesh named '{name[:60]}'. {nearest_names(name, sorted(known))}")
+        # A file with these is refused before anything else of it is read.
+        self.raise_problems()
 
     def _classes(self) -> dict[str, dict[str, dict[str, str]]]:
         """Return the default attributes by class and tag; a class starts from those of the class around it."""
@@ -508,7 +493,7 @@ class MjcfDocument(ExtensionDocument):
 
     def inertia(self, body: Body) -> pin.Inertia:
         """Return a body's inertia in its own frame: what <inertial> says, else that of its geoms."""
-        from_geoms = self.settings.get("inertiafromgeom", "auto")
+        from_geoms = self._from_geoms
         if from_geoms != "true" and (body.inertia is not None or from_geoms == "false"):
             return body.inertia or pin.Inertia.Zero()
         return sum(body.solids, pin.Inertia.Zero())
@@ -516,7 +501,8 @@ class MjcfDocument(ExtensionDocument):
     def _left_out(self) -> list[str]:
         """Return notes on what the file holds besides."""
         notes = []
-        light = [b.name for b in self.bodies if b.name in self.meshed and (b.inertia is None or self._all_geoms)]
+        all_geoms = self._from_geoms == "true"
+        light = [b.name for b in self.bodies if b.name in self.meshed and (b.inertia is None or all_geoms)]
         if light:
             notes.append(f"meshes give no mass here; without one of theirs: {', '.join(light[:8])}")
         if self.root.find("tendon") is not None:
@@ -526,8 +512,8 @@ class MjcfDocument(ExtensionDocument):
         return notes
 
     @property
-    def _all_geoms(self) -> bool:
-        return self.settings.get("inertiafromgeom", "auto") == "true"
+    def _from_geoms(self) -> str:
+        return self.settings.get("inertiafromgeom", "auto")
 
     # -- loops -------------------------------------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ What MuJoCo has no words for (tool, compliant modules, task coordinates) stands 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -17,12 +17,11 @@ from ..numbers import number
 from ..spatial import Array, placement
 from .changes import JointDynamics
 from .extension import EXTENSION
-from .extension_writer import extension_of
 from .joints import Joint
 from .mechanism import LoopClosure, Mechanism
 from .redrawn import SMALLEST_MOMENT
-
-__all__ = ["MJCF_ENDINGS", "mjcf_of"]
+from .writer import extension_of
+from .xml_file import words
 
 #: Of the names of MJCF files.
 MJCF_ENDINGS = (".xml", ".mjcf")
@@ -60,9 +59,7 @@ class _Writer:
         self.bodies: dict[int, etree._Element] = {0: self.world}
         self.fixed: set[str] = set()  # links that are bodies without joints
         self.positions: dict[etree._Element, Sequence[float]] = {}  # of joints' elements, in the key
-        data = mechanism.model.createData()
-        pin.forwardKinematics(mechanism.model, data, home)
-        self.placements = [item.homogeneous for item in data.oMi]
+        self.placements = mechanism.placements(home)
 
     def file(self, remarks: Sequence[str]) -> bytes:
         root, mechanism = self.root, self.mechanism
@@ -70,8 +67,11 @@ class _Writer:
             root.append(etree.Comment("\n" + "\n".join(f"  {line}".rstrip() for line in remarks) + "\n"))
         etree.SubElement(root, "compiler", angle="radian", inertiafromgeom="false", autolimits="true",
                          boundmass=repr(_LEAST_MASS), boundinertia=repr(_LEAST_INERTIA))  # fmt: skip
-        etree.SubElement(root, "option", gravity=_words(mechanism.gravity))
-        self._custom()
+        etree.SubElement(root, "option", gravity=words(mechanism.gravity))
+        extension = extension_of(mechanism)
+        if len(extension):  # what MuJoCo has no words for
+            custom = etree.SubElement(root, "custom")
+            etree.SubElement(custom, "text", name=EXTENSION, data=etree.tostring(extension, encoding="unicode"))
         root.append(self.world)
         inertias = self._parts()
         equalities = etree.Element("equality")
@@ -85,7 +85,7 @@ class _Writer:
         self._sites()
         for joint, leader, ratio, offset in mechanism.coupling.followers:
             etree.SubElement(
-                equalities, "joint", joint1=joint.name, joint2=leader.name, polycoef=_words((offset, ratio, 0, 0, 0))
+                equalities, "joint", joint1=joint.name, joint2=leader.name, polycoef=words((offset, ratio, 0, 0, 0))
             )
         if len(equalities):
             root.append(equalities)
@@ -95,7 +95,7 @@ class _Writer:
                 etree.SubElement(actuator, "motor", name=name, joint=name)
         keyframe = etree.SubElement(root, "keyframe")
         qpos = [value for element in self.world.iter("joint", "freejoint") for value in self.positions[element]]
-        etree.SubElement(keyframe, "key", name="home", qpos=_words(qpos))
+        etree.SubElement(keyframe, "key", name="home", qpos=words(qpos))
         etree.indent(root, space="  ")
         return etree.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
 
@@ -152,10 +152,10 @@ class _Writer:
 
     def _one_freedom(self, body: etree._Element, joint: Joint) -> etree._Element:
         element = etree.SubElement(body, "joint", name=joint.name, type="slide" if joint.slides else "hinge")
-        element.set("axis", _words(joint.axis))
+        element.set("axis", words(joint.axis))
         low, high = (limit[joint.first_q] for limit in self.mechanism.limits)
         if np.isfinite([low, high]).all():
-            element.set("range", _words((low, high)))
+            element.set("range", words((low, high)))
         own = self.dynamics.get(joint.name, JointDynamics())
         for key, value in (("damping", own.damping), ("frictionloss", own.friction), ("armature", own.armature)):
             if value:
@@ -182,13 +182,13 @@ class _Writer:
                 "ones; MuJoCo refuses them. Expected none below zero and none above the sum of the two others: correct "
                 "the robot file, or write a URDF"
             )
-        element = etree.Element("inertial", pos=_words(inertia.lever), mass=repr(float(inertia.mass)))
+        element = etree.Element("inertial", pos=words(inertia.lever), mass=repr(float(inertia.mass)))
         full = [moments[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
         if inertia.mass > 0 and principal[0] > _LEAST_INERTIA:
-            element.set("fullinertia", _words(full))
+            element.set("fullinertia", words(full))
         else:
-            element.set("diaginertia", _words(np.maximum(principal[::-1], 0.0)))
-            element.set("quat", _words(_quaternion(_axes(moments))))
+            element.set("diaginertia", words(np.maximum(principal[::-1], 0.0)))
+            element.set("quat", words(_quaternion(_axes(moments))))
         body.insert(0, element)
 
     def _sites(self) -> None:
@@ -238,7 +238,7 @@ class _Writer:
         for axis, value in self._free_motions(loop):
             kind, letter = ("hinge", axis[1]) if axis[0] == "r" else ("slide", axis)
             element = etree.SubElement(
-                body, "joint", name=f"{loop.name}_{axis}", type=kind, axis=_words(np.eye(3)["xyz".index(letter)])
+                body, "joint", name=f"{loop.name}_{axis}", type=kind, axis=words(np.eye(3)["xyz".index(letter)])
             )
             self.positions[element] = [value]
         return body
@@ -265,14 +265,6 @@ class _Writer:
             motions += [("rx", -float(a)), ("ry", -float(b)), ("rz", -float(c))]
         return motions
 
-    # -- what MuJoCo has no words for --------------------------------------------------------------------------------
-
-    def _custom(self) -> None:
-        extension = extension_of(self.mechanism)
-        if len(extension):
-            custom = etree.SubElement(self.root, "custom")
-            etree.SubElement(custom, "text", name=EXTENSION, data=etree.tostring(extension, encoding="unicode"))
-
 
 def _body_at(parent: etree._Element, name: str, at: Array) -> etree._Element:
     return etree.SubElement(parent, "body", name=name, **_placed(at))
@@ -291,7 +283,7 @@ def _taken_as_its_body(at: Array) -> bool:
 
 
 def _placed(at: Array) -> dict[str, str]:
-    return {"pos": _words(at[:3, 3]), "quat": _words(_quaternion(at[:3, :3]))}
+    return {"pos": words(at[:3, 3]), "quat": words(_quaternion(at[:3, :3]))}
 
 
 def _quaternion(rotation: Array) -> list[float]:
@@ -305,7 +297,3 @@ def _axes(moments: Array) -> Array:
     """Return the principal axes of moments of inertia, the largest first, as a rotation."""
     axes = np.linalg.eigh(moments)[1][:, ::-1]
     return axes if np.linalg.det(axes) > 0 else placement(axes * [1.0, 1.0, -1.0], np.zeros(3))[:3, :3]
-
-
-def _words(values: Iterable[float]) -> str:
-    return " ".join(repr(float(value) + 0.0) for value in values)

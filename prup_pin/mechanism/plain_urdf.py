@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 from lxml import etree
 
 from ..errors import InputError
 from ..spatial import Array
-from .extension_writer import extension_of
+from .description import FrameDescription, LoopDescription
 from .joints import Joint
-from .mechanism import Frame, LoopClosure, Mechanism
-from .redrawn import set_inertia, set_origin, words
-
-__all__ = ["plain_urdf"]
-
-#: What a URDF calls joints of one freedom that turn without end, turn, slide; other joints have no name here.
-_LIMITED = {True: "prismatic", False: "revolute"}
+from .mechanism import LoopClosure, Mechanism
+from .redrawn import set_inertia, set_origin
+from .writer import extension_of, urdf_of
+from .xml_file import words
 
 
 def plain_urdf(mechanism: Mechanism) -> bytes:
@@ -24,18 +23,26 @@ def plain_urdf(mechanism: Mechanism) -> bytes:
 
     Raises InputError for joints of several freedoms that are no floating base.
     """
-    return _PlainUrdf(mechanism).content()
+    drawing, said = _PlainUrdf(mechanism), mechanism.description
+    loops = tuple(drawing.loop(loop) for loop in mechanism.loops)
+    extension = extension_of(mechanism)
+    etree.SubElement(extension, "gravity", xyz=words(mechanism.gravity))
+    drawing.root.append(extension)
+    etree.indent(drawing.root, space="  ")
+    home = {name: value for name, value in said.home.items() if name not in said.held}
+    plain = replace(said, source="URDF", content=etree.tostring(drawing.root, encoding="utf-8"),
+                    actuated=mechanism.actuated, home=home, loops=loops, lengths=())  # fmt: skip
+    return urdf_of(plain)
 
 
 class _PlainUrdf:
+    """The tree of a mechanism: links, joints, and frames as links that are fixed."""
+
     def __init__(self, mechanism: Mechanism):
         self.mechanism = mechanism
         self.root = etree.Element("robot", name=mechanism.name)
         #: The link that each joint carries, whose frame is the joint's.
         self.carried: dict[int, str] = {}
-
-    def content(self) -> bytes:
-        mechanism = self.mechanism
         own = {0: "world", **{joint.id: f"{joint.name}_link" for joint in mechanism.joints}}
         for joint, name in own.items():
             here = mechanism.bodies.get(joint)
@@ -48,22 +55,11 @@ class _PlainUrdf:
         names = {joint.name for joint in mechanism.joints} | set(self.carried.values())
         for name in mechanism.frame_names:
             if name not in names and name != "universe":
-                self._fixed(name, mechanism.frame(name))
+                self._fixed(name, mechanism.frame(name).joint, mechanism.frame(name).placement)
         links = {str(link.get("name")): link for link in self.root.findall("link")}
         for part in mechanism.links:
             at = pin.SE3(mechanism.frame(part.name).placement)
             set_inertia(links[part.name], at.actInv(pin.Inertia.FromDynamicParameters(part.inertial)))
-        extension = extension_of(mechanism)
-        etree.SubElement(extension, "gravity", xyz=words(mechanism.gravity))
-        etree.SubElement(extension, "actuated", joints=" ".join(mechanism.actuated))
-        home = {name: repr(float(value)) for name, value in mechanism.description.home.items()}
-        if home:
-            etree.SubElement(extension, "home", home)
-        for loop in mechanism.loops:
-            self._loop(extension, loop)
-        self.root.append(extension)
-        etree.indent(self.root, space="  ")
-        return etree.tostring(self.root, encoding="utf-8", xml_declaration=True) + b"\n"
 
     def _joint(self, joint: Joint) -> None:
         model = self.mechanism.model
@@ -72,45 +68,34 @@ class _PlainUrdf:
             raise InputError(f"joint '{joint.name}' has {joint.nv} freedoms; a URDF says joints of one only")
         low, high = (float(limit[joint.first_q]) for limit in self.mechanism.limits)
         free = endless or not np.isfinite([low, high]).all()
-        kind = "continuous" if free and joint.turns else _LIMITED[joint.slides]
+        kind = "continuous" if free and joint.turns else "prismatic" if joint.slides else "revolute"
         element = etree.SubElement(self.root, "joint", name=joint.name, type=kind)
         etree.SubElement(element, "parent", link=self.carried[int(model.parents[joint.id])])
         etree.SubElement(element, "child", link=self.carried[joint.id])
         set_origin(element, model.jointPlacements[joint.id].homogeneous)
         etree.SubElement(element, "axis", xyz=words(joint.axis))
         limit = etree.SubElement(element, "limit", effort="0", velocity="0")
-        if not free:
+        if free and joint.slides:
+            low, high = -1000.0, 1000.0
+        if not free or joint.slides:
             limit.set("lower", repr(low))
             limit.set("upper", repr(high))
-        elif joint.slides:
-            limit.set("lower", "-1000.0")
-            limit.set("upper", "1000.0")
         for follower in self.mechanism.coupling.followers:
             if follower.joint.name == joint.name:
-                etree.SubElement(
-                    element,
-                    "mimic",
-                    joint=follower.leader.name,
-                    multiplier=repr(float(follower.ratio)),
-                    offset=repr(float(follower.offset)),
-                )
+                line = {"multiplier": repr(float(follower.ratio)), "offset": repr(float(follower.offset))}
+                etree.SubElement(element, "mimic", joint=follower.leader.name, **line)
 
-    def _fixed(self, name: str, frame: Frame) -> None:
+    def _fixed(self, name: str, body: int, at: Array) -> None:
+        """Add a link that is fixed to a joint's body, and placed at (4, 4) in the joint's frame."""
         etree.SubElement(self.root, "link", name=name)
-        self._fix(name, self.carried[frame.joint], frame.placement)
-
-    def _fix(self, name: str, parent: str, at: Array) -> None:
         joint = etree.SubElement(self.root, "joint", name=f"{name}_joint", type="fixed")
-        etree.SubElement(joint, "parent", link=parent)
+        etree.SubElement(joint, "parent", link=self.carried[body])
         etree.SubElement(joint, "child", link=name)
         set_origin(joint, at)
 
-    def _loop(self, extension: etree._Element, loop: LoopClosure) -> None:
-        ends = []
-        for number, frame in enumerate((loop.first, loop.second), 1):
-            name = f"{loop.name}_end_{number}"
-            etree.SubElement(self.root, "link", name=name)
-            self._fix(name, self.carried[frame.joint], frame.placement)
-            ends.append(name)
-        free = " ".join(sorted(loop.free))
-        etree.SubElement(extension, "loop", name=loop.name, frame1=ends[0], frame2=ends[1], free=free)
+    def loop(self, loop: LoopClosure) -> LoopDescription:
+        """Return a loop between links at its two ends, which are added."""
+        names = f"{loop.name}_end_1", f"{loop.name}_end_2"
+        for name, frame in zip(names, (loop.first, loop.second), strict=True):
+            self._fixed(name, frame.joint, frame.placement)
+        return LoopDescription(loop.name, FrameDescription(names[0]), FrameDescription(names[1]), loop.free)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,24 +18,20 @@ _DOCUMENTS: dict[str, type[UrdfDocument | MjcfDocument]] = {"robot": UrdfDocumen
 
 def read(path: Path, package_folders: Sequence[Path] = ()) -> RobotDescription:
     """Return what a robot file says, with the sidecar beside it. Raises RobotFileError with all problems."""
-    return _described(xml_file.read_bytes(path), path, package_folders, find_sidecar)
+    return read_content(xml_file.read_bytes(path), path, package_folders, find_sidecar(path))
 
 
-def read_content(content: bytes, path: Path, package_folders: Sequence[Path] = ()) -> RobotDescription:
-    """Return what a robot file of that name and content would say. Nothing is looked for beside it."""
-    return _described(content, path, package_folders, lambda _: None)
-
-
-def _described(
-    content: bytes, path: Path, package_folders: Sequence[Path], beside: Callable[[Path], Sidecar | None]
+def read_content(
+    content: bytes, path: Path, package_folders: Sequence[Path] = (), sidecar: Sidecar | None = None
 ) -> RobotDescription:
+    """Return what a robot file of that name and content would say. Nothing is looked for beside it."""
     root = xml_file.parse(content, path)
     if root.tag not in _DOCUMENTS:
         message = f"the root element is <{str(root.tag)[:60]}>; expected <robot> (URDF) or <mujoco> (MJCF)"
         raise RobotFileError(path, [Problem(message, root.sourceline)])
     document = _DOCUMENTS[root.tag](root, path, package_folders)
     if isinstance(document, UrdfDocument):
-        document.sidecar = beside(path)
+        document.sidecar = sidecar
     description = document.read(content)
     document.raise_problems()
     return replace(description, package_folders=tuple(package_folders))

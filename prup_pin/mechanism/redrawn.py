@@ -20,15 +20,16 @@ from .description import (
     LoopDescription,
     ModuleDescription,
     RobotDescription,
-    kinds_by_name,
+    parameter_of,
+    quantities_of,
     resolve_values,
 )
 from .extension import EXTENSION
+from .joint_types import replace_joint
 from .joints import Joint
 from .mechanism import Mechanism, with_lengths
-from .yielding import yielding_module
-
-__all__ = ["SMALLEST_MOMENT", "dynamics_of", "redrawn"]
+from .xml_file import parse_again, words
+from .yielding import yielding_as
 
 #: Moments of inertia below zero by less than this share of the largest are rounding.
 _ROUNDING = 1e-9
@@ -58,7 +59,7 @@ def redrawn(changes: Changes, home: Array | None = None) -> RobotDescription:
         raise InputError(f"'{described.name}' was read from {described.source}; only URDFs can be redrawn")
     content = with_lengths(described.content, described.lengths)
     lengths = tuple(replace(item, reference=float(item.parameter.value)) for item in described.lengths)
-    drawing = _Drawing(etree.fromstring(content, _parser()), mechanism, changes)
+    drawing = _Drawing(parse_again(content), mechanism, changes)
     drawing.hold(described.held)
     drawing.move_joints()
     drawing.follow_zeros()
@@ -83,15 +84,6 @@ def redrawn(changes: Changes, home: Array | None = None) -> RobotDescription:
     )
 
 
-def _parser() -> etree.XMLParser:
-    return etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True)
-
-
-def words(values: Iterable[float]) -> str:
-    """Return numbers as a file has them, all digits."""
-    return " ".join(repr(float(value) + 0.0) for value in values)
-
-
 class _Drawing:
     """The XML of a URDF while it is changed."""
 
@@ -113,10 +105,7 @@ class _Drawing:
                 slides = joint.get("type") == "prismatic"
                 motion = placement(np.eye(3), way) if slides else placement(rotation_exp(way), np.zeros(3))
                 set_origin(joint, origin_of(joint) @ motion)
-            joint.set("type", "fixed")
-            for tag in ("axis", "limit", "mimic", "dynamics", "safety_controller", "calibration"):
-                for element in joint.findall(tag):
-                    joint.remove(element)
+            replace_joint(joint, "")
 
     def move_joints(self) -> None:
         """Put joints where they stand: displaced, then turned or slid by their encoders' zeros."""
@@ -126,20 +115,11 @@ class _Drawing:
             moved = self.changes.joints.get(name)
             if moved is not None:
                 # a displacement is told in the axes of the parent joint's body, an origin in those of its link
-                at = self._from_body(name, _displaced(self._to_body(name, at), moved))
+                link = self.mechanism.frame(str(self.joints[name].find("parent").get("link"))).placement
+                at = np.linalg.inv(link) @ _displaced(link @ at, moved)
             if self.changes.zeros.get(name):
                 at = at @ _motion(joint, self.changes.zeros[name])
             set_origin(self.joints[name], at)
-
-    def _parent_link(self, joint: str) -> Array:
-        """Return where the link before a joint stands in the frame of the body that it is part of."""
-        return self.mechanism.frame(str(self.joints[joint].find("parent").get("link"))).placement
-
-    def _to_body(self, joint: str, at: Array) -> Array:
-        return self._parent_link(joint) @ at
-
-    def _from_body(self, joint: str, at: Array) -> Array:
-        return np.linalg.inv(self._parent_link(joint)) @ at
 
     def follow_zeros(self) -> None:
         """Let joints follow where their leaders are, not where these report to be."""
@@ -187,8 +167,6 @@ class _Drawing:
         etree.SubElement(joint, "parent", link=parent)
         etree.SubElement(joint, "child", link=name)
         set_origin(joint, at)
-        for element in (link, joint):
-            element.tail = "\n  "
         self.links[name], self.joints[f"{name}_joint"] = link, joint
         return name
 
@@ -311,11 +289,9 @@ class _Drawing:
             if frame is not None:
                 self.add_link(f"{frame}_measured", frame, inside)
             if not np.array_equal(outside, np.eye(4)):
-                self.add_link("pose_sensor", self._root_link(), np.linalg.inv(outside))
-
-    def _root_link(self) -> str:
-        children = {str(joint.find("child").get("link")) for joint in self.joints.values()}
-        return next(name for name in self.links if name not in children)
+                children = {str(joint.find("child").get("link")) for joint in self.joints.values()}
+                base = next(name for name in self.links if name not in children)
+                self.add_link("pose_sensor", base, np.linalg.inv(outside))
 
     def seat(self) -> dict[str, str]:
         """Return links that stand where joints do that turn and tilt across, each on the body before: by joint."""
@@ -376,33 +352,26 @@ def _with_values(modules: Iterable[ModuleDescription], changes: Changes) -> Iter
 
 def _yielding(changes: Changes, seats: Mapping[str, str]) -> Iterable[ModuleDescription]:
     """Yield the modules of joints that yield, named as simulations name them."""
-    for (joint, way), compliance in changes.compliances.items():
-        name = yielding_module(joint, way)
+    for (name, way), compliance in changes.compliances.items():
+        joint = changes.mechanism.joint(name)
         if way == "across":
             matrix = np.zeros((6, 6))
             matrix[3, 3], matrix[4, 4], matrix[3, 4] = compliance
             matrix[4, 3] = matrix[3, 4]
-            axis = tuple(changes.mechanism.joint(joint).axis.tolist())
-            values = _parameters(name, "compliance_matrix", {"matrix": matrix}, {})
-            yield ModuleDescription(name, "compliance_matrix", joint, seats.get(joint), axis=axis, values=values)
+            yield yielding_as(joint, way, matrix, "diagnosis", seats.get(name))
         elif compliance[0]:
-            values = _parameters(name, "joint_spring", {"stiffness": 1 / compliance[0]}, {})
-            yield ModuleDescription(name, "joint_spring", joint, values=values)
+            yield yielding_as(joint, way, 1 / compliance[0], "diagnosis")
 
 
 def _parameters(
     module: str, kind: str, values: Mapping[str, object], given: Mapping[str, Parameter]
 ) -> dict[str, Parameter]:
     """Return values as a module's parameters, found by a diagnosis; a tolerance that was declared stays."""
-    quantities = {item.name: item for item in kinds_by_name()[kind].quantities}
-    out = {}
-    for name, value in values.items():
-        quantity = quantities[name]
-        tolerance = given[name].declared_tolerance if name in given else None
-        unit = given[name].unit if name in given else quantity.unit
-        label = f"{module}.{name}"
-        out[name] = Parameter(label, value, unit, "diagnosis", quantity.description, quantity, tolerance)
-    return out
+    quantities = quantities_of(kind)
+    return {
+        name: parameter_of(module, quantities[name], value, "diagnosis", given.get(name))
+        for name, value in values.items()
+    }
 
 
 def dynamics_of(description: RobotDescription) -> dict[str, JointDynamics]:
@@ -410,7 +379,7 @@ def dynamics_of(description: RobotDescription) -> dict[str, JointDynamics]:
     if description.source != "URDF":
         return {}
     found = {}
-    for joint in etree.fromstring(description.content, _parser()).findall("joint"):
+    for joint in parse_again(description.content).findall("joint"):
         element = joint.find("dynamics")
         if element is not None:
             damping, friction = (float(element.get(key) or 0.0) for key in ("damping", "friction"))

@@ -12,13 +12,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
-import pinocchio as pin
 
 from ..errors import MissingExtraError
-from .joints import Joint
 from .mechanism import Mechanism, with_lengths
-
-__all__ = ["second_opinion"]
 
 #: Links that stand farther apart than this [m, rad] do not stand in the same place.
 _APART = 1e-6
@@ -43,7 +39,9 @@ def second_opinion(mechanism: Mechanism) -> tuple[str, ...]:
         with _quiet("yourdfpy"):
             read = yourdfpy.URDF.load(io.BytesIO(content), load_meshes=False, build_scene_graph=True)
             read.validate()
-            moves = {joint.name: q for joint, q in _positions(mechanism) if joint.name in read.actuated_joint_names}
+            home, moved = mechanism.home_configuration(), read.actuated_joint_names
+            singles = (joint for joint in mechanism.joints if joint.nv == 1 and joint.name in moved)
+            moves = {joint.name: float(joint.position(home)) for joint in singles}
             read.update_cfg(moves)
             seen = {name: np.asarray(read.get_transform(name)) for name in read.link_map}
     except Exception as error:  # whatever a reader of foreign files raises
@@ -57,21 +55,11 @@ def second_opinion(mechanism: Mechanism) -> tuple[str, ...]:
     return told
 
 
-def _positions(mechanism: Mechanism) -> Iterator[tuple[Joint, float]]:
-    """Yield the joints of one freedom with their positions at home."""
-    q = mechanism.home_configuration()
-    for joint in mechanism.joints:
-        if joint.nv == 1:
-            yield joint, float(joint.position(q))
-
-
 def _apart(mechanism: Mechanism, seen: dict[str, np.ndarray]) -> dict[str, float]:
     """Return how far a link's placements from both readers differ, by name [m, rad]."""
-    data = mechanism.model.createData()
-    pin.forwardKinematics(mechanism.model, data, mechanism.home_configuration())
-    known = set(mechanism.frame_names)
+    at, known = mechanism.placements(mechanism.home_configuration()), set(mechanism.frame_names)
     return {
-        name: float(np.abs(data.oMi[frame.joint].homogeneous @ frame.placement - placed).max())
+        name: float(np.abs(at[frame.joint] @ frame.placement - placed).max())
         for name, placed in seen.items()
         if name in known and (frame := mechanism.frame(name))
     }

@@ -11,8 +11,6 @@ from ..modules import CompliantModule
 from ..parameters import Quantity
 from .mechanism import Mechanism, Module
 
-__all__ = ["kind_of_value", "value_tolerances", "values_following"]
-
 _STIFFNESS_UNITS = ("N/m", "N m/rad", "N/m or N m/rad")
 
 

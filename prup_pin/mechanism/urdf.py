@@ -15,6 +15,7 @@ import numpy as np
 from lxml import etree
 
 from ..errors import nearest_names
+from ..numbers import number
 from ..spatial import axis_as_z, placement
 from .constraint_element import CONSTRAINT, read_constraint
 from .description import (
@@ -26,11 +27,9 @@ from .description import (
     check_references,
 )
 from .extension import EXTENSION, ExtensionDocument
-from .inertial import read_inertial
 from .joint_types import JOINT_TYPES, replace_joint
-from .mesh_paths import mesh_exists, mesh_problem
 from .sidecar import Sidecar
-from .xml_file import MAX_JOINTS, MAX_NUMBER
+from .xml_file import MAX_JOINTS, MAX_NUMBER, Document
 
 #: An attribute of several lines or with tabs.
 _BROKEN = re.compile(rb"=\s*(?:\"[^\"<>]*[\t\r\n][^\"<>]*\"|'[^'<>]*[\t\r\n][^'<>]*')")
@@ -75,6 +74,9 @@ _LISTED = 4
 _CLOSING = re.compile(r"closing_(?P<name>.+)_(?P<end>[12])")
 #: More links are no robot's, and every unknown name is compared with all of them.
 _MAX_LINKS = 10_000
+_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+#: Moments below zero by less, and sums that are too small by less, are dummies or rounded drawings [kg m^2, share].
+_SMALL_MOMENT, _ROUNDED = 1e-5, 0.05
 _XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
@@ -87,8 +89,7 @@ class UrdfDocument(ExtensionDocument):
     """A URDF file."""
 
     def __init__(self, root: etree._Element, path: Path, package_folders: Sequence[Path] = ()):
-        super().__init__(root, path)
-        self.package_folders = [Path(folder).resolve() for folder in package_folders]
+        super().__init__(root, path, package_folders)
         self.sidecar: Sidecar | None = None
         self._odd: dict[str, list[str]] = {}
 
@@ -106,7 +107,7 @@ class UrdfDocument(ExtensionDocument):
             content = etree.tostring(self.root, encoding="utf-8")
         links = self._links()
         joints, fixed = self._joints(links)
-        missing = self._meshes()
+        self._meshes()
         self._shapes()
         extension = self.only_extension()
         fields = {} if extension is None else self.extension(extension)
@@ -128,9 +129,9 @@ class UrdfDocument(ExtensionDocument):
             loops=loops,
             restated=tuple(loop for loop in constraints if loop.name in described),
             coupled=coupled,
-            meshes_missing=missing,
+            meshes_missing=tuple(dict.fromkeys(self.meshes_missing)),
             notes=tuple(notes),
-            doubts=(*self._oddities(), *self._too_far()),
+            doubts=(*(f"{what}: {_some(places)}" for what, places in self._odd.items()), *self._too_far()),
             described=extension is not None or bool(loops),
             lines=self.lines,
             **fields,
@@ -304,10 +305,6 @@ class UrdfDocument(ExtensionDocument):
         line = f"line {element.sourceline}{': ' if given else ''}{given}"
         self._odd.setdefault(what, []).append(f"'{joint.get('name')}' ({line})")
 
-    def _oddities(self) -> list[str]:
-        """Return notes on what was hardly meant, each kind once."""
-        return [f"{what}: {_some(places)}" for what, places in self._odd.items()]
-
     def _too_far(self) -> list[str]:
         """Return a note on joints so far from each other that the file is hardly drawn in metres."""
         far = 0.0
@@ -350,20 +347,12 @@ class UrdfDocument(ExtensionDocument):
                 f"cut it and close the loop with <loop> in <{EXTENSION}>",
             )
 
-    def _meshes(self) -> tuple[str, ...]:
-        """Return meshes that are not there. They lie in the robot's folder or a declared one; nothing is fetched."""
-        home, missing = self.path.resolve().parent, []
+    def _meshes(self) -> None:
         for mesh in self.root.iter("mesh", "texture"):
-            name = mesh.get("filename")
-            if name:
-                message = mesh_problem(name, home, self.package_folders)
-                if message:
-                    self.problem(mesh, message)
-                elif mesh.tag == "mesh" and not mesh_exists(name, home, self.package_folders):
-                    missing.append(name.replace("\\", "/").rpartition("/")[2])
+            if name := mesh.get("filename"):
+                self.mesh(mesh, name, name.replace("\\", "/").rpartition("/")[2] if mesh.tag == "mesh" else None)
             elif mesh.tag == "mesh":
                 self.problem(mesh, '<mesh>: attribute filename="…" is missing')
-        return tuple(dict.fromkeys(missing))
 
     def _shapes(self) -> None:
         """Shapes have their sizes: urdfdom drops those without, and what it cannot draw nobody sees."""
@@ -417,3 +406,54 @@ class UrdfDocument(ExtensionDocument):
             if name and direction and len(frames) == 2:
                 loops.append(LoopDescription(name, frames[0], frames[1], _LOOP_JOINTS[kind], element.sourceline))
         return loops
+
+
+def read_inertial(document: Document, link: etree._Element, name: str) -> str | None:
+    """Report what is wrong with a link's <inertial>; return in words what no body has, where it can be computed with.
+
+    Whole or refused, for Pinocchio's reader drops half of one with a line on stderr.
+
+    A body's principal moments of inertia are not negative, and none is larger than the sum of the two others.
+    """
+    inertial = link.find("inertial")
+    if inertial is None:
+        return None
+    parts = ("origin", "mass", "inertia")
+    document.known_children(inertial, parts, f"inertial of link '{name}'", parts)
+    origin, mass, inertia = (inertial.find(tag) for tag in parts)
+    if origin is not None:
+        document.origin(origin, f"inertial of link '{name}'")
+        document.only(origin, ("xyz", "rpy"), f"inertial of link '{name}', <origin>")
+    if mass is None:
+        document.problem(
+            inertial, f'inertial of link \'{name}\': <mass value="…"/> is missing; without mass: value="0"'
+        )
+    else:
+        document.only(mass, ("value",), f"mass of link '{name}'")
+        value = document.numbers(mass, "value", 1, f"mass of link '{name}'", largest=MAX_NUMBER)
+        if value and value[0] < 0:
+            document.problem(mass, f"mass of link '{name}' is {value[0]:g} kg; expected >= 0")
+    return _moments(document, inertial, inertia, name)
+
+
+def _moments(document: Document, inertial: etree._Element, inertia: etree._Element | None, name: str) -> str | None:
+    what = f"inertia of link '{name}'"
+    missing = [key for key in _MOMENTS if inertia is None or key not in inertia.attrib]
+    zeros = " ".join(f'{key}="0"' for key in missing)
+    if inertia is None:
+        document.problem(inertial, f"{what}: <inertia …/> is missing; where it does not matter: <inertia {zeros}/>")
+    elif missing:
+        lost = "readers then drop all six moments"
+        document.problem(inertia, f"{what}: {', '.join(missing)} missing; {lost}. Write {zeros} if that is meant")
+    if inertia is None:
+        return None
+    document.only(inertia, _MOMENTS, what)
+    given = [document.numbers(inertia, key, 1, what, largest=MAX_NUMBER) for key in _MOMENTS if key in inertia.attrib]
+    if missing or None in given:
+        return None
+    xx, xy, xz, yy, yz, zz = (value[0] for value in given if value)
+    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    lacking = max(-moments[0], moments[2] - moments[1] - moments[0])
+    if lacking <= max(_SMALL_MOMENT, _ROUNDED * abs(moments).max()):
+        return None
+    return f"'{name}' (line {inertia.sourceline}: {', '.join(number(moment, 3) for moment in moments)})"

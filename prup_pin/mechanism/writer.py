@@ -9,92 +9,102 @@ import numpy as np
 from lxml import etree
 
 from ..errors import InputError
-from ..parameters import Parameter
 from .constraint_element import CONSTRAINT, constraint_element
 from .description import LoopDescription, ModuleDescription, RobotDescription
 from .extension import EXTENSION
-from .mechanism import with_lengths
-
-__all__ = ["urdf_of"]
+from .mechanism import Mechanism, with_lengths
+from .xml_file import parse_again, words
 
 
 def urdf_of(description: RobotDescription) -> bytes:
     """Return the robot file of a description: its own, comments included, with what was changed or given by `load`.
 
     Loops stand there in <prup_pin>, and once more as <constraint> where that element has a type for them. Lengths are
-    applied to the joints they move. Raises InputError where the robot was not read from a URDF.
+    applied to the joints they move; gravity and task coordinates come from the file alone. Raises InputError where the
+    robot was not read from a URDF.
     """
     if description.source != "URDF":
         raise InputError(f"'{description.name}' was read from {description.source}; only URDFs can be saved, as URDF")
-    content = with_lengths(description.content, description.lengths)
-    root = etree.fromstring(content, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True))
+    root = parse_again(with_lengths(description.content, description.lengths))
     root.set("name", description.name)
     extension = root.find(EXTENSION)
     if extension is None:
         extension = etree.SubElement(root, EXTENSION, version="1")
-        _set_apart(extension, "\n  ")
-    _heads(extension, description)
-    _lengths(extension, description)
+    _tool(extension, description)
+    if description.actuated is not None:
+        _once(extension, "actuated").set("joints", " ".join(description.actuated))
+    for name, value in description.home.items():
+        _give(_once(extension, "home"), name, value)
+    lengths = {element.get("name"): element for element in extension.findall("length")}
+    for length in description.lengths:
+        _give(lengths[length.parameter.name], "value", length.parameter.value)
     _loops(root, extension, description.loops)
     _modules(extension, description.modules)
+    for module in extension.iterchildren("module"):
+        if module.tail is None or module.text:  # added, or of several lines
+            _set_apart(module, "\n      ")
+    _set_apart(extension, "\n    ")
+    _set_apart(root, "\n  ")
     return etree.tostring(root.getroottree(), encoding="utf-8", xml_declaration=True) + b"\n"
 
 
-def _set_apart(element: etree._Element, indent: str) -> None:
-    """Put an element that was added on a line of its own."""
-    before = element.getprevious()
-    parent = element.getparent()
-    if parent is None:
-        return
-    if before is not None:
-        element.tail, before.tail = before.tail, indent
-    else:
-        element.tail, parent.text = indent[:-2] or "\n", indent
+def extension_of(mechanism: Mechanism) -> etree._Element:
+    """Return a mechanism's <prup_pin> anew, for files of any format: tool, task coordinates, notes and modules.
+
+    Loops, gravity, drives and home are for the formats.
+    """
+    description = mechanism.description
+    extension = etree.Element(EXTENSION, version="1")
+    _tool(extension, description)
+    if description.tasks:
+        tasks = etree.SubElement(extension, "task_coordinates", rotation=description.rotation)
+        for task in description.tasks:
+            etree.SubElement(tasks, "coordinate", name=task.name, component=task.component)
+    for note in description.notes:
+        etree.SubElement(extension, "note").text = note
+    _modules(extension, description.modules)
+    for described, element in zip(description.modules, extension.iterchildren("module"), strict=True):
+        if described.axis is None and described.root is not None:  # which the file's home said
+            base = mechanism.frame(described.tip or described.frame or described.joint).placement
+            axis = base[:3, :3].T @ mechanism.module(described.name).frame.placement[:3, 2]
+            element.set("axis", words(axis))
+    return extension
 
 
-def _added(parent: etree._Element, tag: str, indent: str = "\n    ", **attributes: str) -> etree._Element:
-    element = etree.SubElement(parent, tag, attributes)
-    _set_apart(element, indent)
-    return element
+def _set_apart(parent: etree._Element, indent: str) -> None:
+    """Put elements that were added on lines of their own; those of the file have theirs."""
+    for element in parent:
+        before = element.getprevious()
+        if element.tail is None and before is not None:
+            element.tail, before.tail = before.tail, indent
+        elif element.tail is None:
+            element.tail, parent.text = indent[:-2] or "\n", indent
 
 
-def _number(value: Any) -> str:
-    return " ".join(repr(float(entry)) for entry in np.ravel(np.asarray(value, float)))
-
-
-def _head(extension: etree._Element, tag: str) -> etree._Element:
+def _once(extension: etree._Element, tag: str) -> etree._Element:
     """Return an element that stands once, added where it is missing."""
     element = extension.find(tag)
-    return _added(extension, tag) if element is None else element
+    return etree.SubElement(extension, tag) if element is None else element
 
 
-def _heads(extension: etree._Element, description: RobotDescription) -> None:
-    """Tool, actuated joints and home as they are now; gravity and task coordinates come from the file alone."""
+def _tool(extension: etree._Element, description: RobotDescription) -> None:
     if description.tool is not None:
-        tool = _head(extension, "tool")
-        tool.set("frame", description.tool)
+        tool = _once(extension, "tool")
         tool.attrib.pop("part", None)
-        if description.tool_part is not None:
-            tool.set("part", description.tool_part)
-    if description.actuated is not None:
-        _head(extension, "actuated").set("joints", " ".join(description.actuated))
-    if description.home:
-        home = _head(extension, "home")
-        for name, value in description.home.items():
-            _give(home, name, value)
+        _set(tool, frame=description.tool, part=description.tool_part)
+
+
+def _set(element: etree._Element, **attributes: str | None) -> None:
+    for name, value in attributes.items():
+        if value is not None:
+            element.set(name, value)
 
 
 def _give(element: etree._Element, name: str, value: Any) -> None:
     """Set a number unless the file says it already, in its own digits."""
     text = element.get(name)
     if text is None or not np.array_equal([float(word) for word in text.split()], np.ravel(value)):
-        element.set(name, _number(value))
-
-
-def _lengths(extension: etree._Element, description: RobotDescription) -> None:
-    elements = {element.get("name"): element for element in extension.findall("length")}
-    for length in description.lengths:
-        _give(elements[length.parameter.name], "value", length.parameter.value)
+        element.set(name, words(np.ravel(value)))
 
 
 def _loops(root: etree._Element, extension: etree._Element, loops: Iterable[LoopDescription]) -> None:
@@ -110,11 +120,11 @@ def _loops(root: etree._Element, extension: etree._Element, loops: Iterable[Loop
         named = loop.first.offset is None and loop.second.offset is None
         if named and loop.name not in own:
             free = " ".join(sorted(loop.free))
-            _added(extension, "loop", name=loop.name, frame1=loop.first.name, frame2=loop.second.name, free=free)
+            frames = {"frame1": loop.first.name, "frame2": loop.second.name}
+            etree.SubElement(extension, "loop", name=loop.name, **frames, free=free)
         element = None if loop.name in constraints else constraint_element(loop, link_of)
         if element is not None:
             extension.addprevious(element)
-            _set_apart(element, "\n  ")
 
 
 def _modules(extension: etree._Element, modules: Iterable[ModuleDescription]) -> None:
@@ -122,29 +132,24 @@ def _modules(extension: etree._Element, modules: Iterable[ModuleDescription]) ->
     for module in modules:
         element = elements.get(module.name)
         if element is None:
-            element = _added(extension, "module", name=module.name, type=module.kind, joint=module.joint)
-            for key, frame in (("frame", module.frame), ("root", module.root), ("tip", module.tip)):
-                if frame is not None:
-                    element.set(key, frame)
-            if module.axis is not None:
-                element.set("axis", _number(module.axis))
+            element = etree.SubElement(extension, "module", name=module.name, type=module.kind, joint=module.joint)
+            _set(element, frame=module.frame, root=module.root, tip=module.tip, body=module.body,
+                 anchor=None if module.anchor == "root" else module.anchor,
+                 axis=None if module.axis is None else words(module.axis))  # fmt: skip
         element.set("type", module.kind)
         given = {item.get("name"): item for item in element.findall("parameter")}
         for name, item in given.items():
             if name not in module.values:
                 element.remove(item)
         for name, parameter in module.values.items():
-            _parameter(element, given.get(name), name, parameter)
-
-
-def _parameter(module: etree._Element, item: etree._Element | None, name: str, parameter: Parameter) -> None:
-    if item is None:
-        item = _added(module, "parameter", "\n      ", name=name)
-    elif np.array_equal([float(word) for word in (item.get("value") or item.text).split()], np.ravel(parameter.value)):
-        return
-    item.set("value", _number(parameter.value))
-    item.text = None
-    if parameter.source:
-        item.set("source", parameter.source)
-    else:
-        item.attrib.pop("source", None)
+            item, value = given.get(name), np.ravel(np.asarray(parameter.value, float))
+            if item is None:
+                item, tolerance = etree.SubElement(element, "parameter", name=name), parameter.declared_tolerance
+                if tolerance is not None:
+                    item.set("tolerance", f"{100 * tolerance.size!r}%" if tolerance.relative else repr(tolerance.size))
+            elif np.array_equal([float(word) for word in (item.get("value") or item.text).split()], value):
+                continue
+            item.set("value", words(value))
+            item.text = None
+            item.attrib.pop("source", None)
+            _set(item, source=parameter.source or None)

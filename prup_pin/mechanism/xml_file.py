@@ -6,7 +6,7 @@ import difflib
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -99,6 +99,16 @@ def parse(content: bytes, path: Path) -> etree._Element:
     if sum(1 for _ in root.iter()) > MAX_ELEMENTS:
         raise RobotFileError(path, [Problem(f"has more than {MAX_ELEMENTS} elements; this is not a robot description")])
     return root
+
+
+def parse_again(content: bytes) -> etree._Element:
+    """Return the root of a file that was read before, comments included."""
+    return etree.fromstring(content, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True))
+
+
+def words(values: Iterable[float]) -> str:
+    """Return numbers as a file has them, all digits."""
+    return " ".join(repr(float(value) + 0.0) for value in values)
 
 
 def _doctype(content: bytes) -> int | None:

@@ -7,11 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..parameters import Parameter
-from .description import ModuleDescription, kinds_by_name
+from .description import ModuleDescription, parameter_of, quantities_of
 from .joints import Joint
-
-__all__ = ["WAYS", "yielding_module", "yielding_modules"]
 
 #: How a joint may yield: along its own motion (about the axis of one that turns), or about axes across it.
 WAYS = ("own", "across")
@@ -22,27 +19,20 @@ def yielding_module(joint: str, way: str) -> str:
     return f"{joint} yielding {way}"
 
 
-def yielding_modules(joints: Iterable[tuple[Joint, str]]) -> tuple[ModuleDescription, ...]:
-    """Return a spring along each joint, or what tilts across it; how soft they are a simulation says.
+def yielding_as(joint: Joint, way: str, value: Any, source: str, seat: str | None = None) -> ModuleDescription:
+    """Return the module: a spring along the joint, of a stiffness, or what tilts across it, of a compliance (6, 6).
 
-    Across a joint that turns the bearing's seat tilts, which does not turn with it.
+    Across a joint that turns the bearing's seat tilts, which does not turn with it: on a frame `seat`, or where the
+    joint is drawn.
     """
-    return tuple(_across(joint) if way == "across" else _own(joint) for joint, way in joints)
+    name, across = yielding_module(joint.name, way), way == "across"
+    kind, quantity = ("compliance_matrix", "matrix") if across else ("joint_spring", "stiffness")
+    values = {quantity: parameter_of(name, quantities_of(kind)[quantity], value, source)}
+    axis, seated = (tuple(joint.axis.tolist()), seat is None and not joint.slides) if across else (None, False)
+    return ModuleDescription(name, kind, joint.name, seat, axis=axis, values=values, seated=seated)
 
 
-def _own(joint: Joint) -> ModuleDescription:
-    name = yielding_module(joint.name, "own")
-    return ModuleDescription(name, "joint_spring", joint.name, values=_given(name, "joint_spring", "stiffness", 1.0))
-
-
-def _across(joint: Joint) -> ModuleDescription:
-    name, kind = yielding_module(joint.name, "across"), "compliance_matrix"
-    values = _given(name, kind, "matrix", np.zeros((6, 6)))
-    return ModuleDescription(
-        name, kind, joint.name, axis=tuple(joint.axis.tolist()), seated=not joint.slides, values=values
-    )
-
-
-def _given(module: str, kind: str, name: str, value: Any) -> dict[str, Parameter]:
-    quantity = next(item for item in kinds_by_name()[kind].quantities if item.name == name)
-    return {name: Parameter(f"{module}.{name}", value, quantity.unit, "a law", quantity.description, quantity)}
+def yielding_modules(joints: Iterable[tuple[Joint, str]]) -> tuple[ModuleDescription, ...]:
+    """Return the modules of joints that yield; how soft they are a simulation says."""
+    start = {"own": 1.0, "across": np.zeros((6, 6))}
+    return tuple(yielding_as(joint, way, start[way], "a law") for joint, way in joints)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -17,8 +18,6 @@ from ..recordings import Drawn, Recording, read_as
 from ..robot import Robot
 from ..spatial import Array, rotation_exp, turn_between
 from .simulator import Simulator
-
-__all__ = ["AsRecorded", "as_recorded", "drawn_for", "foreign_joints", "in_format"]
 
 #: Joints that a sentence lists by name.
 _MOST_LISTED = 8
@@ -161,8 +160,8 @@ def _check_spelling(recording: Recording, mechanism: Mechanism) -> None:
             close = [match for match in close if _misspelt(name.lower(), match)]
             # one column too many and one too few, alike but for a number or for letters
             if len(foreign) == len(driven) == 1 and (
-                _unnumbered(name.lower()) == _unnumbered(driven[0])
-                or (_digits(name) == _digits(driven[0]) and close_names(name, driven))
+                re.sub(r"\d", "", name.lower()) == re.sub(r"\d", "", driven[0])
+                or (re.findall(r"\d", name) == re.findall(r"\d", driven[0]) and close_names(name, driven))
             ):
                 close = driven
             if close:
@@ -195,21 +194,13 @@ def _check_robot(recording: Recording, mechanism: Mechanism) -> None:
 
 def _misspelt(name: str, joint: str) -> bool:
     """Return False for names that are alike and still of two joints: joint_6 and joint_7, left_hip and right_hip."""
-    if _digits(name) != _digits(joint):
+    if re.findall(r"\d", name) != re.findall(r"\d", joint):
         return False
     words, others = name.split("_"), joint.split("_")
     if len(words) != len(others):
         return "".join(words) == "".join(others)
     pairs = zip(words, others, strict=True)
     return all(difflib.SequenceMatcher(None, *pair).ratio() >= _MISSPELT_WORD for pair in pairs)
-
-
-def _digits(name: str) -> list[str]:
-    return [letter for letter in name if letter.isdigit()]
-
-
-def _unnumbered(name: str) -> str:
-    return "".join(letter for letter in name if not letter.isdigit())
 
 
 def _is_loose(mechanism: Mechanism, frame: str) -> bool:

@@ -7,8 +7,6 @@ import numpy as np
 from ..loaded import Equilibria
 from ..spatial import Array
 
-__all__ = ["static_efforts"]
-
 
 def static_efforts(found: Equilibria, joints: tuple[str, ...]) -> Array:
     """Return the efforts of actuated joints, (N, len(joints)) [N or N m], positive where they push towards positive q.

@@ -29,20 +29,7 @@ from ..recordings.problems import KeyReader, Problems, is_number, json_kind, rea
 from ..robot import Robot
 from .needs import as_json as needs_as_json
 from .needs import lacking, needs_of
-from .posterior import Posterior, read_posterior
-
-__all__ = [
-    "FORMAT",
-    "VERSION",
-    "CorrectedModel",
-    "Known",
-    "effect_named",
-    "law_named",
-    "model_document",
-    "place_named",
-    "read_model",
-    "write_model",
-]
+from .posterior import Posterior, instead, read_posterior
 
 FORMAT = "prup_pin corrected model"
 VERSION = 1
@@ -299,11 +286,9 @@ class _Reader(KeyReader):
             self.wrong("findings", message)
             self.problems.raise_all()
         if values.get("format") != FORMAT:
-            given = f"is {json_kind(values['format'])}" if "format" in values else "is missing"
-            self.wrong("format", f'{given}; expected "{FORMAT}"')
+            self.wrong("format", f'{instead(values, "format")}; expected "{FORMAT}"')
         elif isinstance(values.get("version"), bool) or values.get("version") != VERSION:
-            given = f"is {json_kind(values['version'])}" if "version" in values else "is missing"
-            self.wrong("version", f"{given}; this prup_pin reads version {VERSION}")
+            self.wrong("version", f"{instead(values, 'version')}; this prup_pin reads version {VERSION}")
         self.entries(values, "", _KEYS)
         if self.needs(values.get("needs", [])):
             self.problems.raise_all()  # all else would follow from it
@@ -319,8 +304,7 @@ class _Reader(KeyReader):
         effects: list[Effect] = []
         known: list[Known] = []
         if not isinstance(listed, list):
-            given = f"is {json_kind(listed)}" if "effects" in values else "is missing"
-            self.wrong("effects", f"{given}; expected a list, which may be empty")
+            self.wrong("effects", f"{instead(values, 'effects')}; expected a list, which may be empty")
         else:
             for index, entry in enumerate(listed):
                 effect = self.effect(entry, f"effects[{index}]", mechanism)
@@ -332,6 +316,7 @@ class _Reader(KeyReader):
         noise = noise_of(self, self.entries({} if sensors is None else sensors, "noise", tuple(NOISE_KEYS)))
         band = self.by_joint(values, "band", dict.fromkeys(units, "Hz"))
         effort_noise = self.by_joint(values, "effort_noise", units)
+        all_read = isinstance(listed, list) and len(listed) == len(effects)
         joints = {} if mechanism is None else {"q": [j.name for j in mechanism.joints], "tau": list(mechanism.actuated)}
         written = values.get("conventions") if joints else None
         conventions = conventions_of(self, written, joints)
@@ -349,13 +334,8 @@ class _Reader(KeyReader):
             by_run,
             effort_noise,
             tuple(known) if any(item != Known() for item in known) else (),
-            read_posterior(values["posterior"], effects, self) if self.all_read(values, effects) else None,
+            read_posterior(values["posterior"], effects, self) if "posterior" in values and all_read else None,
         )
-
-    def all_read(self, values: dict[str, Any], effects: Sequence[Effect]) -> bool:
-        """Return whether there is a posterior, and every effect that it may be of was read."""
-        listed = values.get("effects")
-        return "posterior" in values and isinstance(listed, list) and len(listed) == len(effects)
 
     def needs(self, value: object) -> bool:
         """Return whether something that the model needs is not here, after reporting it."""
@@ -506,9 +486,7 @@ class _Reader(KeyReader):
         entry = self.entries(value, key, ("value", "unit", "interval"))
         number = entry.get("value")
         if not is_number(number):
-            given = f"is {json_kind(number)}" if "value" in entry else "is missing"
-            self.wrong(f"{key}.value", f"{given}; expected a number{f' [{unit}]' if unit else ''}")
+            self.wrong(f"{key}.value", f"{instead(entry, 'value')}; expected a number{f' [{unit}]' if unit else ''}")
         if unit is not None and entry.get("unit") != unit:
-            given = f"is {json_kind(entry['unit'])}" if "unit" in entry else "is missing"
-            self.wrong(f"{key}.unit", f'{given}; expected "{unit}"')
+            self.wrong(f"{key}.unit", f'{instead(entry, "unit")}; expected "{unit}"')
         return float(number) if is_number(number) else None

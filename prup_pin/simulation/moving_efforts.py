@@ -19,9 +19,6 @@ from ..recordings.columns import AS_LOGGED
 from ..robot import Robot
 from ..spatial import Array
 
-__all__ = ["efforts_at_rest", "efforts_in_motion", "is_of_efforts", "share_left"]
-
-
 #: How many times as large as elsewhere a residual is where a joint turns round before that is told.
 _MUCH_MORE = 3.0
 

@@ -14,8 +14,6 @@ from ..modules import KINDS
 from ..plugins import Plugin, Source, files
 from ..robots import brought_robots
 
-__all__ = ["as_json", "lacking", "needs_of", "taking_part"]
-
 Used = Mapping[Source, tuple[str, ...]]
 
 

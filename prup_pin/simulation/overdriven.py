@@ -18,8 +18,6 @@ from ..mechanism import Mechanism
 from ..robot import Robot
 from ..spatial import Array
 
-__all__ = ["Overdriven"]
-
 #: Actuators may differ by so much [rad], and by this share of the robot's size [m]: more is no matter of encoders.
 _APART = 0.01
 

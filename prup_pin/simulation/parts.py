@@ -12,7 +12,6 @@ import pickle
 import warnings
 from collections.abc import Iterator, Sequence, Set
 from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -25,10 +24,9 @@ from ..laws.deeds import BLOCK, RUN
 from ..mechanism import Frame
 from ..robot import Robot
 from ..spatial import Array, rotation_log
+from ..sweep.running import lost_remark, returned_in_order, unpacked
 from .efforts import static_efforts
 from .simulator import Memory, Run, Simulator
-
-__all__ = ["STATUSES", "Part", "Wanted", "plan_parts", "solve_all", "take_inputs"]
 
 #: What can be said of a sample; a part holds indices into this.
 STATUSES = ("ok", "no input", "unreachable", "not converged", "not computed")
@@ -76,9 +74,19 @@ class Part:
         """Mark samples, given by their places in this part, as failed."""
         self.status[places] = status
         if len(places):
-            row = int(self.rows[places].min())
-            if status not in self.reasons or row < self.reasons[status][0]:
-                self.reasons[status] = row, reason
+            self._tell(status, int(self.rows[places].min()), reason)
+
+    def take(self, other: Part) -> None:
+        """Take over what another part says of its rows; this one holds them all."""
+        for name in ("position", "rotation", "efforts", "markers", "status"):
+            getattr(self, name)[other.rows] = getattr(other, name)
+        self.remarks |= other.remarks
+        for status, told in other.reasons.items():
+            self._tell(status, *told)
+
+    def _tell(self, status: int, row: int, reason: str) -> None:
+        if status not in self.reasons or row < self.reasons[status][0]:
+            self.reasons[status] = row, reason
 
 
 def take_inputs(inputs: Inputs, rows: np.ndarray) -> Inputs:
@@ -259,53 +267,31 @@ def solve_all(
     wanted: Wanted, inputs: Inputs, chains: list[list[np.ndarray]], workers: int, remarks: list[str]
 ) -> Iterator[Part]:
     """Yield the simulation of all chains in their order; in `workers` processes where that is possible."""
-    done = 0
     payload = _packed(wanted) if workers > 1 and len(chains) > 1 else None
-    if workers > 1 and len(chains) > 1 and payload is None:
-        remarks.append("Robot or laws cannot be sent to other processes: computed in one.")
-    if payload is not None:
-        try:
-            for solved in _in_processes(payload, inputs, chains, workers):
-                yield from solved
-                done += 1
-            return
-        except (BrokenProcessPool, OSError) as error:
-            remarks.append(
-                f"The other processes came to an end ({error}); the rest was computed in one. A script that simulates "
-                'with several workers needs its calls under: if __name__ == "__main__":'
-            )
-    for parts in chains[done:]:
-        yield from solve_chain(wanted, parts, [take_inputs(inputs, rows) for rows in parts])
-
-
-def _in_processes(payload: bytes, inputs: Inputs, chains, workers: int) -> Iterator[list[Part]]:
+    jobs = ((payload, parts, [take_inputs(inputs, rows) for rows in parts]) for parts in chains)
+    if payload is None:
+        if workers > 1 and len(chains) > 1:
+            remarks.append("Robot or laws cannot be sent to other processes: computed in one.")
+        for _, parts, given in jobs:
+            yield from solve_chain(wanted, parts, given)
+        return
     # Forked processes inherit the locks of numerical libraries' threads; fresh ones do not.
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(workers, len(chains)), context, _start_worker, (payload,))
+    pool, lost = ProcessPoolExecutor(min(workers, len(chains)), multiprocessing.get_context("spawn")), 0
     try:
-        waiting: list = []
-        ahead = 2 * workers
-        for index, parts in enumerate(chains):
-            waiting.append(pool.submit(_work, parts, [take_inputs(inputs, rows) for rows in parts]))
-            if index >= ahead:
-                yield waiting.pop(0).result()
-        while waiting:
-            yield waiting.pop(0).result()
+        for parts, solved in zip(chains, returned_in_order(pool, _work, jobs), strict=True):
+            lost += solved is None
+            yield from solved or solve_chain(wanted, parts, [take_inputs(inputs, rows) for rows in parts])
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+    if lost:
+        remarks.append(
+            f"{lost_remark(lost, len(chains), 'parts', 'computed')}. A script that simulates with several workers "
+            'needs its calls under: if __name__ == "__main__":'
+        )
 
 
-_wanted: Wanted | None = None
-
-
-def _start_worker(payload: bytes) -> None:
-    global _wanted
-    _wanted = pickle.loads(payload)
-
-
-def _work(parts: list[np.ndarray], inputs: list[Inputs]) -> list[Part]:
-    assert _wanted is not None
-    return list(solve_chain(_wanted, parts, inputs))
+def _work(payload: bytes, parts: list[np.ndarray], inputs: list[Inputs]) -> list[Part]:
+    return list(solve_chain(unpacked(payload), parts, inputs))
 
 
 def _packed(wanted: Wanted) -> bytes | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -11,8 +11,6 @@ import numpy as np
 from ..laws import Effect
 from ..recordings.problems import is_number, json_kind, shown
 from ..spatial import Array
-
-__all__ = ["Posterior", "PosteriorValue"]
 
 #: Digits that are written of a number of the root: more than any covariance is known to.
 _DIGITS = 9
@@ -70,6 +68,11 @@ class Posterior:
         return {"explained": self.explained, "parameters": values, "root": rows}
 
 
+def instead(entry: Mapping[str, Any], key: str) -> str:
+    """Return 'is …' of what stands under a key, or 'is missing', as the beginning of what is wrong with it."""
+    return f"is {json_kind(entry[key])}" if key in entry else "is missing"
+
+
 def lower_root(covariant: Array) -> Array:
     """Return the lower triangular L (p, p) with L L^T = A A^T, its diagonal not negative, of A (p, q)."""
     p, q = covariant.shape
@@ -89,8 +92,7 @@ def read_posterior(given: object, effects: Sequence[Effect], reader: Any) -> Pos
         reader.wrong("posterior.explained", f"is {json_kind(explained)}; expected true or false")
     for key, what in (("parameters", "values"), ("root", "texts of numbers")):
         if isinstance(given, dict) and not isinstance(entry.get(key), list):
-            is_ = f"is {json_kind(entry[key])}" if key in entry else "is missing"
-            reader.wrong(f"posterior.{key}", f"{is_}; expected a list of {what}")
+            reader.wrong(f"posterior.{key}", f"{instead(entry, key)}; expected a list of {what}")
     if len(reader.problems) > before:
         return None
     values = [_value(item, place, effects, reader) for place, item in enumerate(entry["parameters"])]

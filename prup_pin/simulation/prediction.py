@@ -18,9 +18,7 @@ from ..robot import Robot
 from ..spatial import Array, rotation_exp, turn_between
 from .as_recorded import as_recorded, drawn_for
 from .moving_efforts import efforts_at_rest, efforts_in_motion, is_of_efforts, share_left
-from .parts import NOT_COMPUTED, OK, STATUSES, Wanted, plan_parts, solve_all, take_inputs
-
-__all__ = ["Agreement", "Prediction", "compare", "inputs_of", "simulate"]
+from .parts import OK, STATUSES, Part, Wanted, plan_parts, solve_all, take_inputs
 
 _WEIGHT = "self_weight@robot scale=1"
 #: Called with the rows done and all rows.
@@ -198,45 +196,34 @@ def simulate(
     for effect in effects:
         setup.take(effect.deeds(setup))
     chains = plan_parts(inputs, setup.memories)
-    position, rotation = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
-    efforts, marked = np.full((n, len(joints)), np.nan), np.full((n, len(marked_frames), 6), np.nan)
-    status = np.full(n, NOT_COMPUTED, np.int8)
-    reasons: dict[int, tuple[int, str]] = {}
-    told: dict[str, None] = {}
-    done = 0
+    whole, done = Part.empty(np.arange(n), wanted), 0
     column = {name: k for k, name in enumerate(marked_frames)}
 
     def result(rows: slice) -> Prediction:
         return Prediction(
             time=recording.time[rows],
-            position=position[rows],
-            rotation=rotation[rows],
-            efforts=MappingProxyType({name: efforts[rows, k] for k, name in enumerate(joints)}),
-            markers=MappingProxyType({name: marked[rows, column[name], :3] for name in placed}),
-            marker_rotations=MappingProxyType({name: marked[rows, column[name], 3:] for name in turned}),
-            status=tuple(STATUSES[code] for code in status[rows].tolist()),
-            reasons=MappingProxyType({STATUSES[code]: reasons[code][1] for code in sorted(reasons)}),
-            remarks=(*remarks, *told),
+            position=whole.position[rows],
+            rotation=whole.rotation[rows],
+            efforts=MappingProxyType({name: whole.efforts[rows, k] for k, name in enumerate(joints)}),
+            markers=MappingProxyType({name: whole.markers[rows, column[name], :3] for name in placed}),
+            marker_rotations=MappingProxyType({name: whole.markers[rows, column[name], 3:] for name in turned}),
+            status=tuple(STATUSES[code] for code in whole.status[rows].tolist()),
+            reasons=MappingProxyType({STATUSES[code]: text for code, (_, text) in sorted(whole.reasons.items())}),
+            remarks=(*remarks, *whole.remarks),
         )
 
     parts = solve_all(wanted, inputs, chains, workers, remarks)
     try:
         for part in parts:
-            position[part.rows], rotation[part.rows] = part.position, part.rotation
-            efforts[part.rows], marked[part.rows] = part.efforts, part.markers
-            status[part.rows] = part.status
-            told |= part.remarks
-            for code, (row, text) in part.reasons.items():
-                if code not in reasons or row < reasons[code][0]:
-                    reasons[code] = row, text
+            whole.take(part)
             done += len(part.rows)
             if progress is not None:
                 progress(done, n)
             failed = part.rows[part.status != OK]
             if stop and len(failed):
                 row = int(failed.min())
-                word = STATUSES[status[row]]
-                text = reasons[int(status[row])][1]
+                code = int(whole.status[row])
+                word, text = STATUSES[code], whole.reasons[code][1]
                 raise SimulationStoppedError(
                     f"stopped at line {row + 2} of the table (time {recording.time[row]:g} s): {word}: {text}",
                     row,
@@ -246,7 +233,7 @@ def simulate(
     finally:
         parts.close()  # type: ignore[attr-defined]
     if joints:
-        efforts[:] = efforts_at_rest(robot, recording, effects, efforts)
+        whole.efforts[:] = efforts_at_rest(robot, recording, effects, whole.efforts)
     return result(slice(None))
 
 

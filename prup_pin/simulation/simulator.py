@@ -19,8 +19,6 @@ from ..robot import Robot
 from ..spatial import Array
 from .overdriven import Overdriven
 
-__all__ = ["Memory", "Run", "Simulator"]
-
 _MEMORY_ROUNDS = 60
 
 #: What deeds that remember hold after a sample, by kind.
@@ -142,14 +140,12 @@ class Simulator:
 
         Without one they come after what acts anyway, but where the first of them is all that acts.
         """
-        setup = self._nominal() if begin is None else begin.copy()
+        mechanism = self.robot.mechanism
+        setup = begin.copy() if begin else Setup.nominal(mechanism, self.inputs, self._turns, self._tool_motion)
         alone = bool(effects) and effects[0].law.is_all_that_acts
         for effect in (*(() if alone or begin is not None else self.acting), *effects):
             setup.take(effect.deeds(setup))
         return setup
-
-    def _nominal(self) -> Setup:
-        return Setup.nominal(self.robot.mechanism, self.inputs, self._turns, self._tool_motion)
 
     @cached_property
     def _tool_motion(self) -> tuple[Array, Array] | None:

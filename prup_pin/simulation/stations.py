@@ -11,8 +11,6 @@ from ..recordings import Recording
 from ..spatial import Array, rigid_motion, rotation_exp, rotation_log
 from .prediction import Prediction
 
-__all__ = ["FIRST_POINTS", "seen_from_stations"]
-
 #: So many rows of a run in which something was measured say where its pose sensor stood; fewer do where no more were.
 FIRST_POINTS = 8
 _FEWEST = 3

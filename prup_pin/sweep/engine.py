@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from ..errors import PrupPinError, SingularPoseError, UnreachablePoseError, imported
+from ..errors import PrupPinError, imported
 from ..kernel import Columns, Tree
-from ..kinematics import AWAY, CLOSED, DOUBTFUL, LIMITS, LONGEST, ClosedPose, LoopKinematics, ManyPoses
+from ..kinematics import AWAY, CLOSED, DOUBTFUL, LIMITS, LONGEST, ClosedPose, LoopKinematics, ManyPoses, alone
 from ..mechanism import Mechanism
 from ..spatial import Array
 from ..statics import Compliance, StaticsLayout, dimensionless, invalid, solve_statics
@@ -23,8 +23,6 @@ from . import status
 from .places import Coordinates
 from .quantities import QUANTITIES, Asked, Solved
 from .written import Written, written
-
-__all__ = ["Answer", "Engine"]
 
 #: So many poses are solved together: their matrices fit a processor's memory.
 _TOGETHER = 256
@@ -251,34 +249,22 @@ class Engine:
         rows = np.array([index])
         for values in into_values:
             values[rows] = np.nan
-        try:
-            pose = self.pose(coordinates[index])
-        except SingularPoseError:
-            into[index] = status.SINGULAR
-            return
-        except UnreachablePoseError as error:
-            into[index] = status.LIMITS if "outside its limits" in str(error) else status.UNREACHABLE
-            return
-        self._fill(pose.as_many(), rows, into_values, into)
+        state, pose = alone(self.kinematics, coordinates[index])
+        into[index] = _STATES[state]
+        if pose is not None:
+            self._fill(pose.as_many(), rows, into_values, into)
 
     @property
     def _stiff(self) -> list[str]:
         """The matrices that have to exist for what is asked."""
         return list(dict.fromkeys(item.stiff for item in self.quantities if item.stiff))
 
-    def pose(self, coordinates: Array) -> ClosedPose:
-        """Return one pose. Raises like `Robot.pose`, without looking for what might be reached instead."""
-        kinematics = self.kinematics
-        if self.mechanism.tasks:
-            return kinematics.reach(coordinates, {}, kinematics.task.goal)
-        return kinematics.pose_from_actuators(coordinates)
-
     def reason(self, coordinates: Array) -> str:
         """Return what is wrong at one pose, in the words of a single question; nothing where that has an answer."""
         kinematics = self.kinematics
         wanted = dict(zip(self.coordinates.names, coordinates.tolist(), strict=True))
         try:
-            pose = kinematics.pose(wanted) if self.mechanism.tasks else self.pose(coordinates)
+            pose = kinematics.pose(wanted) if self.mechanism.tasks else kinematics.pose_from_actuators(coordinates)
             if any(item.elastic for item in self.quantities):
                 compliance = Compliance(solve_statics(self.layout, pose), self.scaling, None)
                 for name in self._stiff:

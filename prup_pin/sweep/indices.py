@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from ..spatial import Array
 
-__all__ = ["ErrorRange", "Spread", "along", "homogenised", "principal_stiffnesses", "softest", "spread"]
-
 
 def principal_stiffnesses(block: Array) -> Array:
     """Return the stiffnesses along the principal axes of a block of C (..., 3, 3), ascending, (..., 3).

@@ -11,10 +11,8 @@ import numpy as np
 
 from ..errors import InputError, UnknownNameError
 from ..mechanism import Mechanism
-from ..mechanism.description import TASK_COMPONENTS
+from ..mechanism.description import COMPONENTS
 from ..spatial import Array
-
-__all__ = ["Coordinates", "Places", "drawn", "grid", "scattered"]
 
 #: A coordinate farther out than this many characteristic lengths is not meant in metres.
 _FAR = 20.0
@@ -39,7 +37,7 @@ class Coordinates:
     def of(cls, mechanism: Mechanism, length: float) -> Coordinates:
         """Return the task coordinates, or, of a robot without any, the actuated joints."""
         if mechanism.tasks:
-            turning = [TASK_COMPONENTS.index(task.component) >= 3 for task in mechanism.tasks]
+            turning = [COMPONENTS.index(task.component) >= 3 for task in mechanism.tasks]
             names, widest = [task.name for task in mechanism.tasks], pi
         else:
             joints = [mechanism.joint(name) for name in mechanism.actuated]
@@ -147,20 +145,25 @@ def drawn(coordinates: Coordinates, given: Mapping[str, Any], count: int, seed: 
         raise InputError(
             f"draws={count}: expected at most {MAX_DRAWS} poses; several sweeps with other seeds draw more"
         )
-    ends: dict[str, tuple[float, float]] = {}
+    spans = ends_of(coordinates, given)
+    low, high = np.array([np.broadcast_to(spans[name], 2) for name in coordinates.names]).T
+    return Places(coordinates.names, None, np.random.default_rng(seed).uniform(low, high, (int(count), len(low))))
+
+
+def ends_of(coordinates: Coordinates, given: Mapping[str, Any]) -> dict[str, float | tuple[float, float]]:
+    """Return a number, or the two ends of a span, for each coordinate. Raises InputError."""
+    found: dict[str, float | tuple[float, float]] = {}
     for name, value in given.items():
         coordinates.index(name)
         array = _numbers(name, value)
         if array.shape not in ((), (2,)):
-            raise InputError(f"{name}: with draws=, expected a number or two ends (low, high); got {value!r}")
+            raise InputError(f"{name} = {value!r}: expected a number, or the two ends of a span (low, high)")
         coordinates.check(name, array)
-        low, high = (float(array), float(array)) if not array.ndim else array.tolist()
-        if array.ndim and low >= high:
-            raise InputError(f"{name}: from {low:g} to {high:g} is no range; expected a low end below the high one")
-        ends[name] = low, high
-    _need_all(coordinates, ends)
-    low, high = np.array([ends[name] for name in coordinates.names]).T
-    return Places(coordinates.names, None, np.random.default_rng(seed).uniform(low, high, (int(count), len(low))))
+        if array.ndim and not array[0] < array[1]:
+            raise InputError(f"{name}: from {array[0]:g} to {array[1]:g} is no range; expected the smaller end first")
+        found[name] = (float(array[0]), float(array[1])) if array.ndim else float(array)
+    _need_all(coordinates, found)
+    return found
 
 
 def scattered(coordinates: Coordinates, poses: Any) -> Places:

@@ -20,8 +20,6 @@ from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array, symmetric
 from ..statics import Compliance, Statics, StaticsLayout, solve_statics, yielding_stiffness
 from .indices import along, homogenised, principal_stiffnesses, softest
 
-__all__ = ["QUANTITIES", "Asked", "Quantity", "Solved", "chosen", "unused"]
-
 #: Corners of a cube (3, 4), one of each opposite pair: norms are convex, they are largest at corners of the box.
 _HALF = np.array([[1.0, 1.0, 1.0, 1.0], [1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]])
 
@@ -193,8 +191,11 @@ class Solved:
 _RANKS = ("softest", "middle", "stiffest")
 #: What of a matrix' entry, beside the two on its diagonal, is rounding.
 _ROUNDING = 1e-9
+_AXES, _POINT, _KINDS = ("1", "2", "3"), ("x", "y", "z"), ("translation", "rotation")
+_MODES = ("1", "2", "3", "4", "5", "6")
+_DISPLACEMENT = ("m", "m", "m", "rad", "rad", "rad")
 #: What an axis of a quantity counts.
-Labels = Callable[[Mechanism], Sequence[str]]
+Labels = Sequence[str] | Callable[[Mechanism], Sequence[str]]
 
 
 @dataclass(frozen=True)
@@ -224,11 +225,13 @@ class Quantity:
     by_module: bool = False
     after: str = ""
     by_one: bool = False
-    units: Callable[..., str] | None = None
+    units: Sequence[str] | Callable[..., str] | None = None
 
     def unit_of(self, mechanism: Mechanism, place: tuple[int, ...]) -> str:
         """Return the unit of one entry; `unit`, which may name several, where the entries have none of their own."""
-        return self.unit if self.units is None else self.units(mechanism, *place)
+        if self.units is None:
+            return self.unit
+        return self.units(mechanism, *place) if callable(self.units) else self.units[place[0]]
 
     def entry(self, values: Array, place: tuple[int, ...]) -> Array:
         """Return one entry (...) of many poses' values (..., *shape); of a symmetric matrix, rounding is zero."""
@@ -239,13 +242,17 @@ class Quantity:
         sizes = [np.abs(values[..., index, index]).max(initial=0.0, where=np.isfinite(entry)) for index in place]
         return np.where(np.abs(entry) < _ROUNDING * np.sqrt(np.prod(sizes)), 0.0, entry)
 
+    def axes(self, mechanism: Mechanism) -> list[Sequence[str]]:
+        """Return the names of the entries along each axis."""
+        return [labels(mechanism) if callable(labels) else labels for labels in self.labels]
+
     def shape(self, mechanism: Mechanism) -> tuple[int, ...]:
-        return tuple(len(labels(mechanism)) for labels in self.labels)
+        return tuple(map(len, self.axes(mechanism)))
 
     def title(self, mechanism: Mechanism, place: tuple[int, ...]) -> str:
         """Return the name of one entry as people read it: 'translational 1, softest'."""
-        words = [labels(mechanism)[index] for labels, index in zip(self.labels, place, strict=True)]
-        rank = f", {_RANKS[place[0]]}" if self.labels == (_axes,) else ""
+        words = [labels[index] for labels, index in zip(self.axes(mechanism), place, strict=True)]
+        rank = f", {_RANKS[place[0]]}" if self.labels == (_AXES,) else ""
         return " ".join((self.name, *words)) + rank
 
     def columns(self, mechanism: Mechanism) -> list[tuple[str, tuple[int, ...]]]:
@@ -254,29 +261,13 @@ class Quantity:
 
     def entries(self, mechanism: Mechanism) -> list[tuple[tuple[str, ...], tuple[int, ...]]]:
         """Return the labels of each entry and where it stands; of a symmetric matrix one half."""
-        named = [[*enumerate(labels(mechanism))] for labels in self.labels]
+        named = [[*enumerate(labels)] for labels in self.axes(mechanism)]
         out = []
         for entry in every(*named):
             place = tuple(index for index, _ in entry)
             if not self.symmetric or place[0] <= place[1]:
                 out.append((tuple(label for _, label in entry), place))
         return out
-
-
-def _twist(mechanism: Mechanism) -> Sequence[str]:
-    return TWIST_NAMES
-
-
-def _wrench(mechanism: Mechanism) -> Sequence[str]:
-    return WRENCH_NAMES
-
-
-def _modes(mechanism: Mechanism) -> Sequence[str]:
-    return ("1", "2", "3", "4", "5", "6")
-
-
-def _kinds(mechanism: Mechanism) -> Sequence[str]:
-    return ("translation", "rotation")
 
 
 def _modules(mechanism: Mechanism) -> Sequence[str]:
@@ -291,29 +282,13 @@ def _tasks(mechanism: Mechanism) -> Sequence[str]:
     return [task.name for task in mechanism.tasks]
 
 
-def _displacement_unit(mechanism: Mechanism, place: int) -> str:
-    return "m" if place < 3 else "rad"
-
-
-def _kind_unit(mechanism: Mechanism, place: int) -> str:
-    return ("m", "rad")[place]
-
-
-def _joint_unit(mechanism: Mechanism, place: int) -> str:
-    return mechanism.joint(_joints(mechanism)[place]).unit or ""
-
-
-def _actuator_unit(mechanism: Mechanism, place: int) -> str:
-    return mechanism.joint(mechanism.actuated[place]).unit or ""
+def _unit(mechanism: Mechanism, joint: str) -> str:
+    return mechanism.joint(joint).unit or ""
 
 
 def _task_stiffness_unit(mechanism: Mechanism, *places: int) -> str:
     angles = sum(mechanism.tasks[place].component not in "xyz" for place in places)
     return ("N/m", "N/rad", "N m/rad")[angles]
-
-
-def _axes(mechanism: Mechanism) -> Sequence[str]:
-    return ("1", "2", "3")
 
 
 def _frequencies(compliance: Compliance) -> Array:
@@ -326,14 +301,6 @@ def _task_stiffness(compliance: Compliance) -> Array | float:
         return compliance.K_task
     except NoStiffnessError:
         return np.nan
-
-
-def _configuration(mechanism: Mechanism) -> Sequence[str]:
-    return [str(index) for index in range(mechanism.model.nq)]
-
-
-def _tool(mechanism: Mechanism) -> Sequence[str]:
-    return ("x", "y", "z")
 
 
 def _joint_values(solved: Solved) -> Array:
@@ -355,14 +322,14 @@ QUANTITIES: Mapping[str, Quantity] = {
     quantity.name: quantity
     for quantity in (
         Quantity(
-            "C", "m/N, 1/N, rad/(N m)", "compliance", lambda s: s.C, (_twist, _wrench), symmetric=True
+            "C", "m/N, 1/N, rad/(N m)", "compliance", lambda s: s.C, (TWIST_NAMES, WRENCH_NAMES), symmetric=True
         ),
         Quantity(
-            "K", "N/m, N, N m/rad", "stiffness", lambda s: s.K, (_wrench, _twist), stiff="K", symmetric=True
+            "K", "N/m, N, N m/rad", "stiffness", lambda s: s.K, (WRENCH_NAMES, TWIST_NAMES), stiff="K", symmetric=True
         ),
         Quantity(
             "eigenvalues", "mixed: SI", "eigenvalues of K, ascending, as the paper has them", lambda s: s.eigenvalues,
-            (_modes,), stiff="K", after="K",
+            (_MODES,), stiff="K", after="K",
         ),
         Quantity(
             "ksi", "mixed: SI", "kinematic stiffness index of the paper: least by largest eigenvalue of K",
@@ -370,11 +337,11 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "extremes", "m, rad", "largest norm of translation and of rotation over the box of wrenches",
-            lambda s: s.extremes, (_kinds,), box=True, units=_kind_unit,
+            lambda s: s.extremes, (_KINDS,), box=True, units=("m", "rad"),
         ),
         Quantity(
             "extreme_components", "m, rad", "largest size of each component over the box of wrenches",
-            lambda s: np.abs(s.C) @ s.asked.box, (_twist,), box=True, units=_displacement_unit,
+            lambda s: np.abs(s.C) @ s.asked.box, (TWIST_NAMES,), box=True, units=_DISPLACEMENT,
         ),
         Quantity(
             "shares", "1", "each module's share of the work: under `wrench`, else the mean over the box's corners",
@@ -382,19 +349,19 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "translational", "N/m", "stiffness against a force alone in the principal directions, softest first",
-            lambda s: principal_stiffnesses(s.C[..., :3, :3]), (_axes,), after="C",
+            lambda s: principal_stiffnesses(s.C[..., :3, :3]), (_AXES,), after="C",
         ),
         Quantity(
             "rotational", "N m/rad", "stiffness against a moment alone in the principal directions, softest first",
-            lambda s: principal_stiffnesses(s.C[..., 3:, 3:]), (_axes,), after="C",
+            lambda s: principal_stiffnesses(s.C[..., 3:, 3:]), (_AXES,), after="C",
         ),
         Quantity(
             "softest", "1", "direction in which a force moves the tool most, base axes",
-            lambda s: softest(s.C[..., :3, :3]), (_tool,), after="C",
+            lambda s: softest(s.C[..., :3, :3]), (_POINT,), after="C",
         ),
         Quantity(
             "homogenised", "N/m", "eigenvalues of K, ascending, rotations as arcs of radius `length`",
-            lambda s: s.homogenised, (_modes,), stiff="K", after="K",
+            lambda s: s.homogenised, (_MODES,), stiff="K", after="K",
         ),
         Quantity(
             "homogenised_ksi", "1", "least by largest of the homogenised eigenvalues",
@@ -411,36 +378,38 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "K_yielding", "N/m, N, N m/rad", "stiffness in the directions that yield, zero in those that are rigid",
-            lambda s: yielding_stiffness(s.C, s.scaling), (_wrench, _twist), symmetric=True, after="C",
+            lambda s: yielding_stiffness(s.C, s.scaling), (WRENCH_NAMES, TWIST_NAMES), symmetric=True, after="C",
         ),
         Quantity(
             "deflection", "m, rad", "deflection of the tool under one load, `wrench`",
-            lambda s: s.C @ np.array(s.asked.wrench), (_twist,), wrench=True, units=_displacement_unit,
+            lambda s: s.C @ np.array(s.asked.wrench), (TWIST_NAMES,), wrench=True, units=_DISPLACEMENT,
         ),
         Quantity(
             "sag", "m, rad", "deflection under the robot's own weight", lambda s: s.singly(lambda c: c.sag(), (6,)),
-            (_twist,), by_one=True, units=_displacement_unit,
+            (TWIST_NAMES,), by_one=True, units=_DISPLACEMENT,
         ),
         Quantity(
             "frequencies", "Hz", "natural frequencies, ascending; infinite where nothing swings",
-            lambda s: s.singly(_frequencies, (6,)), (_modes,), by_one=True,
+            lambda s: s.singly(_frequencies, (6,)), (_MODES,), by_one=True,
         ),
         Quantity(
             "buckling_margin", "1", "factor on `wrench` at which the robot gives way; infinite where it does not",
             lambda s: s.buckling_margins, wrench=True, by_one=True,
         ),
         Quantity(
-            "q", "m, rad", "configuration of Pinocchio's model", lambda s: s.poses.q, (_configuration,), elastic=False
+            "q", "m, rad", "configuration of Pinocchio's model", lambda s: s.poses.q,
+            (lambda mechanism: [*map(str, range(mechanism.model.nq))],), elastic=False,
         ),
         Quantity(
             "joints", "m, rad", "position of every joint with one freedom", _joint_values, (_joints,), elastic=False,
-            units=_joint_unit,
+            units=lambda mechanism, place: _unit(mechanism, _joints(mechanism)[place]),
         ),
         Quantity(
             "actuators", "m, rad", "positions of the actuated joints", _actuator_values,
-            (lambda mechanism: mechanism.actuated,), elastic=False, units=_actuator_unit,
+            (lambda mechanism: mechanism.actuated,), elastic=False,
+            units=lambda mechanism, place: _unit(mechanism, mechanism.actuated[place]),
         ),
-        Quantity("position", "m", "the tool's position", _position, (_tool,), elastic=False),
+        Quantity("position", "m", "the tool's position", _position, (_POINT,), elastic=False),
     )
 }  # fmt: skip
 

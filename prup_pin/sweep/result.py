@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-__all__ = ["SweepFile", "SweepResult"]
-
 
 class _Answers(Mapping[str, Array]):
     """What results of a sweep say alike, wherever their numbers are kept."""
@@ -177,7 +175,7 @@ class SweepResult(_Answers):
         columns: dict[str, Array] = {}
         for name in ("extremes", "extreme_components"):
             if name in self:
-                labels = QUANTITIES[name].labels[0](self.mechanism)
+                labels = QUANTITIES[name].axes(self.mechanism)[0]
                 columns |= {label: self[name][..., place] for place, label in enumerate(labels)}
         if not columns:
             raise InputError('an error range needs quantities=["extremes"] or ["extreme_components"]')
@@ -238,9 +236,9 @@ class SweepResult(_Answers):
         for name, values in self._values.items():
             quantity = QUANTITIES[name]
             dims = []
-            for place, labels in enumerate(quantity.labels):
+            for place, labels in enumerate(quantity.axes(self.mechanism)):
                 dims.append(f"{name}_{'row' if place == 0 and len(quantity.labels) > 1 else 'of'}")
-                coords[dims[-1]] = ((dims[-1],), list(labels(self.mechanism)))
+                coords[dims[-1]] = ((dims[-1],), list(labels))
             about = {"units": quantity.unit, "long_name": quantity.summary}
             data[name] = ((*self.dims, *dims), values, about)
         return imported("xarray", "tables").Dataset(data, coords, {"robot": self.mechanism.name})

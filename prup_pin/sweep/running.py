@@ -15,14 +15,14 @@ from ..spatial import Array
 from .engine import Answer, Engine
 from .places import Places
 
-__all__ = ["PART", "lost_remark", "returned", "returned_in_order", "solved_parts"]
-
 T = TypeVar("T")
 
 #: Poses of one part.
 PART = 8192
 #: So many parts are solved in one go where most of it is machine code, and all stays here.
 _AT_ONCE = 16
+#: Errors of a computation itself, which another try would meet again.
+_OURS = (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError)
 #: So many parts are handed out before the first one is asked for.
 _AHEAD = 64
 
@@ -71,7 +71,7 @@ def _answers(
         for start in starts:
             yield start, solved(start)
         return
-    payload = _packed(engine)
+    payload = pickle.dumps(engine)
     jobs = ((payload, places.rows(start, start + size)) for start in starts)
     lost = 0
     for start, answer in zip(starts, returned_in_order(executor, _solve, jobs), strict=True):
@@ -124,25 +124,16 @@ def returned(future: Future[T]) -> T | None:
     except PrupPinError:
         raise
     except (CancelledError, Exception) as error:  # executors have their own words for a lost worker
-        if _is_ours(error):
+        if isinstance(error, _OURS):
             raise
     return None
 
 
-def _is_ours(error: BaseException) -> bool:
-    """Return True for an error of the computation itself, which another try would meet again."""
-    return isinstance(error, ArithmeticError | AssertionError | AttributeError | LookupError | TypeError | ValueError)
-
-
-def _packed(engine: Engine) -> bytes:
-    return pickle.dumps(engine)
-
-
 @lru_cache(maxsize=4)
-def _engine(payload: bytes) -> Engine:
-    """Return the engine that a worker keeps between the parts of one sweep."""
+def unpacked(payload: bytes) -> Any:
+    """Return what a worker keeps between the parts of one question."""
     return pickle.loads(payload)
 
 
 def _solve(payload: bytes, rows: Array) -> Answer:
-    return _engine(payload).solve(rows)
+    return unpacked(payload).solve(rows)

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-__all__ = ["LIMITS", "MODULE", "NO_STIFFNESS", "OK", "REASONS", "SINGULAR", "STATUSES", "UNREACHABLE"]
-
 OK, UNREACHABLE, LIMITS, SINGULAR, MODULE, NO_STIFFNESS = range(6)
-
-#: The words of a status; a sweep holds indices into this while it runs.
-STATUSES = ("ok", "unreachable", "beyond limits", "singular", "module invalid", "no stiffness")
 
 #: What each word means.
 REASONS: Mapping[str, str] = {
@@ -20,3 +15,6 @@ REASONS: Mapping[str, str] = {
     "module invalid": "a module's equation does not hold at this pose, for example a beam of no length",
     "no stiffness": "some directions are rigid, so that C has no inverse; ask for C alone, or K_yielding",
 }
+
+#: The words of a status; a sweep holds indices into this while it runs.
+STATUSES = tuple(REASONS)

@@ -15,14 +15,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..files import write_whole
 from ..kernel import NEGLIGIBLE
 from .engine import Answer, Engine
 from .places import Places
 from .result import table_columns
 from .running import PART
 from .table import FORMATS
-
-__all__ = ["Parts"]
 
 _ABOUT = "about.json"
 #: Of the format of parts; another one is not read.
@@ -60,9 +59,7 @@ class Parts:
                 raise InputError(
                     f"'{self.folder}' holds files, but not what they are of; remove it, or give another file"
                 )
-            part = path.with_suffix(".part")
-            part.write_text(json.dumps(self._asked, sort_keys=True), encoding="utf-8")
-            part.replace(path)
+            write_whole({path: [json.dumps(self._asked, sort_keys=True)]})
             return
         try:
             there = json.loads(path.read_text(encoding="utf-8"))
@@ -82,15 +79,16 @@ class Parts:
             if path.name == _ABOUT:
                 continue
             start = int(path.stem.partition("-")[2]) if path.stem.startswith("part-") else -1
-            if start >= 0 and path.suffix == self.out.suffix and self._is_whole(path, start):
+            if (
+                start >= 0
+                and path.suffix == self.out.suffix
+                and self._format.rows(path) == min(PART, len(self._places) - start)
+            ):
                 done.add(start)
             else:
                 path.unlink()
                 self.remarks.append(f"{path.name} was not written to its end; solved again")
         return frozenset(done)
-
-    def _is_whole(self, path: Path, start: int) -> bool:
-        return self._format.rows(path) == min(PART, len(self._places) - start)
 
     def write(self, start: int, answer: Answer) -> None:
         """Write the part that begins at a pose."""

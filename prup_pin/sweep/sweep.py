@@ -24,8 +24,6 @@ from .result import SweepFile, SweepResult
 from .running import solved_parts
 from .stream import Parts
 
-__all__ = ["Engines", "sweep"]
-
 
 class Engines:
     """The engines of one mechanism, each made once: what takes time in a short sweep is written down and compiled."""

@@ -7,6 +7,7 @@ import io
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -18,8 +19,6 @@ from ..files import write_whole
 
 if TYPE_CHECKING:
     import pyarrow
-
-__all__ = ["FORMATS", "Format", "write_table"]
 
 #: The key of a table's metadata under which it says what it holds.
 ABOUT = b"prup_pin"
@@ -53,6 +52,17 @@ def arrow() -> Any:
     return imported("pyarrow", "tables")
 
 
+@contextmanager
+def _replacing(path: Path) -> Iterator[Path]:
+    """Give another path, whose file takes this one's place in the end; nothing is left of it where that fails."""
+    part = path.with_name(f".{path.name[:80]}.{os.getpid()}.part")
+    try:
+        yield part
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
 class _Parquet:
     """Says what it holds in its metadata; needs pyarrow."""
 
@@ -60,13 +70,9 @@ class _Parquet:
         arrow()
 
     def write(self, path: Path, columns: Mapping[str, NDArray], about: Mapping[str, Any]) -> None:
-        part = path.with_name(f".{path.name[:80]}.{os.getpid()}.part")
         try:
-            try:
+            with _replacing(path) as part:
                 arrow().parquet.write_table(_as_arrow(columns, about), part, compression="zstd")
-                part.replace(path)
-            finally:
-                part.unlink(missing_ok=True)
         except OSError as error:
             raise InputError(f"cannot write '{path}': {error.strerror or error}") from error
 
@@ -77,21 +83,14 @@ class _Parquet:
             return None
 
     def join(self, parts: Iterable[Path], path: Path, about: Mapping[str, Any]) -> None:
-        parquet, whole, writer = arrow().parquet, path.with_name(f".{path.name[:80]}.part"), None
-        try:
-            try:
-                for part in parts:
-                    table = _plain(parquet.read_table(part))
-                    if writer is None:
-                        schema = table.schema.with_metadata({ABOUT: json.dumps(about, sort_keys=True).encode()})
-                        writer = parquet.ParquetWriter(whole, schema, compression="zstd")
-                    writer.write_table(table.cast(schema))
-            finally:
-                if writer is not None:
-                    writer.close()
-            whole.replace(path)
-        finally:
-            whole.unlink(missing_ok=True)
+        parquet, writer = arrow().parquet, None
+        with _replacing(path) as whole, ExitStack() as open_files:
+            for part in parts:
+                table = _plain(parquet.read_table(part))
+                if writer is None:
+                    schema = table.schema.with_metadata({ABOUT: json.dumps(about, sort_keys=True).encode()})
+                    writer = open_files.enter_context(parquet.ParquetWriter(whole, schema, compression="zstd"))
+                writer.write_table(table.cast(schema))
 
     def read(self, path: Path, names: Sequence[str]) -> dict[str, NDArray]:
         pa = arrow()

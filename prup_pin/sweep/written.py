@@ -32,8 +32,6 @@ from ..spatial import Array
 from ..statics import Energies, Legs, Statics, StaticsLayout, problems_of, solve_statics
 from .quantities import QUANTITIES, Asked, Quantity, Solved
 
-__all__ = ["Written", "written"]
-
 #: Sample poses, and how far joints are moved away from closed loops where Newton's steps are sampled [m, rad].
 _SAMPLES, _APART = 64, 0.03
 #: Part of the ball about home from which samples are drawn, and joints' turns [rad] where there is none.
@@ -231,10 +229,9 @@ class _Writer:
             x *= _BALL / np.maximum(1.0, np.linalg.norm(x, axis=1, keepdims=True))
             self.coordinates = self.kinematics.start.coordinates + x * reach
             motions, _ = polynomial.of_many(self.coordinates - self.kinematics.start.coordinates)
-            settled = many.settle(many.tree.moved(self.kinematics.home, motions), self.coordinates)
-            if not settled.converged.all():
+            self.q, converged, _ = many.settle(many.tree.moved(self.kinematics.home, motions), self.coordinates)
+            if not converged.all():
                 raise _NotWrittenError
-            self.q = settled.q
         else:
             joints = [self.mechanism.joint(name) for name in many.names]
             size = np.where([joint.slides for joint in joints], self.kinematics.length, _TURN)
@@ -357,12 +354,17 @@ class _Writer:
         closure = many.closure.jacobian(gaps.wrenches, jacobian)
         solve = _Solver(tape)
         balance = self._balance(closure, solve)
-        pose = ClosedPose(self.mechanism, q, placements, jacobian, closure, gaps.wrenches, balance, gaps.gap, {})
+        pose = ClosedPose(
+            mechanism=self.mechanism, q=q, placements=placements, jacobian=jacobian, closure_jacobian=closure,
+            closure_wrenches=gaps.wrenches, balance=balance, closure_residual=gaps.gap, coordinates={},
+        )  # fmt: skip
         asked = [QUANTITIES[name] for name in self.asked.quantities]
         legs = None if any(item.by_module for item in asked) else self.legs
         solved = _WrittenSolved(pose, self.layout, self.scaling, self.asked, legs, solve)
         outputs: list[Any] = []
-        computed, widths = self._computed(asked), []
+        # K in the place of what follows from it
+        computed = [QUANTITIES[name] for name in dict.fromkeys(item.after or item.name for item in asked)]
+        widths = []
         by_arrays = Solved(many.poses(self.q)[0], self.layout, self.scaling, self.asked)
         for item in computed:
             entries = np.asarray(item.value(solved), object).ravel()
@@ -385,11 +387,6 @@ class _Writer:
         good = np.abs(ours - theirs).max(axis=1) <= exact * np.abs(theirs).max(axis=1)
         if not good.all():
             raise _InexactError
-
-    def _computed(self, asked: list[Quantity]) -> list[Quantity]:
-        """Return what is computed by the pipeline: K in the place of what follows from it."""
-        names = dict.fromkeys(item.after or item.name for item in asked)
-        return [QUANTITIES[name] for name in names]
 
     def _limits(self, q: Array) -> list[Expression]:
         """Return conditions that are 1 where the joints stand within their limits."""

@@ -9,21 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, PrupPinError, SingularPoseError, UnknownNameError
-from ..kernel import Tree, rank_of
-from ..kinematics import AWAY, CLOSED, LIMITS, ClosedPose, LoopKinematics, ManyPoses
+from ..errors import InputError, UnknownNameError
+from ..kernel import Tree
+from ..kinematics import AWAY, CLOSED, DOUBTFUL, LIMITS, ClosedPose, LoopKinematics, ManyPoses, alone
 from ..mechanism import Mechanism
 from ..spatial import Array
 from ..statics import StaticsLayout
-
-__all__ = ["Feasible", "Span"]
 
 #: So many poses are looked at together.
 _TOGETHER = 512
 #: What is in the way whatever the limits are.
 _ALWAYS = ("", "does not close", "joint limits of the robot file", "singular")
-_STATES = {CLOSED: 0, AWAY: 1, LIMITS: 2}
-_SINGULAR = 3
+_STATES = {CLOSED: 0, AWAY: 1, LIMITS: 2, DOUBTFUL: 3}
 
 
 @dataclass(frozen=True)
@@ -55,18 +52,13 @@ class Feasible:
         self._layout = StaticsLayout(mechanism) if self.beams else None
         self._slots = [[module.name for module in mechanism.modules].index(span.name) for span in self.beams]
 
-    @property
-    def size(self) -> int:
-        """How many numbers a configuration has."""
-        return int(self.mechanism.model.nq)
-
     def solve(self, coordinates: Array, starts: Array | None = None) -> tuple[NDArray[np.int16], Array]:
         """Return what is in the way at coordinates (n, t), (n,), and the configurations there, (n, nq).
 
         With `starts` (n, nq), feasible configurations a little way off, only what is near them is looked for: that is
         quick, and goes on where the workspace does.
         """
-        codes, q = np.zeros(len(coordinates), np.int16), np.full((len(coordinates), self.size), np.nan)
+        codes, q = np.zeros(len(coordinates), np.int16), np.full((len(coordinates), self.mechanism.model.nq), np.nan)
         with np.errstate(all="ignore"):
             for start in range(0, len(coordinates), _TOGETHER):
                 some = slice(start, start + _TOGETHER)
@@ -81,7 +73,7 @@ class Feasible:
             reached = self._many.nearby(starts, coordinates)
         else:
             reached = self._many.reach(coordinates)
-        out = np.array([_STATES.get(state, _SINGULAR) for state in reached.state.tolist()], np.int16)
+        out = np.array([_STATES[state] for state in reached.state.tolist()], np.int16)
         closed = np.flatnonzero(out == 0)
         if len(closed):
             poses, doubtful = self._many.poses(reached.q[closed])
@@ -92,16 +84,9 @@ class Feasible:
 
     def _alone(self, row: Array) -> tuple[int, Array]:
         """Return what is in the way at one place, and the configuration; with the care that a single question gets."""
-        kinematics, nowhere = self.kinematics, np.full(self.size, np.nan)
-        try:
-            if self.mechanism.tasks:
-                pose = kinematics.reach(row, {}, kinematics.task.goal)
-            else:
-                pose = kinematics.pose_from_actuators(row)
-        except SingularPoseError:
-            return _SINGULAR, nowhere
-        except PrupPinError as error:
-            return (_STATES[LIMITS] if "outside its limits" in str(error) else _STATES[AWAY]), nowhere
+        state, pose = alone(self.kinematics, row)
+        if pose is None:
+            return _STATES[state], np.full(self.mechanism.model.nq, np.nan)
         return int(self._judged(pose.as_many())[0]), pose.q
 
     def _judged(self, poses: ClosedPose) -> NDArray[np.int16]:
@@ -130,18 +115,10 @@ class Feasible:
         free = self.mechanism.free_dofs
         if not len(free) or not poses.closure_jacobian.shape[-2]:
             return np.ones(len(poses.q))
-        rows, columns = self.kinematics.scales(free)
+        rows, columns = self.kinematics.free_scales
         scaled = poses.closure_jacobian[:, :, free] * columns / np.ones((len(rows), 1)) * rows[:, None]
         values = np.linalg.svd(scaled, compute_uv=False)
-        return np.asarray(values[:, self._rank - 1] / values[:, 0])
-
-    @property
-    def _rank(self) -> int:
-        kinematics = self.kinematics
-        free = self.mechanism.free_dofs
-        home = kinematics.evaluate(kinematics.home)
-        rows, columns = kinematics.scales(free)
-        return rank_of(home.closure[:, free], rows, columns).rank
+        return np.asarray(values[:, self.kinematics.free_rank - 1] / values[:, 0])
 
     def _lengths(self, poses: ClosedPose) -> Array:
         """Return the lengths of the beams that have limits, (n, k)."""

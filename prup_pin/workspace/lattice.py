@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from ..spatial import Array
 
-__all__ = ["Ask", "Lattice", "refined"]
-
 #: From points (n, t), in cells of the finest lattice, and what was found beside them, (n, k) or None, to codes (n,),
 #: 0 inside, and what is found there, (n, k).
 Ask = Callable[[Array, "Array | None"], "tuple[NDArray[np.int16], Array]"]
@@ -148,9 +146,15 @@ def _shifted(shift: tuple[int, ...], shape: tuple[int, ...], by: int) -> tuple[s
 
 def _crossed(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the cells whose corners are not all alike."""
+    every, some = corners(inside)
+    return np.asarray(some & ~every)
+
+
+def corners(inside: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which cells have all corners inside, and which have any."""
     cells = tuple(size - 1 for size in inside.shape)
-    corners = [inside[_shifted(shift, cells, 1)] for shift in product((0, 1), repeat=inside.ndim)]
-    return np.asarray(np.logical_or.reduce(corners) & ~np.logical_and.reduce(corners))
+    each = [inside[_shifted(shift, cells, 1)] for shift in product((0, 1), repeat=inside.ndim)]
+    return np.logical_and.reduce(each), np.logical_or.reduce(each)
 
 
 def _widened(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations, product
+from itertools import combinations
 from math import prod
 from typing import Any
 
@@ -22,11 +22,9 @@ from ..errors import InputError
 from ..kinematics import LoopKinematics
 from ..mechanism import Mechanism
 from ..spatial import Array
-from ..sweep.places import Coordinates
+from ..sweep.places import Coordinates, ends_of
 from .feasible import Feasible
-from .lattice import refined
-
-__all__ = ["Workspace", "workspace"]
+from .lattice import corners, refined
 
 #: The first lattice has so many cells along each axis, or up to twice as many.
 _FIRST = 8
@@ -182,7 +180,7 @@ def workspace(
         reasons.append(outside)
     cell = float(prod(steps))
     volume, error = _volume([(first, shares) for first, shares, _ in crossed], inside)
-    known = _known(inside)
+    certain, possible = (int(cells.sum()) for cells in corners(inside))
     inside.setflags(write=False)
     return Workspace(
         names,
@@ -195,7 +193,7 @@ def workspace(
         feasible.words,
         cell * volume,
         cell * error,
-        (cell * known[0], cell * known[1]),
+        (cell * certain, cell * possible),
         tuple(name for axis, name in enumerate(names) if inside.take([0, -1], axis=axis).any()),
         tuple((first, shares) for first, shares, _ in crossed),
     )
@@ -205,31 +203,11 @@ def _spans(
     coordinates: Coordinates, spans: Mapping[str, Any]
 ) -> tuple[dict[str, tuple[float, float]], dict[str, float]]:
     """Return the ends of coordinates that vary, and the values of those that do not. Raises InputError."""
-    ends: dict[str, tuple[float, float]] = {}
-    fixed: dict[str, float] = {}
-    for name, value in spans.items():
-        coordinates.index(name)
-        try:
-            array = np.asarray(value, float)
-        except (TypeError, ValueError):
-            array = np.zeros((0, 0))
-        if array.shape not in ((), (2,)):
-            raise InputError(f"{name} = {value!r}: expected a number, or the two ends of a span")
-        coordinates.check(name, array.ravel())
-        if array.ndim:
-            if not array[0] < array[1]:
-                raise InputError(f"{name} = {value!r}: expected the smaller end first")
-            ends[name] = float(array[0]), float(array[1])
-        else:
-            fixed[name] = float(array)
-    missing = [name for name in coordinates.names if name not in spans]
-    if missing:
-        raise InputError(
-            f"missing: {', '.join(missing)}; give a number or two ends for all of {', '.join(coordinates.names)}"
-        )
+    found = ends_of(coordinates, spans)
+    ends = {name: value for name, value in found.items() if isinstance(value, tuple)}
     if not ends:
         raise InputError(f"nothing varies; give two ends for at least one of {', '.join(coordinates.names)}")
-    return ends, fixed
+    return ends, {name: value for name, value in found.items() if not isinstance(value, tuple)}
 
 
 def _counts(names: Sequence[str], sizes: Array, resolution: float | Mapping[str, float]) -> tuple[tuple[int, ...], int]:
@@ -252,15 +230,6 @@ def _counts(names: Sequence[str], sizes: Array, resolution: float | Mapping[str,
     if prod(count + 1 for count in counts) > _MOST:
         raise InputError(f"a lattice of {' x '.join(map(str, counts))} cells is too large; take a coarser resolution")
     return counts, levels
-
-
-def _known(inside: NDArray[np.bool_]) -> tuple[int, int]:
-    """Return how many cells have all corners inside, and how many have any."""
-    corners = [
-        inside[tuple(slice(at, size - 1 + at) for at, size in zip(shift, inside.shape, strict=True))]
-        for shift in product((0, 1), repeat=inside.ndim)
-    ]
-    return int(np.logical_and.reduce(corners).sum()), int(np.logical_or.reduce(corners).sum())
 
 
 def _volume(crossed: Sequence[tuple[NDArray[np.int_], Array]], inside: NDArray[np.bool_]) -> tuple[float, float]:

@@ -75,7 +75,8 @@ def test_friction_dissipates():
     chain = robot._chain
     travel = plain._equilibria.state.travel[0, chain.moving]
     torques = 0.2 * np.sign(travel) * (np.abs(travel) > 1e-4)
-    torques[len(chain.free) :] = 40.0 * np.sign(travel[len(chain.free) :])  # N, in slides beside their drives
+    free = len(chain.structure.free)
+    torques[free:] = 40.0 * np.sign(travel[free:])  # N, in slides beside their drives
     conditions = Conditions(wrench[None], torques=torques[None])
     found = find_equilibria(chain, [pose], np.zeros(1, int), conditions)
     resisted = replace(plain, _equilibria=found)
