@@ -164,7 +164,7 @@ def test_noise_of_positions_is_not_less_motion_in_another_unit(ur5):
 
 def searched(ur5, recording):
     """What a search reads otherwise, gains that are told beside masses included."""
-    return _Search(InMotion.of(ur5, motion_of(recording, ur5)), recording).found()
+    return _Search.of(ur5, recording).found
 
 
 def test_nearly_equal_gains_of_all_drives_are_a_unit_that_is_told_once(ur5, recording):
@@ -305,7 +305,7 @@ def test_an_effort_that_is_turned_round_is_found_under_a_load(ur5, loaded_log, j
 
 
 def test_a_load_in_the_tool_is_no_other_unit_of_all_efforts(ur5, loaded_log):
-    search = _Search(InMotion.of(ur5, motion_of(loaded_log, ur5)), loaded_log)
+    search = _Search.of(ur5, loaded_log)
     gains = gains_of_efforts(search.motion, search.efforts, search.rigid)
     assert np.median(list(gains.values())) > 1.6
     assert _held_would_do(search.at, dict.fromkeys(ur5.actuated, 1.8))

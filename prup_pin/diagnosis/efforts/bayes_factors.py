@@ -17,12 +17,11 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import least_squares
 
-from ...dynamics.inertial import of_pseudo_inertia, pseudo_inertia
+from ...dynamics.inertial import SOME_BODY, of_pseudo_inertia, pseudo_inertia, some_body, usual_lever
 from ...laws.efforts import Body, EffortLaw
-from ...mechanism import Link, Mechanism
+from ...mechanism import Mechanism
 from ...spatial import Array
 from ..criteria import (
-    ANYHOW,
     BODY_HELD,
     BODY_MISSING,
     EFFORT_INDISTINCT,
@@ -184,35 +183,23 @@ def _among_bodies(
     return out
 
 
-#: Share of a link's length below which a radius of gyration was left out of a drawing, and what it is then.
-_NO_RADIUS, _SOME_RADIUS = 1e-2, 0.3
-#: Share of the robot's mass that a link of no mass may have.
-_SOME_MASS = 0.02
-#: Multiples of the usual deviation by which a link is anyhow another one.
-_WIDER = (1.0, 3.0, 10.0)
-
-_UNIT = np.eye(3)
-
-
 def held_body(mechanism: Mechanism, information: Array, gradient: Array) -> float:
     """Return the logarithm of the probability of efforts where the tool holds a body, or lacks one.
 
-    information (10, 10), pull (10,): what data say of the parameters of a body about the tool's frame.
+    information (10, 10), gradient (10,): what data say of the parameters of a body about the tool's frame.
     """
     mass, length = _sizes(mechanism)
     (share, spread), (part, radii) = HELD_MASS, HELD_RADIUS
     middle = np.array([np.log(share * mass), 0, 0, 0, *3 * [np.log(part * length)], 0, 0, 0])
     deviation = np.array([spread, *3 * [length], *3 * [radii], *3 * [HELD_SKEW * length]])
-    found = []
-    for sign, chance in ((1.0, 1 - BODY_MISSING), (-1.0, BODY_MISSING)):
-        for start in (-1.0, 0.0, 1.0):  # a light body far off and a heavy one near look alike
-
-            def parameters(x: Array, sign: float = sign) -> Array:
-                return sign * _body(middle + deviation * x)
-
-            first = np.zeros(10)
-            first[0] = start
-            found.append(_laplace(parameters, information, gradient, first) + np.log(chance))
+    found = [
+        _laplace(
+            lambda x, sign=sign: sign * _body(middle + deviation * x), information, gradient, start * np.eye(10)[0]
+        )
+        + np.log(chance)
+        for sign, chance in ((1.0, 1 - BODY_MISSING), (-1.0, BODY_MISSING))
+        for start in (-1.0, 0.0, 1.0)  # a light body far off and a heavy one near look alike
+    ]
     return float(max(found)) + float(np.log(BODY_HELD))
 
 
@@ -221,27 +208,30 @@ def other_link(
 ) -> tuple[float, float]:
     """Return the same where the body of a joint is not as drawn, one of `count`; and where it is so in proportion.
 
-    information, pull: of changes of its parameters about the joint's frame.
+    information, gradient: of changes of its parameters about the joint's frame. Of each of its links the mass is
+    another one, or the centre is elsewhere; or the body is any other.
     """
-    links = [link for link in mechanism.links if link.joint == joint]
-    body = mechanism.model.inertias[joint].toDynamicParameters()
-    one = float(np.log((1 - BODY_HELD) / count))
-    proportion = _linear(body[:, None], information, gradient) + np.log(LINK_KNOWN) if body[0] > 0 else -np.inf
-    anyhow, spread = _anyhow(body, mechanism), np.log(LINK_ANYHOW / len(_WIDER))
-    found = [_linear(wider * anyhow, information, gradient) + spread for wider in _WIDER]
+
+    def likely(change: Callable[[Array], Array], size: int, chance: float) -> float:
+        return _laplace(change, information, gradient, np.zeros(size)) + float(np.log(chance))
+
+    links = [link.inertial for link in mechanism.links if link.joint == joint]
+    drawn = mechanism.model.inertias[joint].toDynamicParameters()
+    middle, whole = _numbers(pseudo_inertia(drawn) + SOME_BODY * some_body(mechanism))
+    radius = float(np.exp(middle[4:7].mean()))
+    deviation = np.array([1.0, *3 * [radius], *3 * [HELD_RADIUS[1]], *3 * [HELD_SKEW * radius]])
+    found = [likely(lambda x: _body(middle + deviation * x) - whole, 10, LINK_ANYHOW)]
     for link in links:
-        part = -np.log(len(links))
-        found.append(_linear(link.inertial[:, None], information, gradient) + part + np.log(LINK_KNOWN))
-        found.append(_shifted(link, mechanism, information, gradient) + part + np.log(LINK_KNOWN))
-    return float(np.logaddexp.reduce(found)) + one, float(proportion) + one
+        found.append(likely(lambda x, link=link: np.expm1(x[0]) * link, 1, LINK_KNOWN / len(links)))
+        found.append(likely(lambda x, link=link: _moved(link, radius * x) - link, 3, LINK_KNOWN / len(links)))
+    proportion = likely(lambda x: np.expm1(x[0]) * drawn, 1, LINK_KNOWN) if drawn[0] > 0 else -np.inf
+    one = float(np.log((1 - BODY_HELD) / count))
+    return float(np.logaddexp.reduce(found)) + one, proportion + one
 
 
 def _sizes(mechanism: Mechanism) -> tuple[float, float]:
     """Return the mass of the robot [kg] and the length of one of its links [m]."""
-    model = mechanism.model
-    mass = sum(float(inertia.mass) for inertia in model.inertias) or 1.0
-    reach = sum(float(np.linalg.norm(place.translation)) for place in model.jointPlacements) or 1.0
-    return mass, reach / max(model.njoints - 1, 1)
+    return sum(float(inertia.mass) for inertia in mechanism.model.inertias) or 1.0, usual_lever(mechanism)
 
 
 def _body(x: Array) -> Array:
@@ -259,50 +249,26 @@ def _body(x: Array) -> Array:
     return np.exp(np.clip(x[0], -30.0, 30.0)) * of_pseudo_inertia(out)
 
 
-def _radius(inertial: Array, mechanism: Mechanism) -> float:
-    """Return the radius of gyration of a body [m], or a usual one where none was drawn."""
-    length = _sizes(mechanism)[1]
-    if not inertial[0] > 0:
-        return _SOME_RADIUS * length
-    second = float(np.trace(pseudo_inertia(inertial)[:3, :3])) / inertial[0]
-    size = float(np.sqrt(max(second - float(inertial[1:4] @ inertial[1:4]) / inertial[0] ** 2, 0.0)))
-    return size if size > _NO_RADIUS * length else _SOME_RADIUS * length
+def _numbers(pseudo: Array) -> tuple[Array, Array]:
+    """Return the numbers (10,) of a body that can exist, and its parameters (10,); the inverse of `_body`."""
+    mass, centre = pseudo[3, 3], pseudo[:3, 3] / pseudo[3, 3]
+    second = pseudo[:3, :3] / mass - np.outer(centre, centre)
+    root = np.linalg.cholesky(second[::-1, ::-1])[::-1, ::-1]  # an upper triangle
+    return np.array([np.log(mass), *centre, *np.log(np.diag(root)), *root[np.triu_indices(3, 1)]]), of_pseudo_inertia(
+        pseudo
+    )
 
 
-def _shifted(link: Link, mechanism: Mechanism, information: Array, gradient: Array) -> float:
-    radius = _radius(link.inertial, mechanism)
-
-    def parameters(x: Array) -> Array:
-        moved = np.eye(4)
-        moved[:3, 3] = radius * x
-        return of_pseudo_inertia(moved @ pseudo_inertia(link.inertial) @ moved.T) - link.inertial
-
-    return _laplace(parameters, information, gradient, np.zeros(3))
-
-
-def _anyhow(body: Array, mechanism: Mechanism) -> Array:
-    """Return changes (10, n) of a body's parameters, each by one standard deviation, that may come in any mixture."""
-    mass = max(float(body[0]), _SOME_MASS * _sizes(mechanism)[0])
-    centre, radius = (body[1:4] / body[0] if body[0] > 0 else np.zeros(3)), _radius(body, mechanism)
-    point = np.append(centre, 1.0)
-    changes = [body, of_pseudo_inertia(ANYHOW * mass * np.outer(point, point))]
-    for way in _UNIT:
-        moved = np.outer(np.append(way, 0.0), point)
-        changes.append(of_pseudo_inertia(mass * radius * (moved + moved.T)))
-    for index, diagonal in enumerate((True, False, True, False, False, True), start=4):
-        changes.append(np.eye(10)[index] * ANYHOW * mass * radius**2 * (1.0 if diagonal else 0.5))
-    return np.column_stack(changes)
-
-
-def _linear(columns: Array, information: Array, gradient: Array) -> float:
-    """Return the logarithm of the probability where parameters are columns (10, n) times standard normal numbers."""
-    inner = np.eye(columns.shape[1]) + columns.T @ information @ columns
-    asked = columns.T @ gradient
-    return float(0.5 * asked @ np.linalg.solve(inner, asked) - 0.5 * np.linalg.slogdet(inner)[1])
+def _moved(body: Array, way: Array) -> Array:
+    """Return the parameters (10,) of a body, moved by a way (3,) [m]."""
+    placement = np.eye(4)
+    placement[:3, 3] = way
+    return of_pseudo_inertia(placement @ pseudo_inertia(body) @ placement.T)
 
 
 def _laplace(parameters: Callable[[Array], Array], information: Array, gradient: Array, start: Array) -> float:
-    """Return the same where they follow any standard normal numbers (n,), about the likeliest of these.
+    """Return the logarithm of the probability of efforts where a body's parameters (10,) follow standard normal numbers
+    (n,), about the likeliest of these.
 
     Least squares of R p - R^-T g beside the numbers themselves, with information R^T R, where it is any.
     """
