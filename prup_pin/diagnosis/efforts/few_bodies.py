@@ -1,4 +1,4 @@
-"""One body, or two, in the place of all links: where these foretell as well, the others are as they are drawn.
+"""No body, one or two in the place of all links: where these foretell as well, the others are as they are drawn.
 
 Free masses of all links follow whatever one body does, and many combinations of them hide which one it is.
 """
@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...laws.efforts import Body
+from ...spatial import Array
 from ..criteria import GAIN
 from .evidence import CrossValidation, held_out, relative_gain
 from .problem import EffortCandidate, EffortModel
@@ -36,19 +37,19 @@ class FewBodies(NamedTuple):
 
 
 def with_few_bodies(model: EffortModel) -> EffortModel:
-    """Return the model with one body, or else two, in the place of all links where blocks are foretold as well.
+    """Return the model with no body, or one, or else two, in the place of all links where blocks are foretold as well.
 
     The tool's load comes before the link that would be as good; of pairs, the fewest numbers.
     """
     for term in model.terms:
-        for count in (1, 2) if term.law.body is Body.ALL_LINKS else ():
+        for count in (0, 1, 2) if term.law.body is Body.ALL_LINKS else ():
             good = [
                 few
                 for few in _in_place_of(model, term, count)
                 if few.do and all(is_plausible(few.model, body) for body in few.terms)
             ]
-            if good and count == 1:
-                return min(good, key=lambda few: few.terms[0].where.start).model
+            if good and count < 2:
+                return min(good, key=lambda few: [body.where.start for body in few.terms]).model
             if good:
                 return min(good, key=lambda few: (sum(body.size for body in few.terms), few.left)).model
     return model
@@ -60,18 +61,23 @@ def nearest_body(model: EffortModel, term: EffortCandidate) -> FewBodies | None:
 
 
 def _in_place_of(model: EffortModel, term: EffortCandidate, count: int) -> Iterator[FewBodies]:
-    """Yield each body, or each pair of them, in the place of a term of all links."""
+    """Yield each set of so many bodies in the place of a term of all links, two at most."""
     rest, by_all = model.without(term), held_out(model)
-    saved_by_all = float((held_out(rest) - by_all).sum())
+    without = held_out(rest)
     there = {other.place.name for other in rest.terms if other.is_body}
     bodies = [other for other in model.problem.candidates if other.is_body and other.place.name not in there]
-    for index, first in enumerate([()] if count == 1 else [(body,) for body in bodies]):
+
+    def few(some: EffortModel, left: Array) -> FewBodies:
+        saved, by_others = (float((without - own).sum()) for own in (left, by_all))
+        share = saved / by_others if by_others > 0 else 0.0  # where all links take nothing away there is no share of it
+        times = float(np.sqrt(left.sum() / max(by_all.sum(), np.finfo(float).tiny)))
+        do = relative_gain(left, by_all)[0] <= GAIN
+        return FewBodies(some.terms[len(rest.terms) :], some, float(left.sum()), share, times, do)
+
+    if count == 0:
+        yield few(rest, without)
+    for index, first in enumerate([()] if count == 1 else [(body,) for body in bodies] if count == 2 else []):
         beside, places = rest.with_term(*first), {body.place.name for body in first}
         others = [other for other in bodies[index + len(first) :] if other.place.name not in places]
         for body, left in zip(others, CrossValidation(beside).with_each(others), strict=True):
-            saved = saved_by_all + float((by_all - left).sum())
-            # where all links take nothing away there is no share of it
-            share = saved / saved_by_all if saved_by_all > 0 else 0.0
-            times = float(np.sqrt(left.sum() / max(by_all.sum(), np.finfo(float).tiny)))
-            do = relative_gain(left, by_all)[0] <= GAIN
-            yield FewBodies((*first, body), beside.with_term(body), float(left.sum()), share, times, do)
+            yield few(beside.with_term(body), left)

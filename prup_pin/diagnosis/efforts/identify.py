@@ -9,9 +9,9 @@ import numpy as np
 from ...laws.efforts import EFFORT_LAWS
 from ...spatial import Array
 from ..chances import chi2_isf
-from ..criteria import GAIN, INDISTINCT, MOST, PARAMETER_COST, ROUNDING, SURE, TRIED
+from ..criteria import GAIN, INDISTINCT, MOST, ROUNDING, SURE, TRIED
 from ..diagnosis import Detectable, Seen
-from .bayes_factors import log_bayes_factors
+from .bayes_factors import log_odds_of_bodies
 from .evidence import CrossValidation, gradients, held_out, scores, standard_error
 from .final_state import FinalState
 from .nonlinear import optimised
@@ -35,8 +35,7 @@ def alternatives_to(final: FinalState, term: EffortCandidate, without: Array) ->
     # bodies are compared by the probability of such bodies
     others = [other for other in near if not (other.is_body and term.is_body)]
     others = [other for other in others if other.law is not term.law or other.place != term.place]
-    unlikely = INDISTINCT / 2 if term.is_body else PARAMETER_COST / 2
-    likely = [other for other, factor in log_bayes_factors(final.model, term) if factor > -unlikely]
+    likely = [other for other, odds in log_odds_of_bodies(final.model, term) if odds > -INDISTINCT / 2]
 
     def alike(model: EffortModel, after: Array) -> bool:
         apart = after - final.held_out
