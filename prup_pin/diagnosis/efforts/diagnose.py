@@ -98,8 +98,8 @@ def diagnose_efforts(
     if outliers:
         # what only rough values of laws could not follow is described by those that were optimised
         model = final.with_time
-        modelled = whole.filter(whole.modelled(model, fit(model)[0])[0])
-        residual = (whole.measured / final.scale - whole.rigid - modelled)[whole.kept]
+        modelled, _ = final.efforts.modelled(model, fit(model)[0], in_newtons(whole.at, final.scale))
+        residual = (whole.measured / final.scale - whole.rigid)[whole.kept] - whole.at_kept(modelled)
         rows = whole.at.motion.rows[whole.kept]
         still = [interval for interval in outliers if is_outlying(interval, rows, residual, whole.good)]
         if len(still) < len(outliers):

@@ -12,7 +12,7 @@ from ...dynamics import InMotion
 from ...dynamics.smoothing import Band
 from ...laws import Place
 from ...laws.efforts import CURVES, EFFORT_LAWS, ROUGH_CURVES, EffortLaw
-from ...laws.efforts.deviations import effort_deviations, name_of_body
+from ...laws.efforts.deviations import EffortDeviation, effort_deviations, name_of_body
 from ...laws.efforts.effort_law import usual_way
 from ...spatial import Array
 from ..criteria import AR_ORDER, EFFORT_TOLD, MOST_SAMPLES, UNSEEN
@@ -59,7 +59,7 @@ class PreparedEfforts:
         deviation of what drives' gains have in common, beside which each is within its tolerance; None: each is within
         that by itself.
         """
-        self.at, self.below, self.of_all_gains = at, below, of_all_gains
+        self.at, self.tolerances, self.below, self.of_all_gains = at, tolerances, below, of_all_gains
         motion = at.motion
         self.filter = lambda values: motion.band(values, motion.piece)
         most = np.inf if below is None else below
@@ -72,7 +72,7 @@ class PreparedEfforts:
         self.target = (self.measured - self.rigid)[self.kept]
         self.good = np.isfinite(self.measured[self.kept]) & motion.compared[self.kept]
         self.good = self.settled(motion.band)
-        self.deviations = sorted(effort_deviations(at, tolerances), key=lambda item: item.law.of_gain)
+        self.deviations = self._deviations(at)
         competing = self._shown(law for law in EFFORT_LAWS if law.competes)
         self._moving = [(law, place) for law, place in competing if law.of_what_is_known]
         self._fixed = list(self.scanned_columns([own for own in competing if own not in self._moving], at))
@@ -80,6 +80,10 @@ class PreparedEfforts:
         self._learned_priors: Mapping[tuple[str, str], Array] = {}
         self._body_factor = 1.0
         self.whitening, self._plain = self._whitened()
+
+    def _deviations(self, at: InMotion) -> list[EffortDeviation]:
+        """Return the toleranced parameters that a motion shows, gains of drives last."""
+        return sorted(effort_deviations(at, self.tolerances), key=lambda item: item.law.of_gain)
 
     def _shown(self, laws: Iterable[EffortLaw]) -> list[tuple[EffortLaw, Place]]:
         """Return laws at all places where this motion could show them."""
@@ -145,7 +149,7 @@ class PreparedEfforts:
                 continue
             dry = self.at.along(place.name, self.at.dragged(place.name, usual_way(self.at, place.name)))
             for known in (nothing, dry):
-                at = self._knowing(known, nothing)
+                at = _knowing(self.at, known, nothing)
                 yield self.columns_at(law, place, law.scanned(place, at)[0], at)
 
     def columns_of(self, model: EffortModel) -> Array:
@@ -248,28 +252,29 @@ class PreparedEfforts:
         prior = np.concatenate((problem.prior, *(self.prior_of(law, place) for law, place, _ in entered)))
         return self.with_candidates(problem.columns, (*problem.candidates, *new), prior), new
 
-    def modelled(self, model: EffortModel, x: Array) -> tuple[Array, Array]:
-        """Return the efforts (N, k) of a model beyond the rigid robot's, not filtered, and of these those of bodies."""
-        out, bodies = np.zeros_like(self.at.rigid), np.zeros_like(self.at.rigid)
+    def modelled(self, model: EffortModel, x: Array, at: InMotion | None = None) -> tuple[Array, Array]:
+        """Return the efforts (N, k) of a model beyond the rigid robot's, not filtered, and of these those of bodies.
+
+        at: another motion of the same robot, in which they are; None: this one.
+        """
+        deviations, at = (self.deviations, self.at) if at is None else (self._deviations(at), at)
+        out, bodies = np.zeros_like(at.rigid), np.zeros_like(at.rigid)
         for index in model.toleranced:
-            more = x[index] * self.deviations[index].efforts
+            more = x[index] * deviations[index].efforts
             out += more
-            if self.deviations[index].inertial is not None:
+            if deviations[index].inertial is not None:
                 bodies += more
         for term in model.terms:
-            at = self._knowing(out, bodies) if term.law.of_what_is_known else self.at
-            more = term.law.efforts_per(term.place, term.values, at) @ x[model.slice_of(term)]
+            known = _knowing(at, out, bodies) if term.law.of_what_is_known else at
+            more = term.law.efforts_per(term.place, term.values, known) @ x[model.slice_of(term)]
             out += more
             if term.law.of_bodies:
                 bodies += more
         return out, bodies
 
-    def _knowing(self, known: Array, bodies: Array) -> InMotion:
-        return self.at.knowing(known.copy(), self.at.motion.efforts - self.at.rigid - known, bodies.copy())
-
     def knowing(self, model: EffortModel, x: Array) -> InMotion:
         """Return the motion with the efforts that a model explains known: laws that follow from them act on these."""
-        return self._knowing(*self.modelled(model, x))
+        return _knowing(self.at, *self.modelled(model, x))
 
     def inertial_rank(self) -> tuple[int, int]:
         """Return the number of identifiable combinations of inertial parameters, and the number of parameters."""
@@ -403,3 +408,8 @@ class PreparedEfforts:
         weighed = weighed or (self.of_all_gains or 0.0) > UNSEEN
         common = [c for c in start.problem.candidates if c.law.everywhere and not (c.law.body and weighed)]
         return replace(start, terms=tuple(common), keeps_nuisances=True)
+
+
+def _knowing(at: InMotion, known: Array, bodies: Array) -> InMotion:
+    """Return a motion of which efforts (N, k) beyond the rigid robot's are known, and those of bodies among them."""
+    return at.knowing(known.copy(), at.motion.efforts - at.rigid - known, bodies.copy())
