@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import least_squares
 
-from ...dynamics.inertial import SOME_BODY, of_pseudo_inertia, pseudo_inertia, some_body, usual_lever
+from ...dynamics.inertial import SOME_BODY, near_body, of_pseudo_inertia, pseudo_inertia, some_body, usual_lever
 from ...laws.efforts import Body
 from ...mechanism import Mechanism
 from ...spatial import Array
@@ -34,60 +34,67 @@ from .evidence import block_scatter, gradients, held_out, standard_error
 from .problem import EffortCandidate, EffortModel, fit
 from .search import is_plausible
 
-__all__ = ["held_body", "log_odds_of_bodies", "other_link", "with_likelier_bodies"]
+__all__ = ["held_body", "log_evidence_of_bodies", "other_link", "with_likelier_bodies"]
+
+
+#: Multiples of the usual deviation by which a link is anyhow another one.
+_WIDER = (1.0, 3.0, 10.0)
 
 
 def with_likelier_bodies(model: EffortModel) -> EffortModel:
-    """Return the model with likelier bodies in the place of others, where these are no worse on held-out blocks."""
+    """Return the model with likelier bodies in the place of others, where these are no worse on held-out blocks.
+
+    And without bodies that are hardly likelier than none.
+    """
     for term in model.terms:
         if not term.is_body or model.is_nuisance(term):
             continue
-        left = held_out(model)
-        likelier = [item for item in log_odds_of_bodies(model, term) if item[1] > 0]
-        for candidate, _ in sorted(likelier, key=lambda item: -item[1])[:TRIED]:
+        left, evidence, own = held_out(model), log_evidence_of_bodies(model, term), term
+        likelier = [other for other in evidence if evidence[other] > evidence[term]]
+        for candidate in sorted(likelier, key=lambda other: -evidence[other])[:TRIED]:
             other = model.replaced(model.terms.index(term), candidate)
             apart = held_out(other) - left
             if float(apart.sum()) <= SURE * standard_error(apart) and is_plausible(other, candidate):
-                model = other
+                model, own = other, candidate
                 break
-    return model
+        if evidence[own] < PARAMETER_COST / 2:
+            model = model.without(own)
+    # bodies first: what follows from what is known acts on them
+    return model.with_terms(sorted(model.terms, key=lambda term: term.law.of_what_is_known))
 
 
-def log_odds_of_bodies(model: EffortModel, term: EffortCandidate) -> list[tuple[EffortCandidate, float]]:
-    """Return the other bodies that may stand in the place of one, each with the logarithm of its odds over that."""
-    if not term.is_body:
-        return []
+def log_evidence_of_bodies(model: EffortModel, term: EffortCandidate) -> dict[EffortCandidate, float]:
+    """Return the logarithm of the Bayes factor over none of a body in a model, and of others in its place."""
     problem, rest = model.problem, model.without(term)
     mechanism, precision = problem.mechanism, problem.precision()
-    rivals = [
+    bodies = [
         other
         for other in problem.candidates
         if other.is_body
-        and other is not term
-        and not any(each.excludes(other) or other.replaces(each) for each in rest.terms)
+        and (other is term or not any(each.excludes(other) or other.replaces(each) for each in rest.terms))
     ]
     _, left, gradient = gradients(rest)
     # what a body leaves must not count as noise against another
-    scatter = block_scatter(model, *fit(model))
+    scatter = block_scatter(model, *fit(model), model.slice_of(term))
     information, gradient = (left - precision) / scatter, gradient / scatter
     every = [other for other in problem.candidates if other.law.body is Body.LINK]
     links: dict[int, tuple[float, float]] = {}
-    for other in every if rivals else ():
+    for other in every:
         joint, own = mechanism.frame(other.place.name).joint, other.where
         links[joint] = other_link(mechanism, joint, len(every), information[own, own], gradient[own])
-    likely: dict[EffortCandidate, float] = {}
-    for other in [term, *rivals] if rivals else ():
+    out: dict[EffortCandidate, float] = {}
+    for other in dict.fromkeys((term, *bodies)):
         own = other.where
         if other.law.body is Body.HELD:
-            likely[other] = held_body(mechanism, information[own, own], gradient[own])
+            out[other] = held_body(mechanism, information[own, own], gradient[own])
             continue
         whole, proportion = links.get(mechanism.frame(other.place.name).joint, (-np.inf, -np.inf))
         plain = proportion > whole - PARAMETER_COST / 2
         if other.law.body is Body.SCALED_LINK:
-            likely[other] = whole if plain else proportion
+            out[other] = whole if plain else proportion
         else:
-            likely[other] = np.nextafter(whole, -np.inf) if plain else whole
-    return [(other, likely[other] - likely[term]) for other in rivals]
+            out[other] = np.nextafter(whole, -np.inf) if plain else whole
+    return out
 
 
 def held_body(mechanism: Mechanism, information: Array, gradient: Array) -> float:
@@ -124,14 +131,15 @@ def other_link(
 
     links = [link.inertial for link in mechanism.links if link.joint == joint]
     drawn = mechanism.model.inertias[joint].toDynamicParameters()
-    middle = _numbers(pseudo_inertia(drawn) + SOME_BODY * some_body(mechanism))
-    radius = float(np.exp(middle[4:7].mean()))
-    deviation = np.array([1.0, *3 * [radius], *3 * [HELD_RADIUS[1]], *3 * [HELD_SKEW * radius]])
-    found = [likely(lambda x: _body(middle + deviation * x) - _body(middle), 10, LINK_ANYHOW)]
+    pseudo = pseudo_inertia(drawn) + SOME_BODY * some_body(mechanism)
+    centre, second = pseudo[:3, 3] / pseudo[3, 3], float(np.trace(pseudo[:3, :3])) / pseudo[3, 3]
+    radius = float(np.sqrt(max(second - float(centre @ centre), 0.0)))
+    anyhow = np.linalg.inv(np.linalg.cholesky(near_body(joint, mechanism))).T  # by one deviation, in any mixture
+    found = [likely(lambda x, wider=wider: wider * anyhow @ x, 10, LINK_ANYHOW / len(_WIDER)) for wider in _WIDER]
     for link in links:
-        found.append(likely(lambda x, link=link: np.expm1(x[0]) * link, 1, LINK_KNOWN / len(links)))
+        found.append(likely(lambda x, link=link: x[0] * link, 1, LINK_KNOWN / len(links)))
         found.append(likely(lambda x, link=link: _moved(link, radius * x) - link, 3, LINK_KNOWN / len(links)))
-    proportion = likely(lambda x: np.expm1(x[0]) * drawn, 1, LINK_KNOWN) if drawn[0] > 0 else -np.inf
+    proportion = likely(lambda x: x[0] * drawn, 1, LINK_KNOWN) if drawn[0] > 0 else -np.inf
     one = float(np.log((1 - BODY_HELD) / count))
     return float(np.logaddexp.reduce(found)) + one, proportion + one
 
@@ -149,15 +157,6 @@ def _body(x: Array) -> Array:
     out[:3, 3] = out[3, :3] = x[1:4]
     out[3, 3] = 1.0
     return np.exp(np.clip(x[0], -30.0, 30.0)) * of_pseudo_inertia(out)
-
-
-def _numbers(pseudo: Array) -> Array:
-    """Return the numbers (10,) of a body; the inverse of `_body`. What no body has is as thin as a hair."""
-    mass, centre = pseudo[3, 3], pseudo[:3, 3] / pseudo[3, 3]
-    sizes, axes = np.linalg.eigh(pseudo[:3, :3] / mass - np.outer(centre, centre))
-    second = axes * np.maximum(sizes, ROUNDING) @ axes.T
-    root = np.linalg.cholesky(second[::-1, ::-1])[::-1, ::-1]  # an upper triangle
-    return np.array([np.log(mass), *centre, *np.log(np.diag(root)), *root[np.triu_indices(3, 1)]])
 
 
 def _moved(body: Array, way: Array) -> Array:

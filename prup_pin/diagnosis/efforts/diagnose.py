@@ -45,7 +45,7 @@ from .gains import (
     scale_of,
 )
 from .noise import EffortNoise, noise_of, true_roundings, true_sizes
-from .nonlinear import settled_together
+from .nonlinear import refined, settled_together
 from .outliers import OutlierInterval, is_outlying
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
@@ -231,7 +231,11 @@ def _searched(
 
     Laws are searched beside nuisances that every drive has: of a robot on which everything is a little off, the first
     single law would stand for much that it is not. Where most drives surely have nothing of the kind, the drawing is
-    that of this device but for a few laws, which are found from nothing, one after the other.
+    that of this device but for a few laws: those found, without nuisances that are not sure, or those found from
+    nothing, one after the other, which need no more to be as good.
+
+    How a friction turns round and how late signals are look alike, and a search ends near where it began: the ways of
+    friction are the usual ones to begin with, or those that suit best before any law is found.
     """
 
     def beside_known(start: EffortModel) -> EffortModel:
@@ -240,10 +244,16 @@ def _searched(
         return start.with_term(*(one for one in start.problem.candidates if one.key in keys))
 
     common, start = efforts.with_learned_variances(beside_known(efforts.start_with_nuisances()))
-    usual = searched(common, start, _part(tell, 0.0, 0.6))
-    if kinds_of_most_drives(sure_of_all(usual)):
-        return common, usual
-    return common, searched(common, beside_known(common.start()), _part(tell, 0.6, 1.0))
+    usual = searched(common, start, _part(tell, 0.0, 0.3))
+    sure = sure_of_all(usual)
+    if kinds_of_most_drives(sure):
+        start = beside_known(common.start_with_nuisances())
+        start = refined(common, start, range(len(start.terms)), at_last=True)
+        found = searched(common, start, _part(tell, 0.4, 0.7))
+    else:
+        found = searched(common, sure, _part(tell, 0.4, 0.7))
+        usual = searched(common, beside_known(common.start()), _part(tell, 0.7, 1.0))
+    return common, found if relative_gain(held_out(usual), held_out(found))[0] > GAIN else usual
 
 
 def _part(tell: Callable[[float], None], first: float, last: float) -> Callable[[float], None]:

@@ -195,14 +195,16 @@ def gradients(model: EffortModel) -> tuple[Array, Array, Array]:
     return gradient, rest, gradient.sum(axis=0) + (problem.precision(where) @ x) @ cross
 
 
-def block_scatter(model: EffortModel, x: Array, normal: Array) -> float:
+def block_scatter(model: EffortModel, x: Array, normal: Array, own: slice = slice(None)) -> float:
     """Return the scatter of whole blocks about white noise along a model's coefficients x (p,), 1 at least.
 
-    normal (p, p): their normal matrix.
+    normal (p, p): their normal matrix; own: some of them alone.
     """
     columns, where = model.problem.columns, np.array(model.where, int)
-    by_block = columns.gradients(columns.residual(where, x), where)
-    return max(float(np.trace(NormalEquations.of(normal).solve(by_block.T @ by_block))) / max(len(where), 1), 1.0)
+    by_block, equations = columns.gradients(columns.residual(where, x), where), NormalEquations.of(normal)
+    white = equations.solve(np.eye(len(where)))[own, own]
+    whole = equations.solve(equations.solve(by_block.T @ by_block).T)[own, own]
+    return max(float(np.trace(NormalEquations.of(white).solve(whole))) / max(len(white), 1), 1.0)
 
 
 def scores(model: EffortModel, evenly: bool = False) -> tuple[list[Score], float]:

@@ -11,7 +11,7 @@ from ...spatial import Array
 from ..chances import chi2_isf
 from ..criteria import GAIN, INDISTINCT, MOST, ROUNDING, SURE, TRIED
 from ..diagnosis import Detectable, Seen
-from .bayes_factors import log_odds_of_bodies
+from .bayes_factors import log_evidence_of_bodies
 from .evidence import CrossValidation, gradients, held_out, scores, standard_error
 from .final_state import FinalState
 from .nonlinear import optimised
@@ -35,7 +35,8 @@ def alternatives_to(final: FinalState, term: EffortCandidate, without: Array) ->
     # bodies are compared by the probability of such bodies
     others = [other for other in near if not (other.is_body and term.is_body)]
     others = [other for other in others if other.law is not term.law or other.place != term.place]
-    likely = [other for other, odds in log_odds_of_bodies(final.model, term) if odds > -INDISTINCT / 2]
+    odds = log_evidence_of_bodies(final.model, term) if term.is_body else {}
+    likely = [other for other in odds if other is not term and odds[other] > odds[term] - INDISTINCT / 2]
 
     def alike(model: EffortModel, after: Array) -> bool:
         apart = after - final.held_out
