@@ -209,9 +209,8 @@ class PreparedEfforts:
             replace(term, where=slice(new[term.where.start], new[term.where.start] + term.size)) for term in model.terms
         )
         blocks = {new[first]: left * block for first, block in problem.blocks.items() if first in new}
-        links = {new[index]: link for index, link in problem.links.items() if index in new}
         prior = left * problem.prior[list(model.where)]
-        alone = EffortProblem(problem.mechanism, columns, terms, prior, blocks, links)
+        alone = EffortProblem(problem.mechanism, columns, terms, prior, blocks)
         return replace(model, problem=alone, toleranced=tuple(range(len(model.toleranced))), terms=terms)
 
     def held_out_unwhitened(self, model: EffortModel) -> Array:
@@ -343,7 +342,6 @@ class PreparedEfforts:
         self, columns: DesignMatrix, candidates: Sequence[EffortCandidate], prior: Array
     ) -> EffortProblem:
         """Return the problem of these columns, candidates and inverse variances of the coefficients (P,)."""
-        links = {index: item.place for index, item in enumerate(self.deviations) if item.inertial is not None}
         own = ((c, c.law.covariance_inverse(c.place, self.at.mechanism)) for c in candidates)
         blocks = {
             c.where.start: block * (self._body_factor if c.law.body else 1.0) for c, block in own if block is not None
@@ -352,7 +350,7 @@ class PreparedEfforts:
         if self.of_all_gains is not None and count:
             of_all = self.of_all_gains / self.tolerance_of_gains
             blocks[len(self.deviations) - count] = precision_of_gains(1.0, of_all, count)
-        return EffortProblem(self.at.mechanism, columns, tuple(candidates), prior, blocks, links)
+        return EffortProblem(self.at.mechanism, columns, tuple(candidates), prior, blocks)
 
     def with_learned_variances(self, model: EffortModel) -> tuple[PreparedEfforts, EffortModel]:
         """Return efforts and model with priors of nuisances and bodies as wide as is likeliest of each kind."""
