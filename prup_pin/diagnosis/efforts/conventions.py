@@ -81,9 +81,13 @@ def conventions_of_efforts(mechanism: Mechanism, recording: Recording) -> Eviden
     with suppress(PrupPinError):
         other = clock and _Search.of(mechanism, read_as(recording, [clock], Drawn()))
     plain = _Search.of(mechanism, recording)
-    if clock is None or other is None or (_rate(recording) is None and not other.unlike() < plain.unlike()):
-        return plain.told()
-    told = other.told() or _evidence((), plain.first, other.first)
+    if (
+        clock is None
+        or other is None
+        or (_rate(recording) is None and not other.left_at_any_gain() < plain.left_at_any_gain())
+    ):
+        return plain.evidence()
+    told = other.evidence() or _evidence((), plain.first, other.first)
     return replace(
         told,
         conventions=(clock, *told.conventions),
@@ -179,17 +183,17 @@ class _Search:
         seen = bool(self.mechanism.loops) or all(name in self.at.motion.names for name in self.at.driven)
         return bool(self.at.driven) and seen
 
-    def unlike(self) -> float:
+    def left_at_any_gain(self) -> float:
         """Return what is left of the log as it is read where each drive may report in a unit of its own, a share."""
         if not self.compares:
             return self.first
         moved, read, _ = self.read(read_as(self.written, self.found.conventions if self.found else (), self.drawn))
         try:
-            return _unlike(moved, read, self.at.rigid_of(moved))
+            return _left_at_any_gain(moved, read, self.at.rigid_of(moved))
         except InputError:  # loops that do not close
             return 1.0
 
-    def told(self) -> Evidence | None:
+    def evidence(self) -> Evidence | None:
         """Return what is read otherwise and told: but for a gain that all drives have; None where that is all.
 
         What drives report per N m is told beside all masses, with how well it is known, which no reading has: read
@@ -235,15 +239,15 @@ class _Search:
             own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
             tried.append(self._found((), replace(self.written, efforts=own)))
         found = [item for item in tried if item.conventions]
-        if not found and (turned := self._turned(signed)) is not None:
+        if not found and (turned := self._single_signs(signed)) is not None:
             return turned
         if all(item.read > LITTLE for item in found) and (counted := self._counted_elsewhere(first)) is not None:
             found.append(counted)
         if not found:
-            return self._geared(first)
+            return self._before_gears(first)
         return min(found, key=lambda item: item.read * (1 + 0.05 * len(item.conventions)))
 
-    def _turned(self, signed: Mapping[str, float]) -> Evidence | None:
+    def _single_signs(self, signed: Mapping[str, float]) -> Evidence | None:
         """Return drives whose efforts are minus the rigid robot's and its friction's, each by itself.
 
         Where most drives do little, what noise makes of them would hide one that says it surely. signed: gains of those
@@ -256,7 +260,7 @@ class _Search:
             for name, written, read in zip(motion.driven, *both, strict=True)
             if not signed.get(name, 0.0) > 0 and read < FAR_LESS**2 < MOST * written
         ]
-        if not which or set(which) >= set(signed) or np.isfinite(self._hung(self.written)).any():
+        if not which or set(which) >= set(signed) or np.isfinite(self._under_any_gravity(self.written)).any():
             return None  # or gravity pulls another way
         own = [motion.driven.index(name) for name in which]
         written, read = (float(np.sqrt(np.mean(shares[own]))) for shares in both)
@@ -264,11 +268,11 @@ class _Search:
         others = tuple(
             (*turned[:place], Convention(f"q.{name}", "reversed"), *turned[place + 1 :])
             for place, name in enumerate(which)
-            if self._moves_back(name, both[1][motion.driven.index(name)])
+            if self._turned_position_does_as_well(name, both[1][motion.driven.index(name)])
         )
         return _evidence(turned, written, read, others)
 
-    def _moves_back(self, name: str, left: float) -> bool:
+    def _turned_position_does_as_well(self, name: str, left: float) -> bool:
         """Return whether a joint's position turned round leaves as little of its effort as that turned round does.
 
         Of dry friction alone nobody can tell which of both is.
@@ -325,12 +329,12 @@ class _Search:
         Of all joints, or of those of which it changes what is left: the others cannot hide it. But axes that count
         together may be one motor that drives both: there bodies must speak for it, and most of all joints.
         """
-        before, hung = self.shares(written), self._hung(written)
+        before, hung = self.shares(written), self._under_any_gravity(written)
         after = self.shares(read_as(written, taken, self.drawn))
         together = [item for item in taken if item.word in _TOGETHER]
         if together and _rms(after) > MOSTLY * self._left_by_motors(written, taken):
             return False
-        told = _told(before, after)
+        told = _explained_by_either(before, after)
         if _rms(after[told]) < min(_limit(_rms(before[told])), _rms(hung[told])):
             return True
         if together:
@@ -371,11 +375,11 @@ class _Search:
         except InputError:  # loops that do not close
             return np.full(efforts.shape[1], np.inf)
         plain = shares_of_efforts(motion, efforts, rigid, noise)
-        if not _rms(plain) > FAR_LESS or (held := self._held(motion, efforts, rigid)) is None:
+        if not _rms(plain) > FAR_LESS or (held := self._tool_load(motion, efforts, rigid)) is None:
             return plain
         return min(plain, shares_of_efforts(motion, efforts, rigid + held, noise), key=_rms)
 
-    def _held(self, motion: Motion, efforts: Array, rigid: Array) -> Array | None:
+    def _tool_load(self, motion: Motion, efforts: Array, rigid: Array) -> Array | None:
         """Return the efforts (n, k) of the body at the tool that fits best; None where it could be none.
 
         A point of mass suffices to tell how columns are meant: no more than the robot weighs, no farther off than its
@@ -535,11 +539,11 @@ class _Search:
             if known and abs(np.log(usual * word.factor)) < np.log(NEARLY):  # type: ignore[operator]
                 return Convention("tau", word.name)
         # of two drives a load may be so much larger as well
-        if len(sizes) < FEWEST_OF_KIND or _held_would_do(self.at, dict.fromkeys(self.motion.driven, usual)):
+        if len(sizes) < FEWEST_OF_KIND or _tool_load_would_do(self.at, dict.fromkeys(self.motion.driven, usual)):
             return None
         return Convention("tau", "gain", (float(f"{usual:.3g}"),))
 
-    def _geared(self, first: float) -> Evidence | None:
+    def _before_gears(self, first: float) -> Evidence | None:
         """Return that positions are the motors', before gears of one ratio; and efforts too, where these are so."""
         if self.mechanism.loops or not first > FAR_LESS or self.at.motion.standing:
             return None
@@ -548,7 +552,7 @@ class _Search:
         for ratio in GEARS:
             read = read_as(self.written, [Convention("q", "gear", (ratio,))], self.drawn)
             moved, efforts, _ = self.read(read, few)
-            tried.append((_unlike(moved, efforts, self.at.rigid_of(moved)), ratio))
+            tried.append((_left_at_any_gain(moved, efforts, self.at.rigid_of(moved)), ratio))
         found = []
         for _, ratio in sorted(tried)[:_RATIOS]:
             steps = [Convention("q", "gear", (ratio,))]
@@ -567,7 +571,7 @@ class _Search:
             return None
         return _evidence(taken, first, least)
 
-    def _hung(self, recording: Recording) -> Array:
+    def _under_any_gravity(self, recording: Recording) -> Array:
         """Return what is left of each joint (k,) where gravity may pull any way, which turned columns imitate."""
         motion, efforts, noise = self.read(recording)
         never = np.full(efforts.shape[1], np.inf)
@@ -597,7 +601,7 @@ def gains_apart(gains: dict[str, float]) -> bool:
     return not (len(gains) < FEWEST_OF_KIND or np.median(apart) < np.log(AS_GOOD) or apart.min() < np.log(NEARLY))
 
 
-def _held_would_do(at: InMotion, gains: Mapping[str, float]) -> bool:
+def _tool_load_would_do(at: InMotion, gains: Mapping[str, float]) -> bool:
     """Return whether a body that the tool holds leaves no more of the efforts of joints than gains of those."""
     tool = at.mechanism.tool
     if tool is None or tool.joint == 0:
@@ -618,7 +622,7 @@ def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
     yield from exchanged(names)
 
 
-def _told(one: Array, other: Array) -> np.ndarray:
+def _explained_by_either(one: Array, other: Array) -> np.ndarray:
     """Return the joints (k,) of which either of two readings makes sense: what neither explains speaks for none."""
     told = np.fmin(one, other) < MOSTLY**2
     return told if told.any() else np.ones(len(one), bool)
@@ -631,7 +635,7 @@ def _changed(one: Array, other: Array) -> np.ndarray:
 
 def _makes_more(before: Array, after: Array, among: np.ndarray | bool = True) -> bool:
     """Return whether a reading makes more sense of joints than one before it; shares of squares (k,) that are left."""
-    told = _told(before, after) & among
+    told = _explained_by_either(before, after) & among
     return _rms(after[told]) < MOSTLY * _rms(before[told])
 
 
@@ -651,36 +655,38 @@ def shares_of_efforts(motion: Motion, efforts: Array, rigid: Array, noise: Array
     for column, name in enumerate(motion.driven):
         size = float(efforts[:, column] @ efforts[:, column])
         if size > 0:
-            left = _rubbed(motion, name, efforts[:, column] - rigid[:, column]) ** 2 - alone[column]
+            left = _norm_beyond_friction(motion, name, efforts[:, column] - rigid[:, column]) ** 2 - alone[column]
             shares[column] = min(max(left, 0.0) / size, 100.0)
     return shares
 
 
-def _freed_products(motion: Motion, efforts: Array, rigid: Array) -> Iterator[tuple[str, float, float, float]]:
+def _products_without_friction(
+    motion: Motion, efforts: Array, rigid: Array
+) -> Iterator[tuple[str, float, float, float]]:
     """Yield of each joint the squares of its effort and of the rigid robot's, and their product, freed of friction."""
     for column, name in enumerate(motion.driven):
-        own = _freed(motion, name, np.column_stack((efforts[:, column], rigid[:, column])))
+        own = _without_friction(motion, name, np.column_stack((efforts[:, column], rigid[:, column])))
         yield name, float(own[:, 0] @ own[:, 0]), float(own[:, 1] @ own[:, 1]), float(own[:, 0] @ own[:, 1])
 
 
-def _unlike(motion: Motion, efforts: Array, rigid: Array) -> float:
+def _left_at_any_gain(motion: Motion, efforts: Array, rigid: Array) -> float:
     """Return what is left where each joint's effort may be any multiple above 0 of the rigid robot's: a share."""
     shares = [
         1 - max(product, 0.0) ** 2 / max(measured * predicted, np.finfo(float).tiny)
-        for _, measured, predicted, product in _freed_products(motion, efforts, rigid)
+        for _, measured, predicted, product in _products_without_friction(motion, efforts, rigid)
         if measured > 0
     ]
     return float(np.mean(shares)) if shares else 1.0
 
 
-def _rubbed(motion: Motion, joint: str, values: Array) -> float:
+def _norm_beyond_friction(motion: Motion, joint: str, values: Array) -> float:
     """Return how large values (n,) are that friction leaves at a joint, which takes energy and gives none."""
     if joint not in motion.names:
         return float(np.linalg.norm(values))
     return float(nnls(_friction(motion, joint), values)[1])
 
 
-def _freed(motion: Motion, joint: str, values: Array) -> Array:
+def _without_friction(motion: Motion, joint: str, values: Array) -> Array:
     """Return values (n, ...) freed of all that goes with friction at a joint, be it of either sign."""
     if joint not in motion.names:
         return values
@@ -705,7 +711,7 @@ def _stacked(
     """
     sizes = np.linalg.norm(efforts, axis=0)
     parts = [
-        _freed(motion, motion.driven[k], np.column_stack((columns[:, k], missed[:, k]))) / sizes[k]
+        _without_friction(motion, motion.driven[k], np.column_stack((columns[:, k], missed[:, k]))) / sizes[k]
         for k in which
         if sizes[k] > 0
     ]
@@ -727,7 +733,7 @@ def gains_of_efforts(motion: Motion, efforts: Array, rigid: Array, follows: floa
     """
     return {
         name: product / predicted
-        for name, measured, predicted, product in _freed_products(motion, efforts, rigid)
+        for name, measured, predicted, product in _products_without_friction(motion, efforts, rigid)
         if measured * predicted > 0 and abs(product) > follows * np.sqrt(measured * predicted)
     }
 
@@ -765,7 +771,7 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[Doubt]:
     if first > FAR_LESS:
         _check_limits(at, motion, first)
     gains = {name: gain for name, gain in gains_of_efforts(motion, efforts, rigid).items() if gain > 0}
-    if not in_units and gains_apart(gains) and not _held_would_do(at, gains):
+    if not in_units and gains_apart(gains) and not _tool_load_would_do(at, gains):
         told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:MOST_LISTED])
         text = (
             "the efforts follow the rigid robot's, but are other multiples of them at each joint "

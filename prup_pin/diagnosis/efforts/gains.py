@@ -153,16 +153,16 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     products = _products(at)
     if products is None:
         return None
-    products, drawn = _told(products, *_drawn(at, tolerances))
-    start = _start(products, drawn)
+    products, drawn = _identified(products, *_drawn(at, tolerances))
+    start = _first_gains(products, drawn)
     if start is None:
         return None
     alike, before, after = np.ones(len(start)), [], []  # held out, where all are as told and where each is its own
     for block in range(FOLDS):
         others = products.without(block)
-        before.append(_left(products, block, _inertial(others, drawn, MUCH, alike)[0], alike))
+        before.append(_residual_squares(products, block, _inertial(others, drawn, MUCH, alike)[0], alike))
         own, log, _ = _solved(others, drawn, MUCH, start)
-        after.append(_left(products, block, own, np.exp(log)))
+        after.append(_residual_squares(products, block, own, np.exp(log)))
     saving = np.array(before) - np.array(after)
     sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(FOLDS), np.finfo(float).tiny)
     if np.sum(after) > MUCH * products.size:
@@ -222,7 +222,7 @@ def _several(log: Array, covariance: Array) -> bool:
     return int((np.abs(log) > np.maximum(np.log(NEARLY), SURE * deviation)).sum()) > 1
 
 
-def _told(products: _Products, drawn: Array, spread: Array) -> tuple[_Products, Array]:
+def _identified(products: _Products, drawn: Array, spread: Array) -> tuple[_Products, Array]:
     """Return the same of the combinations of inertial parameters (r,) that efforts tell, and these as drawn (r,).
 
     Each in multiples of its spread. The others stay as drawn whatever is measured.
@@ -281,7 +281,7 @@ def _products(at: InMotion) -> _Products | None:
             good &= ~motion.still[rows, motion.names.index(name)]
         if good.sum() < FEWEST_NUMBERS:
             continue
-        own = low_pass(_own(at, name), motion.piece)[rows]
+        own = low_pass(_nuisance_columns(at, name), motion.piece)[rows]
         values = np.column_stack((measured[:, joint], inertial))
         values[good] -= own[good] @ np.linalg.lstsq(own[good], values[good], rcond=1e-9)[0]
         values[~good] = 0.0
@@ -300,7 +300,7 @@ def _products(at: InMotion) -> _Products | None:
     return _Products(columns, moment, power, total) if power.any(axis=1).all() else None
 
 
-def _own(at: InMotion, joint: str) -> Array:
+def _nuisance_columns(at: InMotion, joint: str) -> Array:
     """Return what a joint's effort may hold beside bodies (N, m): friction, rotor, an offset, a counterbalance."""
     ones = np.ones(len(at))
     if joint not in at.motion.names:
@@ -328,7 +328,7 @@ def _coupled(at: InMotion, joint: str) -> list[str]:
     return [other for name, other in motor_pairs(at.mechanism) if name == joint and {name, other} <= seen]
 
 
-def _start(products: _Products, drawn: Array) -> Array | None:
+def _first_gains(products: _Products, drawn: Array) -> Array | None:
     """Return logarithms of gains (k,) by the robot file's masses; the others' middle where that tells nothing."""
     columns, moment, power = products.without(None)
     size = np.einsum("i,kij,j->k", drawn, columns, drawn)
@@ -391,7 +391,7 @@ def _solved(sums: tuple[Array, Array, Array], drawn: Array, width: float, start:
     return np.exp(to_masses @ apart) * x, level + kept @ apart, covariance
 
 
-def _left(products: _Products, block: int, x: Array, gain: Array) -> float:
+def _residual_squares(products: _Products, block: int, x: Array, gain: Array) -> float:
     """Return the squares that inertial parameters (r,) and gains (k,) leave of a block."""
     columns, moment, power = products.columns[:, block], products.moment[:, block], products.power[:, block]
     return float((power - 2 * gain * (moment @ x) + gain**2 * np.einsum("i,kij,j->k", x, columns, x)).sum())

@@ -18,7 +18,7 @@ from .evidence import CrossValidation, held_out, relative_gain
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, SparseColumns, fit
 
-__all__ = ["optimised", "profile_intervals", "refined", "settled_together"]
+__all__ = ["optimised", "optimised_in_either_form", "profile_intervals", "refined"]
 
 #: Logarithm of a parameter over its best value beyond which data do not bound it.
 _NEVER = 7.0
@@ -88,7 +88,7 @@ def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]
     return model
 
 
-def settled_together(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
+def optimised_in_either_form(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
     """Return the model with all nonlinear parameters where the squares are least together.
 
     Laws that do much the same in two ways, as friction turns round on a way or sets in with the speed, do so in the

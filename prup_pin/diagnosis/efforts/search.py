@@ -18,7 +18,7 @@ import numpy as np
 from ...spatial import Array
 from ..criteria import AS_GOOD, FEWEST_OF_KIND, GAIN, MOST, MOST_FITS, NO_MATTER, SURE, TRIED, beyond_tolerance
 from .evidence import CrossValidation, held_out, no_worse, relative_gain, scores, standard_error
-from .nonlinear import refined, settled_together
+from .nonlinear import optimised_in_either_form, refined
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
 
@@ -31,8 +31,8 @@ __all__ = [
     "searched",
     "squared_strain",
     "strain",
-    "sure_of_all",
     "with_relieving_laws",
+    "without_needless_nuisances",
 ]
 
 #: Times that a law may come in at a place: once more after it was made needless by what was itself needless later.
@@ -59,7 +59,7 @@ def searched(efforts: PreparedEfforts, model: EffortModel, tell: Callable[[float
     model = model.with_terms(sorted(model.terms, key=lambda term: term.law.of_what_is_known))
     if model.terms:
         model = refined(efforts, model, range(len(model.terms) - 1, -1, -1), at_last=True)
-        model = settled_together(efforts, model)
+        model = optimised_in_either_form(efforts, model)
         model = _with_new(efforts, model, [], refused)
         model = _simpler(efforts, model)
     return model
@@ -273,7 +273,7 @@ def kinds_of_most_drives(
     return {kind: own for kind, own in kinds.items() if len({term.place.name for term in own}) >= most}
 
 
-def sure_of_all(model: EffortModel) -> EffortModel:
+def without_needless_nuisances(model: EffortModel) -> EffortModel:
     """Return the model without nuisances that held-out blocks do not ask for; the others are terms like any."""
     common = [term for term in model.terms if model.is_nuisance(term)]
     return pruned(replace(model, keeps_nuisances=False), common)
