@@ -60,9 +60,13 @@ def near_body(joint: int, mechanism: Mechanism) -> Array:
     return np.einsum("aij,bji->ab", units, units) / (2 * BODIES_OFF**2)
 
 
+def usual_lever(mechanism: Mechanism) -> float:
+    """Return how far one joint is from the next [m], in the mean."""
+    reach = sum(float(np.linalg.norm(place.translation)) for place in mechanism.model.jointPlacements) or 1.0
+    return reach / max(mechanism.model.njoints - 1, 1)
+
+
 def some_body(mechanism: Mechanism) -> Array:
     """Return the pseudo-inertia (4, 4) of a body as heavy as the robot and as large as a link, at its joint."""
     mass = sum(float(inertia.mass) for inertia in mechanism.model.inertias) or 1.0
-    reach = sum(float(np.linalg.norm(place.translation)) for place in mechanism.model.jointPlacements) or 1.0
-    radius = 0.3 * reach / max(mechanism.model.njoints - 1, 1)
-    return mass * np.diag([*3 * [radius**2], 1.0])
+    return mass * np.diag([*3 * [(0.3 * usual_lever(mechanism)) ** 2], 1.0])

@@ -8,8 +8,8 @@ import pytest
 from prup_pin import load
 from prup_pin.diagnosis.conventions import read_logs
 from prup_pin.diagnosis.efforts.conventions import (
-    _held_would_do,
     _Search,
+    _tool_load_would_do,
     check_efforts,
     conventions_of_efforts,
     gains_of_efforts,
@@ -172,7 +172,7 @@ def test_noise_of_positions_is_not_less_motion_in_another_unit(ur5):
 
 def searched(ur5, recording):
     """What a search reads otherwise, gains that are told beside masses included."""
-    return _Search(InMotion.of(ur5, motion_of(recording, ur5)), recording).found()
+    return _Search.of(ur5, recording).found
 
 
 def test_nearly_equal_gains_of_all_drives_are_a_unit_that_is_told_once(ur5, recording):
@@ -313,15 +313,15 @@ def test_an_effort_that_is_turned_round_is_found_under_a_load(ur5, loaded_log, j
 
 
 def test_a_load_in_the_tool_is_no_other_unit_of_all_efforts(ur5, loaded_log):
-    search = _Search(InMotion.of(ur5, motion_of(loaded_log, ur5)), loaded_log)
+    search = _Search.of(ur5, loaded_log)
     gains = gains_of_efforts(search.motion, search.efforts, search.rigid)
     assert np.median(list(gains.values())) > 1.6
-    assert _held_would_do(search.at, dict.fromkeys(ur5.actuated, 1.8))
+    assert _tool_load_would_do(search.at, dict.fromkeys(ur5.actuated, 1.8))
     assert told(ur5, loaded_log) == []
     assert checked(ur5, loaded_log) == []
     other = written(loaded_log, "tau=gain:0.1")
     at = InMotion.of(ur5, motion_of(other, ur5))
-    assert not _held_would_do(at, dict.fromkeys(ur5.actuated, 0.15))
+    assert not _tool_load_would_do(at, dict.fromkeys(ur5.actuated, 0.15))
 
 
 def test_no_unit_is_looked_for_where_one_is_declared(ur5, recording):

@@ -128,7 +128,7 @@ def test_what_had_come_to_make_up_for_a_law_that_relieves_tolerances_goes_with_i
 
 
 def test_a_law_that_comes_back_as_often_as_it_is_needless_ends_the_search(monkeypatch):
-    """All links' masses come in for several of them, whatever was refused before."""
+    """Whatever was refused before."""
     coming = EffortCandidate(Damping(), Place("a", "effort"), {}, slice(0, 1))
     monkeypatch.setattr(search, "_forward", lambda efforts, model, *rest: model.with_term(coming))
     monkeypatch.setattr(search, "pruned", lambda model, doubtful: model.with_terms(()))

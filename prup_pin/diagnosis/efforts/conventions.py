@@ -8,7 +8,9 @@ log is not what it says, and no law is to be made of it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -49,7 +51,6 @@ __all__ = [
     "conventions_of_efforts",
     "gains_apart",
     "gains_of_efforts",
-    "left_of_efforts",
     "sampled",
     "shares_of_efforts",
 ]
@@ -76,19 +77,17 @@ def conventions_of_efforts(mechanism: Mechanism, recording: Recording) -> Eviden
     Where the clock seems to count in another unit, all else is looked for by either clock: in degrees and
     milliseconds together, neither alone makes sense. Raises InputError where the motion cannot be told at all.
     """
-    clock = _clock(mechanism, recording)
-    if clock is None:
-        return _by_clock(mechanism, recording).told()
-    try:
-        other = _by_clock(mechanism, read_as(recording, [clock], Drawn()))
-    except PrupPinError:
-        return _by_clock(mechanism, recording).told()
-    plain = _by_clock(mechanism, recording)
-    if _rate(recording) is None and not other.unlike() < plain.unlike():
-        return plain.told()
-    told = other.told()
-    if told is None:
-        return Evidence((clock,), "efforts", "", plain.written, other.written, _held(plain.written, other.written))
+    clock, other = _clock(mechanism, recording), None
+    with suppress(PrupPinError):
+        other = clock and _Search.of(mechanism, read_as(recording, [clock], Drawn()))
+    plain = _Search.of(mechanism, recording)
+    if (
+        clock is None
+        or other is None
+        or (_rate(recording) is None and not other.left_at_any_gain() < plain.left_at_any_gain())
+    ):
+        return plain.evidence()
+    told = other.evidence() or _evidence((), plain.first, other.first)
     return replace(
         told,
         conventions=(clock, *told.conventions),
@@ -96,46 +95,12 @@ def conventions_of_efforts(mechanism: Mechanism, recording: Recording) -> Eviden
     )
 
 
-class _ByClock(NamedTuple):
-    """What is read otherwise by one clock: the search and all that it found, where joints could be compared.
-
-    written: what the log leaves as it is written, a share.
-    """
-
-    search: _Search | None
-    found: Evidence | None
-    written: float
-
-    def unlike(self) -> float:
-        """Return what is left of the log as it is read where each drive may report in a unit of its own, a share."""
-        if self.search is None:
-            return self.written
-        search, conventions = self.search, self.found.conventions if self.found else ()
-        moved, read, _ = search.read(read_as(search.written, conventions, search.drawn))
-        try:
-            return _unlike(moved, read, search.at.rigid_of(moved))
-        except InputError:  # loops that do not close
-            return 1.0
-
-    def told(self) -> Evidence | None:
-        """Return what is read otherwise."""
-        return None if self.search is None or self.found is None else self.search.without_gain(self.found)
-
-
-def _by_clock(mechanism: Mechanism, recording: Recording) -> _ByClock:
-    at = InMotion.of(mechanism, motion_of(recording, mechanism))
-    rows, motion, efforts = sampled(at)
-    written = left_of_efforts(motion, efforts, at.rigid[rows])
-    unseen = any(name not in at.motion.names for name in at.driven)
-    if not at.driven or (unseen and not mechanism.loops):
-        return _ByClock(None, None, written)
-    search = _Search(at, recording)
-    return _ByClock(search, search.found(), written)
-
-
-def _held(written: float, read: float) -> float:
-    """Return the share of the squares that a reading takes away of what a log leaves as it is written."""
-    return 1 - min(1.0, (read / written) ** 2) if written > 0 else 0.0
+def _evidence(
+    conventions: Sequence[Convention], written: float, read: float, others: Sequence[Sequence[Convention]] = ()
+) -> Evidence:
+    """Return what is left of a log as it is written and as it is read by conventions, shares, and readings as good."""
+    held = 1 - min(1.0, (read / written) ** 2) if written > 0 else 0.0
+    return Evidence(tuple(conventions), "efforts", "", written, read, held, tuple(map(tuple, others)))
 
 
 def _clock(mechanism: Mechanism, recording: Recording) -> Convention | None:
@@ -183,13 +148,14 @@ class _Search:
     """Samples of a motion, written as a recording, so that conventions read them like any other.
 
     Its last rows are none of them: each is one effort's noise, which is read like it; what several add up to in a
-    column adds in squares.
+    column adds in squares. `first`: what is left of the log as it is written, noise and all, a share.
     """
 
     def __init__(self, at: InMotion, recording: Recording):
         self.at, self.mechanism, self.recording = at, at.mechanism, recording
         self.rows, self.motion, self.efforts = sampled(at)
         self.rigid = at.rigid[self.rows]
+        self.first = _rms(shares_of_efforts(self.motion, self.efforts, self.rigid))
         self.drawn = Drawn(frozenset(name for name in at.motion.names if self.mechanism.joint(name).slides))
         table = [name for name in recording.positions if name in at.motion.names]
         self.whole = len(table) == len(recording.positions)
@@ -206,46 +172,37 @@ class _Search:
             efforts={name: np.append(self.efforts[:, k], noise[:, k]) for name, k in driven.items()},
         )
 
-    def _noise(self) -> Array:
-        """Return what each effort (k,) scatters by in the band in which it is compared; 0 where nothing tells that."""
-        told, cutoffs = noise_of(self.recording, self.at), self.at.motion.band.cutoffs
-        sizes = [told[name].below(cutoff) for name, cutoff in zip(self.at.driven, cutoffs, strict=True)]
-        return np.nan_to_num(np.array(sizes))
+    @classmethod
+    def of(cls, mechanism: Mechanism, recording: Recording) -> _Search:
+        """Return the search of a recording by its own clock. Raises InputError where the motion cannot be told."""
+        return cls(InMotion.of(mechanism, motion_of(recording, mechanism)), recording)
 
-    def found(self) -> Evidence | None:
-        """Return what would be read otherwise, and how much less that leaves."""
-        if len(self.rows) < FEWEST_NUMBERS or not np.isfinite(self.efforts).all() or not self.efforts.any():
-            return None
-        first = self.left(self.written)
-        signed = gains_of_efforts(self.motion, self.efforts, self.rigid)
-        unit = self._unit(signed)
-        tried = [self._found((), self.written)]
-        if unit is not None:
-            tried.append(self._found((unit,), read_as(self.written, [unit], self.drawn)))
-        elif first > FAR_LESS and gains_apart({name: abs(gain) for name, gain in signed.items()}):
-            # each drive in a unit of its own is no sign turned round: what is read otherwise is looked for beside that
-            sizes = gains_of_efforts(self.motion, self.efforts, self.rigid, follows=0.0)
-            own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
-            tried.append(self._found((), replace(self.written, efforts=own)))
-        found = [item for item in tried if item.conventions]
-        if not found and (turned := self._turned(signed)) is not None:
-            return turned
-        if all(item.read > LITTLE for item in found):
-            counted = self._counted_elsewhere(first)
-            found += [] if counted is None else [counted]
-        if not found:
-            return self._geared(first)
-        return min(found, key=lambda item: item.read * (1 + 0.05 * len(item.conventions)))
+    @property
+    def compares(self) -> bool:
+        """Whether the place of each joint whose effort was recorded is known."""
+        seen = bool(self.mechanism.loops) or all(name in self.at.motion.names for name in self.at.driven)
+        return bool(self.at.driven) and seen
 
-    def without_gain(self, found: Evidence) -> Evidence | None:
-        """Return what is read otherwise but for a gain that all drives have; None where that is all.
+    def left_at_any_gain(self) -> float:
+        """Return what is left of the log as it is read where each drive may report in a unit of its own, a share."""
+        if not self.compares:
+            return self.first
+        moved, read, _ = self.read(read_as(self.written, self.found.conventions if self.found else (), self.drawn))
+        try:
+            return _left_at_any_gain(moved, read, self.at.rigid_of(moved))
+        except InputError:  # loops that do not close
+            return 1.0
+
+    def evidence(self) -> Evidence | None:
+        """Return what is read otherwise and told: but for a gain that all drives have; None where that is all.
 
         What drives report per N m is told beside all masses, with how well it is known, which no reading has: read
         here, it would be taken for exact, and told again as what each drive differs by. Where nothing tells gains
         beside masses, as at rest, it is a reading.
         """
-        gain = next((item for item in found.conventions if item.word == "gain"), None)
-        if gain is None:
+        found = self.found
+        gain = next((item for item in found.conventions if item.word == "gain"), None) if found else None
+        if found is None or gain is None:
             return found
         rest, *others = (
             tuple(item for item in reading if item != gain) for reading in (found.conventions, *found.others)
@@ -254,12 +211,43 @@ class _Search:
         at = InMotion.of(self.mechanism, motion_of(read, self.mechanism)) if rest else self.at
         if gains_of(at, {key: float(value) for key, value in read.tolerances.declared.items()}) is None:
             return found
-        if not rest:
-            return None
-        written = self.left(read_as(self.written, [gain], self.drawn))
-        return replace(found, conventions=rest, written=written, held=_held(written, found.read), others=tuple(others))
+        return (
+            _evidence(rest, self.left(read_as(self.written, [gain], self.drawn)), found.read, others) if rest else None
+        )
 
-    def _turned(self, signed: Mapping[str, float]) -> Evidence | None:
+    def _noise(self) -> Array:
+        """Return what each effort (k,) scatters by in the band in which it is compared; 0 where nothing tells that."""
+        told, cutoffs = noise_of(self.recording, self.at), self.at.motion.band.cutoffs
+        sizes = [told[name].below(cutoff) for name, cutoff in zip(self.at.driven, cutoffs, strict=True)]
+        return np.nan_to_num(np.array(sizes))
+
+    @cached_property
+    def found(self) -> Evidence | None:
+        """What would be read otherwise, and how much less that leaves; None where nothing is."""
+        known = self.compares and len(self.rows) >= FEWEST_NUMBERS and np.isfinite(self.efforts).all()
+        if not known or not self.efforts.any():
+            return None
+        first = self.left(self.written)
+        signed = gains_of_efforts(self.motion, self.efforts, self.rigid)
+        unit = self._unit(signed)
+        tried = [self._found((), self.written)]
+        if unit is not None:
+            tried.append(self._found((unit,), read_as(self.written, [unit], self.drawn)))
+        elif first > FAR_LESS and gains_apart(signed):
+            # each drive in a unit of its own is no sign turned round: what is read otherwise is looked for beside that
+            sizes = gains_of_efforts(self.motion, self.efforts, self.rigid, follows=0.0)
+            own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
+            tried.append(self._found((), replace(self.written, efforts=own)))
+        found = [item for item in tried if item.conventions]
+        if not found and (turned := self._single_signs(signed)) is not None:
+            return turned
+        if all(item.read > LITTLE for item in found) and (counted := self._counted_elsewhere(first)) is not None:
+            found.append(counted)
+        if not found:
+            return self._before_gears(first)
+        return min(found, key=lambda item: item.read * (1 + 0.05 * len(item.conventions)))
+
+    def _single_signs(self, signed: Mapping[str, float]) -> Evidence | None:
         """Return drives whose efforts are minus the rigid robot's and its friction's, each by itself.
 
         Where most drives do little, what noise makes of them would hide one that says it surely. signed: gains of those
@@ -272,7 +260,7 @@ class _Search:
             for name, written, read in zip(motion.driven, *both, strict=True)
             if not signed.get(name, 0.0) > 0 and read < FAR_LESS**2 < MOST * written
         ]
-        if not which or set(which) >= set(signed) or np.isfinite(self._hung(self.written)).any():
+        if not which or set(which) >= set(signed) or np.isfinite(self._under_any_gravity(self.written)).any():
             return None  # or gravity pulls another way
         own = [motion.driven.index(name) for name in which]
         written, read = (float(np.sqrt(np.mean(shares[own]))) for shares in both)
@@ -280,11 +268,11 @@ class _Search:
         others = tuple(
             (*turned[:place], Convention(f"q.{name}", "reversed"), *turned[place + 1 :])
             for place, name in enumerate(which)
-            if self._moves_back(name, both[1][motion.driven.index(name)])
+            if self._turned_position_does_as_well(name, both[1][motion.driven.index(name)])
         )
-        return Evidence(turned, "efforts", "", written, read, 1 - (read / written) ** 2, others)
+        return _evidence(turned, written, read, others)
 
-    def _moves_back(self, name: str, left: float) -> bool:
+    def _turned_position_does_as_well(self, name: str, left: float) -> bool:
         """Return whether a joint's position turned round leaves as little of its effort as that turned round does.
 
         Of dry friction alone nobody can tell which of both is.
@@ -311,9 +299,7 @@ class _Search:
                 least = self.left(read_as(begin, taken, self.drawn)) if taken else now
         written = self.left(self.written) if start else now
         conventions = merged((*start, *taken), list(self.written.positions), list(self.written.efforts))
-        held = _held(written, least)
-        equal = tuple((*start, *other) for other in others)
-        return Evidence(conventions, "efforts", "", written, least, held, equal)
+        return _evidence(conventions, written, least, [(*start, *other) for other in others])
 
     def _counted_elsewhere(self, first: float) -> Evidence | None:
         """Return from where joints count, and which way, where that makes sense of the log; first: what it leaves.
@@ -337,8 +323,7 @@ class _Search:
         found = with_efforts(quarter_turns(self.mechanism, list(self.written.positions), cost))
         if not found or not self._makes_sense(self.written, found):
             return None
-        left = self.left(read_as(self.written, found, self.drawn))
-        return Evidence(found, "efforts", "", first, left, 1 - min(1.0, (left / first) ** 2))
+        return _evidence(found, first, self.left(read_as(self.written, found, self.drawn)))
 
     def _makes_sense(self, written: Recording, taken: Sequence[Convention]) -> bool:
         """Return whether a log leaves so much less as it is read, and less than where gravity may pull any way.
@@ -346,12 +331,12 @@ class _Search:
         Of all joints, or of those of which it changes what is left: the others cannot hide it. But axes that count
         together may be one motor that drives both: there bodies must speak for it, and most of all joints.
         """
-        before, hung = self.shares(written), self._hung(written)
+        before, hung = self.shares(written), self._under_any_gravity(written)
         after = self.shares(read_as(written, taken, self.drawn))
         together = [item for item in taken if item.word in _TOGETHER]
         if together and _rms(after) > MOSTLY * self._left_by_motors(written, taken):
             return False
-        told = _told(before, after)
+        told = _explained_by_either(before, after)
         if _rms(after[told]) < min(_limit(_rms(before[told])), _rms(hung[told])):
             return True
         if together:
@@ -392,11 +377,11 @@ class _Search:
         except InputError:  # loops that do not close
             return np.full(efforts.shape[1], np.inf)
         plain = shares_of_efforts(motion, efforts, rigid, noise)
-        if not _rms(plain) > FAR_LESS or (held := self._held(motion, efforts, rigid)) is None:
+        if not _rms(plain) > FAR_LESS or (held := self._tool_load(motion, efforts, rigid)) is None:
             return plain
         return min(plain, shares_of_efforts(motion, efforts, rigid + held, noise), key=_rms)
 
-    def _held(self, motion: Motion, efforts: Array, rigid: Array) -> Array | None:
+    def _tool_load(self, motion: Motion, efforts: Array, rigid: Array) -> Array | None:
         """Return the efforts (n, k) of the body at the tool that fits best; None where it could be none.
 
         A point of mass suffices to tell how columns are meant: no more than the robot weighs, no farther off than its
@@ -556,11 +541,11 @@ class _Search:
             if known and abs(np.log(usual * word.factor)) < np.log(NEARLY):  # type: ignore[operator]
                 return Convention("tau", word.name)
         # of two drives a load may be so much larger as well
-        if len(sizes) < FEWEST_OF_KIND or _held_would_do(self.at, dict.fromkeys(self.motion.driven, usual)):
+        if len(sizes) < FEWEST_OF_KIND or _tool_load_would_do(self.at, dict.fromkeys(self.motion.driven, usual)):
             return None
         return Convention("tau", "gain", (float(f"{usual:.3g}"),))
 
-    def _geared(self, first: float) -> Evidence | None:
+    def _before_gears(self, first: float) -> Evidence | None:
         """Return that positions are the motors', before gears of one ratio; and efforts too, where these are so."""
         if self.mechanism.loops or not first > FAR_LESS or self.at.motion.standing:
             return None
@@ -569,7 +554,7 @@ class _Search:
         for ratio in GEARS:
             read = read_as(self.written, [Convention("q", "gear", (ratio,))], self.drawn)
             moved, efforts, _ = self.read(read, few)
-            tried.append((_unlike(moved, efforts, self.at.rigid_of(moved)), ratio))
+            tried.append((_left_at_any_gain(moved, efforts, self.at.rigid_of(moved)), ratio))
         found = []
         for _, ratio in sorted(tried)[:_RATIOS]:
             steps = [Convention("q", "gear", (ratio,))]
@@ -586,9 +571,9 @@ class _Search:
         least, _, taken = min(near, key=lambda item: (item[1] % 10 > 0, item[1] % 5 > 0, item[0]))
         if not least < min(_limit(first), MOSTLY * _rms(self._left_by_friction(self.written))):
             return None
-        return Evidence(taken, "efforts", "", first, least, 1 - (least / first) ** 2)
+        return _evidence(taken, first, least)
 
-    def _hung(self, recording: Recording) -> Array:
+    def _under_any_gravity(self, recording: Recording) -> Array:
         """Return what is left of each joint (k,) where gravity may pull any way, which turned columns imitate."""
         motion, efforts, noise = self.read(recording)
         never = np.full(efforts.shape[1], np.inf)
@@ -618,24 +603,18 @@ def gains_apart(gains: dict[str, float]) -> bool:
     return not (len(gains) < FEWEST_OF_KIND or np.median(apart) < np.log(AS_GOOD) or apart.min() < np.log(NEARLY))
 
 
-def _held_would_do(at: InMotion, gains: Mapping[str, float]) -> bool:
+def _tool_load_would_do(at: InMotion, gains: Mapping[str, float]) -> bool:
     """Return whether a body that the tool holds leaves no more of the efforts of joints than gains of those."""
     tool = at.mechanism.tool
     if tool is None or tool.joint == 0:
         return False
     rows, motion, efforts = sampled(at)
-    held, rigid = at.regressor[rows][:, :, tool.joint - 1], at.rigid[rows]
-    read, known, bodies = 0.0, [], []
-    for name, gain in gains.items():
-        column = at.driven.index(name)
-        own = np.column_stack((efforts[:, column], rigid[:, column], held[:, column]))
-        own = _freed(motion, name, own) / max(float(np.linalg.norm(efforts[:, column])), 1e-300)
-        read += float(np.sum((own[:, 0] - gain * own[:, 1]) ** 2))
-        known.append(own[:, 0] - own[:, 1])
-        bodies.append(own[:, 2:])
-    written, table = np.concatenate(known), np.concatenate(bodies)
-    left = written - table @ np.linalg.lstsq(table, written, rcond=1e-9)[0]
-    return float(left @ left) < read
+    rigid, held = at.rigid[rows], at.regressor[rows][:, :, tool.joint - 1]
+    which = [at.driven.index(name) for name in gains]
+    bodies, missed = _stacked(motion, efforts, which, held, efforts - rigid)
+    _, read = _stacked(motion, efforts, which, held, efforts - rigid * [gains.get(name, 1.0) for name in at.driven])
+    left = missed - bodies @ np.linalg.lstsq(bodies, missed, rcond=1e-9)[0]
+    return float(left @ left) < float(read @ read)
 
 
 def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -645,15 +624,7 @@ def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
     yield from exchanged(names)
 
 
-def left_of_efforts(motion: Motion, efforts: Array, rigid: Array, noise: Array | float = 0.0) -> float:
-    """Return what rigid efforts and friction leave of efforts (n, k): a share, RMS of the joints.
-
-    noise (k,): of a sample of each, which is not counted: a wrist whose efforts are hardly more tells nothing.
-    """
-    return _rms(shares_of_efforts(motion, efforts, rigid, noise))
-
-
-def _told(one: Array, other: Array) -> np.ndarray:
+def _explained_by_either(one: Array, other: Array) -> np.ndarray:
     """Return the joints (k,) of which either of two readings makes sense: what neither explains speaks for none."""
     told = np.fmin(one, other) < MOSTLY**2
     return told if told.any() else np.ones(len(one), bool)
@@ -666,7 +637,7 @@ def _changed(one: Array, other: Array) -> np.ndarray:
 
 def _makes_more(before: Array, after: Array, among: np.ndarray | bool = True) -> bool:
     """Return whether a reading makes more sense of joints than one before it; shares of squares (k,) that are left."""
-    told = _told(before, after) & among
+    told = _explained_by_either(before, after) & among
     return _rms(after[told]) < MOSTLY * _rms(before[told])
 
 
@@ -677,37 +648,47 @@ def _rms(shares: Array) -> float:
 
 
 def shares_of_efforts(motion: Motion, efforts: Array, rigid: Array, noise: Array | float = 0.0) -> Array:
-    """Return the same of the squares of each joint (k,); NaN of one without efforts."""
+    """Return the share of the squares of each effort (k,) that rigid ones and friction leave; NaN of one without any.
+
+    noise (k,): of a sample of each, which is not counted: a wrist whose efforts are hardly more tells nothing.
+    """
     shares = np.full(len(motion.driven), np.nan)
     alone = np.broadcast_to(noise, shares.shape) ** 2 * len(efforts)
     for column, name in enumerate(motion.driven):
         size = float(efforts[:, column] @ efforts[:, column])
         if size > 0:
-            left = _rubbed(motion, name, efforts[:, column] - rigid[:, column]) ** 2 - alone[column]
+            left = _norm_beyond_friction(motion, name, efforts[:, column] - rigid[:, column]) ** 2 - alone[column]
             shares[column] = min(max(left, 0.0) / size, 100.0)
     return shares
 
 
-def _unlike(motion: Motion, efforts: Array, rigid: Array) -> float:
-    """Return what is left where each joint's effort may be any multiple above 0 of the rigid robot's: a share."""
-    shares = []
+def _products_without_friction(
+    motion: Motion, efforts: Array, rigid: Array
+) -> Iterator[tuple[str, float, float, float]]:
+    """Yield of each joint the squares of its effort and of the rigid robot's, and their product, freed of friction."""
     for column, name in enumerate(motion.driven):
-        own = _freed(motion, name, np.column_stack((efforts[:, column], rigid[:, column])))
-        sizes = (own**2).sum(axis=0)
-        if sizes[0] > 0:
-            product = max(float(own[:, 0] @ own[:, 1]), 0.0)
-            shares.append(1 - product**2 / max(float(sizes[0] * sizes[1]), np.finfo(float).tiny))
+        own = _without_friction(motion, name, np.column_stack((efforts[:, column], rigid[:, column])))
+        yield name, float(own[:, 0] @ own[:, 0]), float(own[:, 1] @ own[:, 1]), float(own[:, 0] @ own[:, 1])
+
+
+def _left_at_any_gain(motion: Motion, efforts: Array, rigid: Array) -> float:
+    """Return what is left where each joint's effort may be any multiple above 0 of the rigid robot's: a share."""
+    shares = [
+        1 - max(product, 0.0) ** 2 / max(measured * predicted, np.finfo(float).tiny)
+        for _, measured, predicted, product in _products_without_friction(motion, efforts, rigid)
+        if measured > 0
+    ]
     return float(np.mean(shares)) if shares else 1.0
 
 
-def _rubbed(motion: Motion, joint: str, values: Array) -> float:
+def _norm_beyond_friction(motion: Motion, joint: str, values: Array) -> float:
     """Return how large values (n,) are that friction leaves at a joint, which takes energy and gives none."""
     if joint not in motion.names:
         return float(np.linalg.norm(values))
     return float(nnls(_friction(motion, joint), values)[1])
 
 
-def _freed(motion: Motion, joint: str, values: Array) -> Array:
+def _without_friction(motion: Motion, joint: str, values: Array) -> Array:
     """Return values (n, ...) freed of all that goes with friction at a joint, be it of either sign."""
     if joint not in motion.names:
         return values
@@ -720,13 +701,24 @@ def _common(motion: Motion, efforts: Array, rigid: Array, columns: Array) -> Arr
 
     They are those of all joints, each of which counts by the size of its efforts; friction is free.
     """
-    table, values = [], []
-    for column, name in enumerate(motion.driven):
-        size = float(np.linalg.norm(efforts[:, column]))
-        if size > 0:
-            table.append(_freed(motion, name, columns[:, column]) / size)
-            values.append(_freed(motion, name, efforts[:, column] - rigid[:, column]) / size)
-    return np.linalg.lstsq(np.concatenate(table), np.concatenate(values), rcond=1e-8)[0]
+    table, missed = _stacked(motion, efforts, range(len(motion.driven)), columns, efforts - rigid)
+    return np.linalg.lstsq(table, missed, rcond=1e-8)[0]
+
+
+def _stacked(
+    motion: Motion, efforts: Array, which: Sequence[int], columns: Array, missed: Array
+) -> tuple[Array, Array]:
+    """Return columns (n, k, c) and what is missed (n, k) of some joints below each other, freed of friction, as shares
+    of the joint's efforts.
+    """
+    sizes = np.linalg.norm(efforts, axis=0)
+    parts = [
+        _without_friction(motion, motion.driven[k], np.column_stack((columns[:, k], missed[:, k]))) / sizes[k]
+        for k in which
+        if sizes[k] > 0
+    ]
+    whole = np.concatenate(parts)
+    return whole[:, :-1], whole[:, -1]
 
 
 def _friction(motion: Motion, joint: str) -> Array:
@@ -741,13 +733,11 @@ def gains_of_efforts(motion: Motion, efforts: Array, rigid: Array, follows: floa
 
     follows: the correlation without friction, of either sign, from which they do.
     """
-    gains: dict[str, float] = {}
-    for column, name in enumerate(motion.driven):
-        own = _freed(motion, name, np.column_stack((efforts[:, column], rigid[:, column])))
-        product, sizes = float(own[:, 0] @ own[:, 1]), np.linalg.norm(own, axis=0)
-        if sizes.all() and abs(product) > follows * float(sizes[0] * sizes[1]):
-            gains[name] = product / float(sizes[1] ** 2)
-    return gains
+    return {
+        name: product / predicted
+        for name, measured, predicted, product in _products_without_friction(motion, efforts, rigid)
+        if measured * predicted > 0 and abs(product) > follows * np.sqrt(measured * predicted)
+    }
 
 
 # -- does the log fit the robot at all? --------------------------------------------------------------------------------
@@ -778,11 +768,12 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[Doubt]:
     rigid = at.rigid[rows]
     scale = np.ones(len(at.driven)) if known is None else known
     in_units = not bool((scale == 1).all())
-    first = left_of_efforts(motion, efforts / scale, rigid)
+    shares = shares_of_efforts(motion, efforts / scale, rigid)
+    first = _rms(shares)
     if first > FAR_LESS:
         _check_limits(at, motion, first)
     gains = {name: gain for name, gain in gains_of_efforts(motion, efforts, rigid).items() if gain > 0}
-    if not in_units and gains_apart(gains) and not _held_would_do(at, gains):
+    if not in_units and gains_apart(gains) and not _tool_load_would_do(at, gains):
         told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:MOST_LISTED])
         text = (
             "the efforts follow the rigid robot's, but are other multiples of them at each joint "
@@ -790,7 +781,6 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[Doubt]:
             '"tolerances": {"effort_gain": 1} in the JSON file beside the log'
         )
         return [Doubt(text)]
-    shares = shares_of_efforts(motion, efforts / scale, rigid)
     # no robot at all would leave less, and of most drives: a few report next to nothing, or are counterbalanced
     if first > 1.0 and 2 * np.sum(shares < 1) < np.isfinite(shares).sum():
         text = (

@@ -45,12 +45,20 @@ from .gains import (
     scale_of,
 )
 from .noise import EffortNoise, noise_of, true_roundings, true_sizes
-from .nonlinear import refined, settled_together
+from .nonlinear import optimised_in_either_form, refined
 from .outliers import OutlierInterval, is_outlying
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
 from .propose import judged, places_of_laws, proposals
-from .search import cost_of, kinds_of_most_drives, pruned, relieving_curve, searched, sure_of_all, with_relieving_laws
+from .search import (
+    cost_of,
+    kinds_of_most_drives,
+    pruned,
+    relieving_curve,
+    searched,
+    with_relieving_laws,
+    without_needless_nuisances,
+)
 from .verdict import effort_diagnosis_of
 
 __all__ = ["diagnose_efforts"]
@@ -63,12 +71,12 @@ def diagnose_efforts(
     robot: Robot,
     recording: Recording,
     tell: Callable[[str, float], None] = lambda stage, share: None,
-    held: Mapping[str, Array] | None = None,
+    static_efforts: Mapping[str, Array] | None = None,
     propose: bool | Sequence[str] = False,
 ) -> EffortDiagnosis:
     """Return what the columns tau of a recording say that a rigid robot's inverse dynamics leave out.
 
-    held: by joint (N,), what drives hold at rest where more is known than of a rigid robot; NaN where it is not.
+    static_efforts: by joint (N,), what drives hold at rest where more is known than of a rigid robot; NaN where not.
     propose: whether formulas are looked for where something is unknown or more than the declared noise is left; or at
     which joints.
 
@@ -79,8 +87,8 @@ def diagnose_efforts(
 
     def prepared(outliers: Sequence[OutlierInterval]) -> PreparedEfforts:
         at = in_motion(robot.mechanism, recording, band, [interval.rows for interval in outliers])
-        if held is not None:
-            known = np.column_stack([held[name][at.motion.rows] for name in at.driven])
+        if static_efforts is not None:
+            known = np.column_stack([static_efforts[name][at.motion.rows] for name in at.driven])
             at = replace(at, rigid=np.where(np.isfinite(known), known, at.rigid))
         return PreparedEfforts(at, _tolerances(recording), below)
 
@@ -98,8 +106,8 @@ def diagnose_efforts(
     if outliers:
         # what only rough values of laws could not follow is described by those that were optimised
         model = final.with_time
-        modelled = whole.filter(whole.modelled(model, fit(model)[0])[0])
-        residual = (whole.measured / final.scale - whole.rigid - modelled)[whole.kept]
+        modelled, _ = final.efforts.modelled(model, fit(model)[0], in_newtons(whole.at, final.scale))
+        residual = (whole.measured / final.scale - whole.rigid)[whole.kept] - whole.at_kept(modelled)
         rows = whole.at.motion.rows[whole.kept]
         still = [interval for interval in outliers if is_outlying(interval, rows, residual, whole.good)]
         if len(still) < len(outliers):
@@ -149,7 +157,7 @@ def _final_state(
     problem = model.problem
     model = with_few_bodies(model.in_problem(problem.without_curves()))
     model = with_likelier_bodies(model).in_problem(problem)
-    model = settled_together(efforts, model)
+    model = optimised_in_either_form(efforts, model)
     scale = scale_of(gains, len(at.driven))
     sample, rounding = (of(noise, at.driven, scale) for of in (true_sizes, true_roundings))
     model, curves, imitating = _with_curves(efforts, model, sample, rounding)
@@ -245,7 +253,7 @@ def _searched(
 
     common, start = efforts.with_learned_variances(beside_known(efforts.start_with_nuisances()))
     usual = searched(common, start, _part(tell, 0.0, 0.3))
-    sure = sure_of_all(usual)
+    sure = without_needless_nuisances(usual)
     if kinds_of_most_drives(sure):
         start = beside_known(common.start_with_nuisances())
         start = refined(common, start, range(len(start.terms)), at_last=True)

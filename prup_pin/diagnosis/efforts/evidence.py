@@ -24,6 +24,7 @@ from .problem import EffortCandidate, EffortModel, block_squares, fit
 __all__ = [
     "CrossValidation",
     "Score",
+    "block_scatter",
     "gradients",
     "held_out",
     "no_worse",
@@ -192,6 +193,18 @@ def gradients(model: EffortModel) -> tuple[Array, Array, Array]:
     gradient = gradient - gradient[:, where] @ cross
     rest = total - total[:, where] @ cross + problem.precision()
     return gradient, rest, gradient.sum(axis=0) + (problem.precision(where) @ x) @ cross
+
+
+def block_scatter(model: EffortModel, x: Array, normal: Array, own: slice = slice(None)) -> float:
+    """Return the scatter of whole blocks about white noise along a model's coefficients x (p,), 1 at least.
+
+    normal (p, p): their normal matrix; own: some of them alone.
+    """
+    columns, where = model.problem.columns, np.array(model.where, int)
+    by_block, equations = columns.gradients(columns.residual(where, x), where), NormalEquations.of(normal)
+    white = equations.solve(np.eye(len(where)))[own, own]
+    whole = equations.solve(equations.solve(by_block.T @ by_block).T)[own, own]
+    return max(float(np.trace(NormalEquations.of(white).solve(whole))) / max(len(white), 1), 1.0)
 
 
 def scores(model: EffortModel, evenly: bool = False) -> tuple[list[Score], float]:

@@ -26,7 +26,7 @@ from .noise import EffortNoise, true_sizes
 from .outliers import OutlierInterval
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, block_squares, fit
-from .search import squared_strain, sure_of_all
+from .search import squared_strain, without_needless_nuisances
 
 __all__ = ["FinalState", "shows"]
 
@@ -83,7 +83,7 @@ class FinalState:
         self.mechanism, self.at, self.motion = robot.mechanism, efforts.at, efforts.at.motion
         # another recording has its own time
         self.model = model.with_terms(term for term in model.terms if not term.is_of_time)
-        sure = sure_of_all(self.model).terms
+        sure = without_needless_nuisances(self.model).terms
         self.laws = [term for term in sure if not term.law.is_curve and term not in imitating]
         self.x, self._apart, self.normal = self._coefficients()
         self.laws = self._material(self.laws)

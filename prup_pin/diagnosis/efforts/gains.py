@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import null_space
@@ -28,7 +27,6 @@ from ..criteria import (
     FEWEST_NUMBERS,
     FEWEST_OF_KIND,
     FOLDS,
-    ITERATIONS,
     LEAST_REACH,
     LITTLE,
     MUCH,
@@ -133,14 +131,6 @@ class _Products:
         return self.columns[:, kept].sum(axis=1), self.moment[:, kept].sum(axis=1), self.power[:, kept].sum(axis=1)
 
 
-class _Solution(NamedTuple):
-    """Inertial parameters (p,), the gains' logarithms (k,) and their covariance (k, k)."""
-
-    inertial: Array
-    log: Array
-    covariance: Array
-
-
 def law_of_gains() -> EffortLaw:
     """Return the law of a drive that reports in a unit of its own, which no other law competes with."""
     return next(law for law in EFFORT_LAWS if law.of_gain and not law.competes)
@@ -163,29 +153,26 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     products = _products(at)
     if products is None:
         return None
-    products, drawn = _told(products, *_drawn(at, tolerances))
-    start = _start(products, drawn)
+    products, drawn = _identified(products, *_drawn(at, tolerances))
+    start = _first_gains(products, drawn)
     if start is None:
         return None
     alike, before, after = np.ones(len(start)), [], []  # held out, where all are as told and where each is its own
     for block in range(FOLDS):
         others = products.without(block)
-        before.append(_left(products, block, _inertial(others, drawn, MUCH, alike)[0], alike))
-        own = _solved(others, drawn, MUCH, start)
-        after.append(_left(products, block, own.inertial, np.exp(own.log)))
+        before.append(_residual_squares(products, block, _inertial(others, drawn, MUCH, alike)[0], alike))
+        own, log, _ = _solved(others, drawn, MUCH, start)
+        after.append(_residual_squares(products, block, own, np.exp(log)))
     saving = np.array(before) - np.array(after)
     sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(FOLDS), np.finfo(float).tiny)
     if np.sum(after) > MUCH * products.size:
         return None
     whole = products.without(None)
-    found = _solved(whole, drawn, 1.0, start)
-    log, covariance = found.log, found.covariance
+    found, log, covariance = _solved(whole, drawn, 1.0, start)
     much = saving.sum() > FAR_LESS * np.sum(before) and sure > SURE
     # drives count otherwise, be it all alike, where only masses of the whole robot that no drawing is so far from
     # would do without; of two drives a load may be so much as well
-    light, right = (
-        float(x @ drawn) / float(drawn @ drawn) for x in (_inertial(whole, drawn, 1.0, alike)[0], found.inertial)
-    )
+    light, right = (float(x @ drawn) / float(drawn @ drawn) for x in (_inertial(whole, drawn, 1.0, alike)[0], found))
     unlikely = not 1 / AS_GOOD < light < AS_GOOD and 1 / AS_GOOD < right < AS_GOOD
     unit = len(log) >= FEWEST_OF_KIND and abs(np.median(log)) > np.log(AS_GOOD) and _several(log, covariance)
     if not (much and are_apart(log, covariance)) and not (unlikely and unit):
@@ -201,27 +188,18 @@ def likeliest_logs(normal: Array, moment: Array, prior: Array, middle: Array) ->
     about their middle (k,) by the inverse covariance `prior` (k, k). So no factor comes below 0.
     """
 
-    def cost(log: Array) -> float:
+    def cost(log: Array) -> tuple[float, Array]:
         change, apart = np.expm1(log), log - middle
-        return float(change @ (normal @ change - 2 * moment) + apart @ prior @ apart)
+        pull = normal @ change - moment
+        return float(change @ (pull - moment) + apart @ prior @ apart), 2 * (np.exp(log) * pull + prior @ apart)
 
-    log = np.zeros(len(moment))
-    now = cost(log)
-    for _ in range(ITERATIONS):  # Gauss and Newton's steps, as much of each as leaves less
+    def curvature(log: Array) -> Array:  # Gauss and Newton's, half of which is the inverse covariance
         factor = np.exp(log)
-        slope = factor * (normal @ (factor - 1) - moment) + prior @ (log - middle)
-        curved = factor[:, None] * normal * factor + prior
-        step = np.clip(np.linalg.solve(curved, -slope), -WIDEST_STEP, WIDEST_STEP)
-        for share in 0.5 ** np.arange(ITERATIONS):
-            if (tried := cost(log + share * step)) < now:
-                break
-        else:
-            break
-        log, now = log + share * step, tried
-        if np.abs(share * step).max() < NOTHING:
-            break
-    factor = np.exp(log)
-    return log, np.asarray(np.linalg.inv(factor[:, None] * normal * factor + prior), float)
+        return 2 * (factor[:, None] * normal * factor + prior)
+
+    options = {"max_trust_radius": WIDEST_STEP, "gtol": NOTHING * float(np.sqrt(np.trace(normal + prior)))}
+    log = minimize(cost, np.zeros(len(moment)), jac=True, hess=curvature, method="trust-exact", options=options).x
+    return log, np.asarray(np.linalg.inv(curvature(log) / 2), float)
 
 
 def are_apart(log: Array, covariance: Array) -> bool:
@@ -244,7 +222,7 @@ def _several(log: Array, covariance: Array) -> bool:
     return int((np.abs(log) > np.maximum(np.log(NEARLY), SURE * deviation)).sum()) > 1
 
 
-def _told(products: _Products, drawn: Array, spread: Array) -> tuple[_Products, Array]:
+def _identified(products: _Products, drawn: Array, spread: Array) -> tuple[_Products, Array]:
     """Return the same of the combinations of inertial parameters (r,) that efforts tell, and these as drawn (r,).
 
     Each in multiples of its spread. The others stay as drawn whatever is measured.
@@ -303,7 +281,7 @@ def _products(at: InMotion) -> _Products | None:
             good &= ~motion.still[rows, motion.names.index(name)]
         if good.sum() < FEWEST_NUMBERS:
             continue
-        own = low_pass(_own(at, name), motion.piece)[rows]
+        own = low_pass(_nuisance_columns(at, name), motion.piece)[rows]
         values = np.column_stack((measured[:, joint], inertial))
         values[good] -= own[good] @ np.linalg.lstsq(own[good], values[good], rcond=1e-9)[0]
         values[~good] = 0.0
@@ -322,7 +300,7 @@ def _products(at: InMotion) -> _Products | None:
     return _Products(columns, moment, power, total) if power.any(axis=1).all() else None
 
 
-def _own(at: InMotion, joint: str) -> Array:
+def _nuisance_columns(at: InMotion, joint: str) -> Array:
     """Return what a joint's effort may hold beside bodies (N, m): friction, rotor, an offset, a counterbalance."""
     ones = np.ones(len(at))
     if joint not in at.motion.names:
@@ -350,7 +328,7 @@ def _coupled(at: InMotion, joint: str) -> list[str]:
     return [other for name, other in motor_pairs(at.mechanism) if name == joint and {name, other} <= seen]
 
 
-def _start(products: _Products, drawn: Array) -> Array | None:
+def _first_gains(products: _Products, drawn: Array) -> Array | None:
     """Return logarithms of gains (k,) by the robot file's masses; the others' middle where that tells nothing."""
     columns, moment, power = products.without(None)
     size = np.einsum("i,kij,j->k", drawn, columns, drawn)
@@ -369,8 +347,9 @@ def _inertial(sums: tuple[Array, Array, Array], drawn: Array, width: float, gain
     return np.linalg.solve(normal, gain @ moment + drawn / width**2), normal
 
 
-def _solved(sums: tuple[Array, Array, Array], drawn: Array, width: float, start: Array) -> _Solution:
-    """Return the likeliest inertial parameters and gains under their priors, these about the middle of `start` (k,).
+def _solved(sums: tuple[Array, Array, Array], drawn: Array, width: float, start: Array) -> tuple[Array, Array, Array]:
+    """Return the likeliest inertial parameters (r,), logarithms of gains (k,) and the covariance (k, k) of these, under
+    the priors of both, gains about the middle of `start` (k,).
 
     All parameters k times as large are gains k times as large: one scale, which is solved for last. Else bodies that
     weigh next to nothing, all as far from the drawing as heavy ones may be, would be anything. Of given gains the other
@@ -409,10 +388,10 @@ def _solved(sums: tuple[Array, Array, Array], drawn: Array, width: float, start:
     to_masses = scale * prior.sum(axis=0)  # what masses take of all gains together
     kept = np.eye(count) - to_masses
     covariance = kept @ own @ kept.T + scale * (1 - float(to_masses.sum()))
-    return _Solution(np.exp(to_masses @ apart) * x, level + kept @ apart, covariance)
+    return np.exp(to_masses @ apart) * x, level + kept @ apart, covariance
 
 
-def _left(products: _Products, block: int, x: Array, gain: Array) -> float:
+def _residual_squares(products: _Products, block: int, x: Array, gain: Array) -> float:
     """Return the squares that inertial parameters (r,) and gains (k,) leave of a block."""
     columns, moment, power = products.columns[:, block], products.moment[:, block], products.power[:, block]
     return float((power - 2 * gain * (moment @ x) + gain**2 * np.einsum("i,kij,j->k", x, columns, x)).sum())

@@ -9,12 +9,11 @@ import numpy as np
 from ...laws.efforts import EFFORT_LAWS
 from ...spatial import Array
 from ..chances import chi2_isf
-from ..criteria import GAIN, INDISTINCT, MOST, PARAMETER_COST, ROUNDING, SURE, TRIED
+from ..criteria import GAIN, INDISTINCT, MOST, ROUNDING, SURE, TRIED
 from ..diagnosis import Detectable, Seen
-from .bayes_factors import log_bayes_factors
-from .evidence import CrossValidation, gradients, held_out, scores, standard_error
+from .bayes_factors import log_evidence_of_bodies
+from .evidence import CrossValidation, gradients, scores, standard_error
 from .final_state import FinalState
-from .nonlinear import optimised
 from .problem import EffortCandidate, EffortModel
 from .search import squared_strain
 
@@ -35,8 +34,8 @@ def alternatives_to(final: FinalState, term: EffortCandidate, without: Array) ->
     # bodies are compared by the probability of such bodies
     others = [other for other in near if not (other.is_body and term.is_body)]
     others = [other for other in others if other.law is not term.law or other.place != term.place]
-    unlikely = INDISTINCT / 2 if term.is_body else PARAMETER_COST / 2
-    likely = [other for other, factor in log_bayes_factors(final.model, term) if factor > -unlikely]
+    odds = log_evidence_of_bodies(final.model, term) if term.is_body else {}
+    likely = [other for other in odds if other is not term and odds[other] > odds[term] - INDISTINCT / 2]
 
     def alike(model: EffortModel, after: Array) -> bool:
         apart = after - final.held_out
@@ -44,17 +43,8 @@ def alternatives_to(final: FinalState, term: EffortCandidate, without: Array) ->
         little = min(GAIN * gain, MOST * float(final.held_out.sum()))
         return worse <= min(max(SURE * standard_error(apart), little), 0.2 * gain)
 
-    for other, after in zip(others, CrossValidation(rest).with_each(others), strict=True):
-        taken = rest.with_term(other)
-        good, family = alike(taken, after), other.law.family
-        if not good and family == term.law.family != "" and other.law.settled:
-            # the same thing by another shape: with its own values free
-            columns, size = final.problem.columns, final.problem.columns.size
-            taken = optimised(final.efforts, taken, [len(rest.terms)])
-            good = alike(taken, held_out(taken))
-            columns.cut(size)
-        if good:
-            likely.append(other)
+    afters = CrossValidation(rest).with_each(others)
+    likely += [other for other, after in zip(others, afters, strict=True) if alike(rest.with_term(other), after)]
     for other in likely:
         if other.law.physics == term.law.physics:
             places += [other.place.name, *other.law.same_places(other.place, final.mechanism)]

@@ -6,7 +6,7 @@ A law's efforts are linear in some of its parameters; the others are scanned, ea
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from .evidence import CrossValidation, held_out, relative_gain
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, SparseColumns, fit
 
-__all__ = ["optimised", "profile_intervals", "refined", "settled_together"]
+__all__ = ["optimised", "optimised_in_either_form", "profile_intervals", "refined"]
 
 #: Logarithm of a parameter over its best value beyond which data do not bound it.
 _NEVER = 7.0
@@ -50,10 +50,7 @@ def refined(
         if not others:
             continue
         at, size = _motion_of(efforts, model, place), columns.size
-        places = columns.add(efforts.whitened(law.efforts_per(term.place, other, at)) for other in others)
-        prior = np.concatenate((problem.prior, np.tile(efforts.prior_of(law, term.place), len(others))))
-        tried = [EffortCandidate(law, term.place, other, own) for own, other in zip(places, others, strict=True)]
-        wider = efforts.with_candidates(columns, (*problem.candidates, *tried), prior)
+        wider, tried = efforts.extended(problem, (efforts.columns_at(law, term.place, other, at) for other in others))
         squares = CrossValidation(model.without(term).in_problem(wider)).with_each([term, *tried])
         best = int(np.argmin(squares.sum(axis=1)))
         # what is zero so far must surely be something
@@ -63,8 +60,8 @@ def refined(
             continue
         taken = tried[best - 1]
         columns.cut(taken.where.stop)
-        problem = efforts.with_candidates(columns, problem.candidates, prior[: taken.where.stop])
-        model = model.replaced(place, taken).in_problem(problem)
+        wider = replace(wider.only(problem.candidates), prior=wider.prior[: taken.where.stop])
+        model = model.replaced(place, taken).in_problem(wider)
     return optimised(efforts, model, which)
 
 
@@ -91,7 +88,7 @@ def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]
     return model
 
 
-def settled_together(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
+def optimised_in_either_form(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
     """Return the model with all nonlinear parameters where the squares are least together.
 
     Laws that do much the same in two ways, as friction turns round on a way or sets in with the speed, do so in the
@@ -171,10 +168,8 @@ def _replaced(
 ) -> EffortModel:
     """Return the model with new columns of one term, by other values in a motion of which more may be known."""
     term, problem = model.terms[index], model.problem
-    where = problem.columns.add([efforts.whitened(term.law.efforts_per(term.place, values, at))])[0]
-    prior = np.concatenate((problem.prior, efforts.prior_of(term.law, term.place)))
-    wider = efforts.with_candidates(problem.columns, problem.candidates, prior)
-    return model.in_problem(wider).replaced(index, EffortCandidate(term.law, term.place, values, where))
+    wider, (other,) = efforts.extended(problem, [efforts.columns_at(term.law, term.place, values, at)])
+    return model.in_problem(wider.only(problem.candidates)).replaced(index, other)
 
 
 def profile_intervals(

@@ -12,7 +12,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from ...spatial import Array
-from ..normal_equations import NormalEquations, likeliest_widths
+from ..normal_equations import likeliest_widths
+from .evidence import block_scatter
 from .problem import EffortModel, fit
 
 __all__ = ["learned_precisions", "usual_precisions"]
@@ -53,10 +54,7 @@ def learned_precisions(model: EffortModel, kinds: Mapping[str, tuple[np.ndarray,
     kinds: the indices (m,) of its coefficients in the model, and their usual inverse covariance P (m, m).
     """
     problem, where = model.problem, np.array(model.where, int)
-    x, matrix = fit(model)
-    columns = problem.columns
-    gradients = columns.gradients(columns.residual(where, x), where)
-    scatter = max(float(np.trace(NormalEquations.of(matrix).solve(gradients.T @ gradients))) / len(where), 1.0)
+    columns, scatter = problem.columns, block_scatter(model, *fit(model))
     told, moment = columns.total[np.ix_(where, where)] / scatter, columns.moment[:, where].sum(axis=0) / scatter
     widths = likeliest_widths(told, moment, problem.precision(where), kinds, _WITHIN)
     return {name: scatter / width**2 for name, width in widths.items()}

@@ -12,7 +12,7 @@ from ...dynamics import InMotion
 from ...dynamics.smoothing import Band
 from ...laws import Place
 from ...laws.efforts import CURVES, EFFORT_LAWS, ROUGH_CURVES, EffortLaw
-from ...laws.efforts.deviations import effort_deviations, name_of_body
+from ...laws.efforts.deviations import EffortDeviation, effort_deviations, name_of_body
 from ...laws.efforts.effort_law import usual_way
 from ...spatial import Array
 from ..criteria import AR_ORDER, EFFORT_TOLD, MOST_SAMPLES, UNSEEN
@@ -34,10 +34,10 @@ from .problem import (
     usable,
 )
 
-__all__ = ["PreparedEfforts"]
+__all__ = ["LawColumns", "PreparedEfforts"]
 
 #: A law at a place, its nonlinear parameters, and its columns.
-_LawColumns = tuple[EffortLaw, Place, Mapping[str, float], SparseColumns]
+LawColumns = tuple[EffortLaw, Place, Mapping[str, float], SparseColumns]
 
 
 class PreparedEfforts:
@@ -59,7 +59,7 @@ class PreparedEfforts:
         deviation of what drives' gains have in common, beside which each is within its tolerance; None: each is within
         that by itself.
         """
-        self.at, self.below, self.of_all_gains = at, below, of_all_gains
+        self.at, self.tolerances, self.below, self.of_all_gains = at, tolerances, below, of_all_gains
         motion = at.motion
         self.filter = lambda values: motion.band(values, motion.piece)
         most = np.inf if below is None else below
@@ -72,22 +72,33 @@ class PreparedEfforts:
         self.target = (self.measured - self.rigid)[self.kept]
         self.good = np.isfinite(self.measured[self.kept]) & motion.compared[self.kept]
         self.good = self.settled(motion.band)
-        self.deviations = sorted(effort_deviations(at, tolerances), key=lambda item: item.law.of_gain)
-        self._fixed: list[_LawColumns] = []
-        self._moving: list[tuple[EffortLaw, Place]] = []
-        for law in EFFORT_LAWS:
-            for place in law.places(at.mechanism) if law.competes else ():
-                if (law.of_motion and motion.standing) or not law.acts(place, at):
-                    continue
-                if law.of_what_is_known:
-                    self._moving.append((law, place))
-                    continue
-                for values in law.scanned(place, at):
-                    self._fixed.append((law, place, values, self.as_columns(law.efforts_per(place, values, at))))
+        self.deviations = self._deviations(at)
+        competing = self._shown(law for law in EFFORT_LAWS if law.competes)
+        self._moving = [(law, place) for law, place in competing if law.of_what_is_known]
+        self._fixed = list(self.scanned_columns([own for own in competing if own not in self._moving], at))
         self.outliers: list[OutlierInterval] = []
         self._learned_priors: Mapping[tuple[str, str], Array] = {}
         self._body_factor = 1.0
         self.whitening, self._plain = self._whitened()
+
+    def _deviations(self, at: InMotion) -> list[EffortDeviation]:
+        """Return the toleranced parameters that a motion shows, gains of drives last."""
+        return sorted(effort_deviations(at, self.tolerances), key=lambda item: item.law.of_gain)
+
+    def _shown(self, laws: Iterable[EffortLaw]) -> list[tuple[EffortLaw, Place]]:
+        """Return laws at all places where this motion could show them."""
+        at, standing = self.at, self.at.motion.standing
+        here = ((law, place) for law in laws for place in law.places(at.mechanism) if not (law.of_motion and standing))
+        return [(law, place) for law, place in here if law.acts(place, at)]
+
+    def scanned_columns(self, laws: Iterable[tuple[EffortLaw, Place]], at: InMotion) -> Iterator[LawColumns]:
+        """Yield laws at places with all their scanned values, and their columns in a motion."""
+        for law, place in laws:
+            yield from (self.columns_at(law, place, values, at) for values in law.scanned(place, at))
+
+    def columns_at(self, law: EffortLaw, place: Place, values: Mapping[str, float], at: InMotion) -> LawColumns:
+        """Return a law at a place with values of its nonlinear parameters, and its columns in a motion."""
+        return law, place, values, self.as_columns(law.efforts_per(place, values, at))
 
     def at_kept(self, values: Array) -> Array:
         """Return efforts (N, k, ...) filtered, at the kept samples (n, k, ...)."""
@@ -113,8 +124,7 @@ class PreparedEfforts:
         plain = Whitening(flat, usable(self.good, self.piece, 0))
         problem = self._whole_problem(plain)
         columns = problem.columns
-        _, more = self._appended(columns, plain, self._delayed_before_laws())
-        problem = self.with_candidates(columns, problem.candidates, np.concatenate((problem.prior, more)))
+        problem, _ = self.extended(problem, self._delayed_before_laws(), plain)
         problem = self.with_curves(EffortModel(problem, ()), plain, ROUGH_CURVES)[0].problem
         # a pinch of shrinkage: columns that are nearly alike must not blow up
         prior = problem.prior + 1e-6 * np.diag(columns.total)
@@ -131,7 +141,7 @@ class PreparedEfforts:
         )
         return white, plain
 
-    def _delayed_before_laws(self) -> Iterator[_LawColumns]:
+    def _delayed_before_laws(self) -> Iterator[LawColumns]:
         """Yield what late encoders may add before any law is known: with bodies alone, and with dry friction too."""
         nothing = np.zeros_like(self.at.rigid)
         for law, place in self._moving:
@@ -139,9 +149,8 @@ class PreparedEfforts:
                 continue
             dry = self.at.along(place.name, self.at.dragged(place.name, usual_way(self.at, place.name)))
             for known in (nothing, dry):
-                at = self._knowing(known, nothing)
-                values = law.scanned(place, at)[0]
-                yield law, place, values, self.as_columns(law.efforts_per(place, values, at))
+                at = _knowing(self.at, known, nothing)
+                yield self.columns_at(law, place, law.scanned(place, at)[0], at)
 
     def columns_of(self, model: EffortModel) -> Array:
         """Return what each coefficient of a model adds (n, k, p) to the efforts at the kept samples."""
@@ -200,9 +209,8 @@ class PreparedEfforts:
             replace(term, where=slice(new[term.where.start], new[term.where.start] + term.size)) for term in model.terms
         )
         blocks = {new[first]: left * block for first, block in problem.blocks.items() if first in new}
-        links = {new[index]: link for index, link in problem.links.items() if index in new}
         prior = left * problem.prior[list(model.where)]
-        alone = EffortProblem(problem.mechanism, columns, terms, prior, blocks, links)
+        alone = EffortProblem(problem.mechanism, columns, terms, prior, blocks)
         return replace(model, problem=alone, toleranced=tuple(range(len(model.toleranced))), terms=terms)
 
     def held_out_unwhitened(self, model: EffortModel) -> Array:
@@ -218,59 +226,54 @@ class PreparedEfforts:
         there = [candidate for candidate in problem.candidates if candidate.law.is_curve]
         if there:
             return model, there
-        curves: Iterable[_LawColumns] = (
-            (law, place, knots, self.as_columns(law.efforts_per(place, knots, self.at)))
-            for law in tried
-            for place in law.places(self.at.mechanism)
-            if law.acts(place, self.at) and not (law.of_motion and self.at.motion.standing)
-            for knots in law.scanned(place, self.at)
-        )
-        new, _ = self._appended(problem.columns, whitening or self.whitening, curves)
+        curves = self.scanned_columns(self._shown(tried), self.at)
+        problem, new = self.extended(problem, curves, whitening)
         # where a block has a stretch of the way for itself, its knots are told by no other: they stay near nothing
-        prior = np.concatenate((problem.prior, np.zeros(problem.columns.size - len(problem.prior))))
-        sizes = np.sqrt(np.nanmean(np.where(self.good, self.target, np.nan) ** 2, axis=0))
+        sizes, prior = np.sqrt(np.nanmean(np.where(self.good, self.target, np.nan) ** 2, axis=0)), problem.prior.copy()
         for curve in new:
-            prior[curve.where] = 1 / max(sizes[self.at.driven.index(curve.place.name)], np.finfo(float).tiny) ** 2
-        return model.in_problem(self.with_candidates(problem.columns, (*problem.candidates, *new), prior)), new
+            own = max(sizes[self.at.driven.index(curve.place.name)], np.finfo(float).tiny)
+            prior[curve.where] = 1 / own**2
+        return model.in_problem(replace(problem, prior=prior)), new
 
-    def _appended(
-        self, columns: DesignMatrix, whitening: Whitening, laws: Iterable[_LawColumns]
-    ) -> tuple[list[EffortCandidate], list[float]]:
-        """Append columns of laws; return these as candidates, and the inverse variances of their coefficients."""
+    def extended(
+        self, problem: EffortProblem, laws: Iterable[LawColumns], whitening: Whitening | None = None
+    ) -> tuple[EffortProblem, list[EffortCandidate]]:
+        """Return the problem with columns of laws appended to its own, and these laws, further candidates in it."""
         entered: list[tuple[EffortLaw, Place, Mapping[str, float]]] = []
 
         def whitened() -> Iterator[SparseColumns]:
-            for law, place, values, seen in laws:
+            for law, place, values, columns in laws:
                 entered.append((law, place, values))
-                yield whitening(seen)
+                yield (whitening or self.whitening)(columns)
 
-        places = columns.add(whitened())
-        candidates = [EffortCandidate(*law, where) for law, where in zip(entered, places, strict=True)]
-        priors = [self.prior_of(law, place) for law, place, _ in entered if not law.is_curve]
-        return candidates, [value for prior in priors for value in prior]
+        places = problem.columns.add(whitened())
+        new = [EffortCandidate(*law, where) for law, where in zip(entered, places, strict=True)]
+        prior = np.concatenate((problem.prior, *(self.prior_of(law, place) for law, place, _ in entered)))
+        return self.with_candidates(problem.columns, (*problem.candidates, *new), prior), new
 
-    def modelled(self, model: EffortModel, x: Array) -> tuple[Array, Array]:
-        """Return the efforts (N, k) of a model beyond the rigid robot's, not filtered, and of these those of bodies."""
-        out, bodies = np.zeros_like(self.at.rigid), np.zeros_like(self.at.rigid)
+    def modelled(self, model: EffortModel, x: Array, at: InMotion | None = None) -> tuple[Array, Array]:
+        """Return the efforts (N, k) of a model beyond the rigid robot's, not filtered, and of these those of bodies.
+
+        at: another motion of the same robot, in which they are; None: this one.
+        """
+        deviations, at = (self.deviations, self.at) if at is None else (self._deviations(at), at)
+        out, bodies = np.zeros_like(at.rigid), np.zeros_like(at.rigid)
         for index in model.toleranced:
-            more = x[index] * self.deviations[index].efforts
+            more = x[index] * deviations[index].efforts
             out += more
-            if self.deviations[index].inertial is not None:
+            if deviations[index].inertial is not None:
                 bodies += more
         for term in model.terms:
-            at = self._knowing(out, bodies) if term.law.of_what_is_known else self.at
-            more = term.law.efforts_per(term.place, term.values, at) @ x[model.slice_of(term)]
+            known = _knowing(at, out, bodies) if term.law.of_what_is_known else at
+            more = term.law.efforts_per(term.place, term.values, known) @ x[model.slice_of(term)]
             out += more
             if term.law.of_bodies:
                 bodies += more
         return out, bodies
 
-    def _knowing(self, known: Array, bodies: Array) -> InMotion:
-        return self.at.knowing(known.copy(), self.at.motion.efforts - self.at.rigid - known, bodies.copy())
-
     def knowing(self, model: EffortModel, x: Array) -> InMotion:
         """Return the motion with the efforts that a model explains known: laws that follow from them act on these."""
-        return self._knowing(*self.modelled(model, x))
+        return _knowing(self.at, *self.modelled(model, x))
 
     def inertial_rank(self) -> tuple[int, int]:
         """Return the number of identifiable combinations of inertial parameters, and the number of parameters."""
@@ -324,7 +327,8 @@ class PreparedEfforts:
         columns = DesignMatrix(whitening.target(np.nan_to_num(self.target)), self.blocks)
         if self.deviations:
             columns.add(whitening(self.as_columns(item.efforts[..., None])) for item in self.deviations)
-        candidates, prior = self._appended(columns, whitening, self._fixed)
+        problem = self.with_candidates(columns, (), np.ones(len(self.deviations)))
+        problem, candidates = self.extended(problem, self._fixed, whitening)
         for law in EFFORT_LAWS:
             single = [candidate for candidate in candidates if candidate.law is law]
             every = law.together([candidate.place for candidate in single])
@@ -332,13 +336,12 @@ class PreparedEfforts:
                 where = slice(single[0].where.start, single[-1].where.stop)
                 candidates.append(EffortCandidate(every, every.places(self.at.mechanism)[0], {}, where))
         self._own_size = columns.size
-        return self.with_candidates(columns, candidates, np.array([1.0] * len(self.deviations) + prior))
+        return self.with_candidates(columns, candidates, problem.prior)
 
     def with_candidates(
         self, columns: DesignMatrix, candidates: Sequence[EffortCandidate], prior: Array
     ) -> EffortProblem:
         """Return the problem of these columns, candidates and inverse variances of the coefficients (P,)."""
-        links = {index: item.place for index, item in enumerate(self.deviations) if item.inertial is not None}
         own = ((c, c.law.covariance_inverse(c.place, self.at.mechanism)) for c in candidates)
         blocks = {
             c.where.start: block * (self._body_factor if c.law.body else 1.0) for c, block in own if block is not None
@@ -347,7 +350,7 @@ class PreparedEfforts:
         if self.of_all_gains is not None and count:
             of_all = self.of_all_gains / self.tolerance_of_gains
             blocks[len(self.deviations) - count] = precision_of_gains(1.0, of_all, count)
-        return EffortProblem(self.at.mechanism, columns, tuple(candidates), prior, blocks, links)
+        return EffortProblem(self.at.mechanism, columns, tuple(candidates), prior, blocks)
 
     def with_learned_variances(self, model: EffortModel) -> tuple[PreparedEfforts, EffortModel]:
         """Return efforts and model with priors of nuisances and bodies as wide as is likeliest of each kind."""
@@ -383,15 +386,9 @@ class PreparedEfforts:
         columns.pick(picked)
         fixed = [c for c in problem.candidates if c.where.start < self._own_size]
         kept = [term for term in terms if term.where.start >= self._own_size]
-        prior = problem.prior[picked]
-        at = self.knowing(model, fit(model.in_problem(self.with_candidates(columns, (), prior)))[0])
-        moving = (
-            (law, place, values, self.as_columns(law.efforts_per(place, values, at)))
-            for law, place in self._moving
-            for values in law.scanned(place, at)
-        )
-        new, more = self._appended(columns, self.whitening, moving)
-        problem = self.with_candidates(columns, (*fixed, *kept, *new), np.concatenate((prior, more)))
+        problem = self.with_candidates(columns, (*fixed, *kept), problem.prior[picked])
+        at = self.knowing(model, fit(model.in_problem(problem))[0])
+        problem, _ = self.extended(problem, self.scanned_columns(self._moving, at))
         return model.in_problem(problem)
 
     def start(self) -> EffortModel:
@@ -409,3 +406,8 @@ class PreparedEfforts:
         weighed = weighed or (self.of_all_gains or 0.0) > UNSEEN
         common = [c for c in start.problem.candidates if c.law.everywhere and not (c.law.body and weighed)]
         return replace(start, terms=tuple(common), keeps_nuisances=True)
+
+
+def _knowing(at: InMotion, known: Array, bodies: Array) -> InMotion:
+    """Return a motion of which efforts (N, k) beyond the rigid robot's are known, and those of bodies among them."""
+    return at.knowing(known.copy(), at.motion.efforts - at.rigid - known, bodies.copy())

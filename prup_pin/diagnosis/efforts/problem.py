@@ -347,8 +347,7 @@ class EffortProblem:
     """All candidates of the efforts, their columns and the prior of their coefficients.
 
     `prior` (P,): inverse variances, in the unit of the whitened noise; `blocks`: the inverse covariance (m, m) of a
-    body's parameters, or of drives' gains, instead, by the first of their columns; `links`: the link of each column
-    that is a toleranced inertial parameter.
+    body's parameters, or of drives' gains, instead, by the first of their columns.
     """
 
     mechanism: Mechanism
@@ -356,7 +355,6 @@ class EffortProblem:
     candidates: tuple[EffortCandidate, ...]
     prior: Array
     blocks: Mapping[int, Array] = field(default_factory=dict)
-    links: Mapping[int, str] = field(default_factory=dict)
 
     def precision(self, where: Sequence[int] | np.ndarray | None = None) -> Array:
         """Return the prior's inverse covariance (p, p) of the coefficients of some columns; None: of all."""

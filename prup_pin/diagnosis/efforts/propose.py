@@ -348,7 +348,7 @@ def _proposal(final: FinalState, of: _Found, before: Array, with_curve: Array) -
         instead=of.instead,
         doubts=tuple(_doubts(state, law, values)),
         apart=_apart(final, found, others),
-        effects=tuple(replace(e, law=law) if e.law is found.formula else e for e in effects_of(state, ())),
+        effects=tuple(replace(e, law=law) if e.law is found.formula else e for e in effects_of(state)),
         curve=next(
             (curve for curve in curves_of(state) if (curve.joint, curve.against) == (law.joint, law.against)), None
         ),

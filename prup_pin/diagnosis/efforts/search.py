@@ -15,11 +15,10 @@ from itertools import combinations
 
 import numpy as np
 
-from ...laws.efforts import Body
 from ...spatial import Array
 from ..criteria import AS_GOOD, FEWEST_OF_KIND, GAIN, MOST, MOST_FITS, NO_MATTER, SURE, TRIED, beyond_tolerance
 from .evidence import CrossValidation, held_out, no_worse, relative_gain, scores, standard_error
-from .nonlinear import refined, settled_together
+from .nonlinear import optimised_in_either_form, refined
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
 
@@ -32,12 +31,10 @@ __all__ = [
     "searched",
     "squared_strain",
     "strain",
-    "sure_of_all",
     "with_relieving_laws",
+    "without_needless_nuisances",
 ]
 
-#: A link that is not as drawn.
-_ONE_LINK = (Body.LINK, Body.SCALED_LINK)
 #: Times that a law may come in at a place: once more after it was made needless by what was itself needless later.
 _ENTRIES = 2
 
@@ -62,7 +59,7 @@ def searched(efforts: PreparedEfforts, model: EffortModel, tell: Callable[[float
     model = model.with_terms(sorted(model.terms, key=lambda term: term.law.of_what_is_known))
     if model.terms:
         model = refined(efforts, model, range(len(model.terms) - 1, -1, -1), at_last=True)
-        model = settled_together(efforts, model)
+        model = optimised_in_either_form(efforts, model)
         model = _with_new(efforts, model, [], refused)
         model = _simpler(efforts, model)
     return model
@@ -150,7 +147,6 @@ def _with_new(
             refused[term.key] += _ENTRIES
             continue
         model = after
-    model = _all_links(model)
     while True:
         old = model.terms[: len(model.terms) - len(new)]
         worse = _needless(model, old)
@@ -158,45 +154,6 @@ def _with_new(
             return model
         refused[worse.key] += 1
         model = model.without(worse)
-
-
-def _all_links(model: EffortModel) -> EffortModel:
-    """Return the model with all links in the place of several.
-
-    Several that are not as drawn say that the robot is another one than was drawn: the others are not to be taken on
-    trust then. What this motion hardly tells of them another one may ask for.
-    """
-    every = next((c for c in model.problem.candidates if c.law.body is Body.ALL_LINKS), None)
-    if every is None or every in model.terms or len(_others(model)) < 2:
-        return model
-    tried = _replaced_by(every, model).with_term(every)
-    left = CrossValidation(tried).squares
-    taken = no_worse(left, CrossValidation(model).squares) and not _one_would_do(model, left)
-    return tried if taken else model
-
-
-def _one_would_do(model: EffortModel, left: Array) -> bool:
-    """Return whether one law that is no link's takes links back within tolerance, and leaves no more than `left`."""
-    plain = [
-        score
-        for score in scores(model)[0]
-        if score.possible
-        and score.candidate.law.body not in (*_ONE_LINK, Body.ALL_LINKS)
-        and not any(term.excludes(score.candidate) for term in model.terms)
-    ]
-    candidates = [score.candidate for score in sorted(plain, key=lambda score: -score.gain)[:TRIED]]
-    return any(
-        no_worse(after, left) and len(_others(model.with_term(candidate))) < 2
-        for candidate, after in zip(candidates, CrossValidation(model).with_each(candidates), strict=True)
-    )
-
-
-def _others(model: EffortModel) -> set[str]:
-    """Return the links that are not as drawn: by a law, or beyond their tolerance."""
-    limit, off = beyond_tolerance(len(model.toleranced)), strain(model)
-    links = model.problem.links
-    beyond = {links[i] for i, own in zip(model.toleranced, off, strict=True) if i in links and own > limit}
-    return beyond | {term.place.name for term in model.terms if term.law.body in _ONE_LINK}
 
 
 def _simpler(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
@@ -210,9 +167,8 @@ def _simpler(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
             continue
         best = single[int(np.argmin(CrossValidation(rest).with_each(single).sum(axis=1)))]
         one = refined(efforts, rest.with_term(best), [len(rest.terms)])
-        links = _others(one) if best.law.body else set()
         richer = [term for term in others if _is_earned(one, model, term)]
-        if not richer and len(links) < 2 and is_plausible(one, one.terms[-1]):
+        if not richer and is_plausible(one, one.terms[-1]):
             model = one
         model.problem.columns.cut(len(model.problem.prior))
     return model
@@ -317,7 +273,7 @@ def kinds_of_most_drives(
     return {kind: own for kind, own in kinds.items() if len({term.place.name for term in own}) >= most}
 
 
-def sure_of_all(model: EffortModel) -> EffortModel:
+def without_needless_nuisances(model: EffortModel) -> EffortModel:
     """Return the model without nuisances that held-out blocks do not ask for; the others are terms like any."""
     common = [term for term in model.terms if model.is_nuisance(term)]
     return pruned(replace(model, keeps_nuisances=False), common)

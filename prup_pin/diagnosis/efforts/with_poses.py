@@ -243,8 +243,8 @@ def with_efforts_at_rest(poses: Diagnosis, robot: Robot, recordings: Sequence[Re
     if len(recording) > MOST_SAMPLES:
         recording = recording.select(np.linspace(0, len(recording) - 1, MOST_SAMPLES).astype(int))
     try:
-        held, told = _held(adapted.robot, recording, poses.effects)
-        efforts = diagnose_efforts(adapted.robot, recording, held=held)
+        at_rest, told = _static_efforts(adapted.robot, recording, poses.effects)
+        efforts = diagnose_efforts(adapted.robot, recording, static_efforts=at_rest)
     except InputError as error:
         unused = (*poses.unused_columns, *(f"tau.{name}" for item in recordings for name in item.efforts))
         remarks = (*poses.remarks, f"the efforts were not compared: {error}")
@@ -252,7 +252,9 @@ def with_efforts_at_rest(poses: Diagnosis, robot: Robot, recordings: Sequence[Re
     return _joined(poses, replace(efforts, remarks=(*told, *efforts.remarks)))
 
 
-def _held(robot: Robot, recording: Recording, effects: Sequence[Effect]) -> tuple[Mapping[str, Array], list[str]]:
+def _static_efforts(
+    robot: Robot, recording: Recording, effects: Sequence[Effect]
+) -> tuple[Mapping[str, Array], list[str]]:
     """Return the effort (N,) of each drive under load and weight, without weight where they are tared; and remarks."""
     found = [effect for effect in effects if effect.law.weighs]
     others = [effect for effect in effects if not effect.law.weighs]

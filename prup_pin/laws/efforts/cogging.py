@@ -106,7 +106,6 @@ class CoggingOfFewPeriods(Periodic):
     family = "counterbalance"
     least_gain = _SURELY
     by_shape = True
-    within_travel = True
     fewest = 0.3
 
     def unlike(self, place: Place) -> Sequence[tuple[str, str]]:

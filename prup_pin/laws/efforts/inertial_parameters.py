@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...dynamics import INERTIAL, InMotion
-from ...dynamics.inertial import near_body
+from ...dynamics.inertial import near_body, usual_lever
 from ...mechanism import Mechanism
 from ...numbers import number
 from ...parameters import Quantity
@@ -39,12 +39,6 @@ def parts_of(joint: int, mechanism: Mechanism) -> list[str]:
 def body_of(place: Place, mechanism: Mechanism) -> int:
     """Return the column of a link's body in a regressor."""
     return mechanism.frame(place.name).joint - 1
-
-
-def usual_lever(mechanism: Mechanism) -> float:
-    """Return how far one joint is from the next [m], in the mean."""
-    reach = sum(float(np.linalg.norm(place.translation)) for place in mechanism.model.jointPlacements) or 1.0
-    return reach / max(mechanism.model.njoints - 1, 1)
 
 
 def usual_inertia(mechanism: Mechanism) -> Array:

@@ -8,13 +8,14 @@ from typing import ClassVar
 import numpy as np
 
 from ...dynamics import INERTIAL, InMotion, in_frame
+from ...dynamics.inertial import usual_lever
 from ...mechanism import Mechanism
 from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
 from .effort_law import Body, EffortLaw
-from .inertial_parameters import about, parts_of, usual_inertia, usual_lever
+from .inertial_parameters import about, parts_of, usual_inertia
 
 _CENTRE = ("x", "y", "z")
 
