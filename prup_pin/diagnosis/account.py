@@ -242,13 +242,15 @@ def _is_of_a_module(problem: Problem, fit: Fit, larger: Problem) -> bool:
     white, whiter = problem.whiteners(influence), larger.whiteners(influence)
     noise = problem.noise.wrench if problem.noise.wrench.any() else larger.noise.wrench
     by_wrench = white @ (problem.stack.seen(influence.first.by_wrench) * noise)
+    travel = [influence.first.by_travel(column) for column in range(len(problem.simulator.robot.mechanism.actuated))]
+    by_encoders = white @ problem.stack.seen(np.stack(travel, axis=-1))
     motions = [
         white @ influence.signature(each.module)[:, :, list(each.components)] for each in yieldings(problem, fit)
     ]
-    of_sensors = minus_2_log_likelihood(
+    of_poses = minus_2_log_likelihood(
         larger.whitened(influence, problem.stack.residual(fit.run)[fit.samples]), whiter, white, seen
     )
-    return scatters_in_a_module(fit.residual, motions, by_wrench, seen, of_sensors)
+    return scatters_in_a_module(fit.residual, motions, (by_wrench, by_encoders), seen, of_poses)
 
 
 def _larger_noise(noise: Noise, larger: Noise) -> str:
