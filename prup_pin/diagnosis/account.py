@@ -12,7 +12,7 @@ from ..numbers import number, quantity
 from ..simulation import Simulator
 from .calibrate import calibrated_from
 from .candidates import Term
-from .criteria import FEW_ROUNDS, LITTLE, MOST_FITS, PARAMETER_COST, beyond_tolerance
+from .criteria import FEW_ROUNDS, LITTLE, MOST, MOST_FITS, PARAMETER_COST, beyond_tolerance
 from .diagnosis import Finding
 from .evidence import (
     count_beyond_tolerance,
@@ -98,9 +98,16 @@ def without_laws(prepared: Prepared, tell: Tell) -> Account:
     """Return a problem calibrated within tolerances, before any law."""
     tell("calibration within tolerances", 0.02)
     # What is left out would drive parameters beyond their tolerances, where laws' first order tells nothing any more.
-    problem = _within_tolerances(prepared, prepared.problem)
-    nothing = Selection.nothing(problem.first, prepared.library)
-    return Account(prepared, problem, nothing)
+    begun = _calibrated(prepared, prepared.problem)
+    if begun.noise.position < MOST * begun.problem.noise.position:
+        # what a law does that is missing yet was taken for noise where no kind that can be so far off does it
+        return _calibrated(prepared, replace(prepared.problem, noise=begun.noise))
+    return begun
+
+
+def _calibrated(prepared: Prepared, problem: Problem) -> Account:
+    problem = _within_tolerances(prepared, problem)
+    return Account(prepared, problem, Selection.nothing(problem.first, prepared.library))
 
 
 def _within_tolerances(prepared: Prepared, problem: Problem) -> Problem:
@@ -242,13 +249,15 @@ def _is_of_a_module(problem: Problem, fit: Fit, larger: Problem) -> bool:
     white, whiter = problem.whiteners(influence), larger.whiteners(influence)
     noise = problem.noise.wrench if problem.noise.wrench.any() else larger.noise.wrench
     by_wrench = white @ (problem.stack.seen(influence.first.by_wrench) * noise)
+    travel = [influence.first.by_travel(column) for column in range(len(problem.simulator.robot.mechanism.actuated))]
+    by_encoders = white @ problem.stack.seen(np.stack(travel, axis=-1))
     motions = [
         white @ influence.signature(each.module)[:, :, list(each.components)] for each in yieldings(problem, fit)
     ]
-    of_sensors = minus_2_log_likelihood(
+    of_poses = minus_2_log_likelihood(
         larger.whitened(influence, problem.stack.residual(fit.run)[fit.samples]), whiter, white, seen
     )
-    return scatters_in_a_module(fit.residual, motions, by_wrench, seen, of_sensors)
+    return scatters_in_a_module(fit.residual, motions, (by_wrench, by_encoders), seen, of_poses)
 
 
 def _larger_noise(noise: Noise, larger: Noise) -> str:

@@ -29,7 +29,7 @@ from .efforts.with_poses import (
     with_efforts_at_rest,
     without_dead_efforts,
 )
-from .prepare import Drawn, Tell, drawn_problem, prepare, silent
+from .prepare import AsDrawn, Tell, drawn_problem, prepare, silent
 from .propose_strain import strain_judged, strain_proposals
 from .since import Earlier
 from .spread import Spread
@@ -164,7 +164,7 @@ def _told(found: Account, tell: Tell, propose: bool | Sequence[str] = False) -> 
 # -- accounts of one recording -----------------------------------------------------------------------------------------
 
 
-def _under_loads(drawn: Drawn, tell: Tell) -> Account:
+def _under_loads(drawn: AsDrawn, tell: Tell) -> Account:
     """Return the account of a loaded robot: whatever is off all over, where few laws do not do.
 
     Few laws that leave no more than the noise that was declared are the answer. Where they do not, or would do with a
@@ -192,7 +192,7 @@ def _under_loads(drawn: Drawn, tell: Tell) -> Account:
     return few if few.selection.fits <= FEW_FITS else searched(few, tell)
 
 
-def _all_over(drawn: Drawn, tell: Tell, spread: Spread | None = None) -> Account | None:
+def _all_over(drawn: AsDrawn, tell: Tell, spread: Spread | None = None) -> Account | None:
     """Return what the first law leaves beside all that is off all over; None where nothing is.
 
     spread: what is off, where it was asked otherwise than by what few laws could explain as well.
@@ -211,7 +211,7 @@ def _all_over(drawn: Drawn, tell: Tell, spread: Spread | None = None) -> Account
     return begun
 
 
-def _beside(drawn: Drawn, begun: Account, tell: Tell) -> Account | None:
+def _beside(drawn: AsDrawn, begun: Account, tell: Tell) -> Account | None:
     """Return what an account's laws leave beside what is off all over, asked while they act; None where nothing is.
 
     A law that no kind stands for is noise to the kinds. Where these were asked already, they are told anew only where
@@ -230,7 +230,7 @@ def _beside(drawn: Drawn, begun: Account, tell: Tell) -> Account | None:
     return beside_laws(prepared, terms, tell) if prepared.kinds else None
 
 
-def _with_outliers(drawn: Drawn, found: Account, spread: Spread, tell: Tell) -> Account:
+def _with_outliers(drawn: AsDrawn, found: Account, spread: Spread, tell: Tell) -> Account:
     """Return the account of all that was measured, where that explains outliers: what does so says that they are none.
 
     Those that came again while nothing moved are asked by any law, others by one that shows beside all that is off.

@@ -64,6 +64,11 @@ class _Loaded:
             return CHANCE_DEVIATIONS * float(np.sqrt(2 / self.moved.size)) * self.noise
         return GAIN**2 * float((self.free(self.moved) ** 2).sum())
 
+    @property
+    def by_chance(self) -> float:
+        """Squares beyond the noise that may be no more than chance."""
+        return SURE / CHANCE_DEVIATIONS * self.shown if self.noise else self.shown
+
     def select(self, rows: np.ndarray) -> _Loaded:
         return replace(
             self, parts=self.parts[:, rows], moved=self.moved[rows], wrench=self.wrench[rows], tool=self.tool[rows],
@@ -95,7 +100,7 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
     shown = loaded.shown
     if first < shown:
         return None
-    alike = SURE / CHANCE_DEVIATIONS * shown if loaded.noise else shown
+    alike = loaded.by_chance
     taken: list[Convention] = []
     others: list[tuple[Convention, ...]] = []
     while True:
@@ -126,7 +131,8 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
     if half.all() or (~half).sum() < FEWEST_IN_BLOCK or half.sum() < FEWEST_IN_BLOCK:
         half = np.arange(len(half)) % 2 == 0
     held = [_softened(loaded, item, half) for item in (loaded.wrench, now.wrench)]
-    if not held[1] < FAR_LESS**2 * held[0]:
+    judged = loaded.select(~half)
+    if not (held[1] < FAR_LESS**2 * held[0] or held[1] < judged.by_chance < judged.shown < held[0]):
         return None
     return Evidence(
         tuple(taken), "what loads move", "", float(np.sqrt(first / size)), float(np.sqrt(least / size)),

@@ -42,7 +42,7 @@ from .spread import Spread, spread_of
 from .toleranced import Toleranced, toleranced_of
 
 __all__ = [
-    "Drawn",
+    "AsDrawn",
     "Prepared",
     "Tell",
     "allowed_of_markers",
@@ -107,7 +107,7 @@ class Prepared:
         return within_tolerances(problem, self.toleranced, self.library, reach)
 
 
-class Seen(NamedTuple):
+class Measured(NamedTuple):
     """Recordings, what was put in and measured, and the measured poses with each sensor where it stands."""
 
     together: Together
@@ -121,7 +121,7 @@ class Seen(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class AsDrawn:
     """Recordings beside the robot as its file has it, checked and thinned, before anything is said to be off.
 
     problem: all that was measured, with the noise declared, seen in repeats or assumed; `seen`: inputs, and where
@@ -130,7 +130,7 @@ class Drawn:
 
     together: Together
     problem: Problem
-    seen: Seen
+    seen: Measured
     library: Sequence[Candidate]
     unused: tuple[str, ...]
     remarks: tuple[str, ...]
@@ -207,7 +207,7 @@ class Drawn:
 
 def drawn_problem(
     robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell, earlier: Earlier | None = None
-) -> Drawn:
+) -> AsDrawn:
     """Return the problem that recordings pose to a robot as its file has it. Raises as `diagnose` does.
 
     earlier: what an earlier diagnosis found acts from the start, and nothing else is taken to be off.
@@ -233,7 +233,7 @@ def drawn_problem(
     problem = Problem.of(seen.simulator, seen.placed.stack, noise, nominal)
     library = _library(seen.together, problem)
     tell("what is off all over", 0.01)
-    return Drawn(seen.together, problem, seen, library, unused, tuple(remarks), earlier)
+    return AsDrawn(seen.together, problem, seen, library, unused, tuple(remarks), earlier)
 
 
 def prepare(
@@ -259,7 +259,7 @@ def _columns_told(together: Together, mechanism: Mechanism) -> tuple[tuple[str, 
     return tuple(dict.fromkeys(unused)), remarks
 
 
-def _seen(robot: Robot, together: Together, motion: Trajectory | None, acting: Sequence[Effect]) -> Seen:
+def _seen(robot: Robot, together: Together, motion: Trajectory | None, acting: Sequence[Effect]) -> Measured:
     """Return what was seen, each sensor where it stands; with frames of their own where one does not fit all."""
     mechanism, inputs = robot.mechanism, _inputs(robot, together, motion)
     measured, simulator = Stack(channels_of(together.recording, mechanism)), Simulator(robot, inputs, acting)
@@ -273,10 +273,10 @@ def _seen(robot: Robot, together: Together, motion: Trajectory | None, acting: S
         simulator = simulator.under(inputs)
         nominal = simulator.run() if acting else None
     allowed = allowed[0] + placed.beside, allowed[1]
-    return Seen(together, inputs, simulator, linear, measured, placed, allowed, nominal)
+    return Measured(together, inputs, simulator, linear, measured, placed, allowed, nominal)
 
 
-def _check_each(seen: Seen) -> None:
+def _check_each(seen: Measured) -> None:
     """Raise InputError where a recording and the robot are worlds apart."""
     for source, here in seen.together.each():
         try:
@@ -287,7 +287,7 @@ def _check_each(seen: Seen) -> None:
             raise InputError(seen.together.told(source, str(error))) from error
 
 
-def _noise_of_each(seen: Seen, nominal: Run, remarks: list[str]) -> Noise:
+def _noise_of_each(seen: Measured, nominal: Run, remarks: list[str]) -> Noise:
     """Return the noise of all recordings; tell rows that could not be simulated, and noise declared too large."""
     together, stack, noises = seen.together, seen.placed.stack, []
     for source, here in together.each():

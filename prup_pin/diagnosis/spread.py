@@ -207,7 +207,7 @@ def spread_of(
     if stations:
         parameters = parameters.with_stations(together.recording.run)
     exists, least = problem.stack.exists, 0.0 if problem.noise.source == "assumed" else 1.0
-    seen = _Seen(problem, parameters, tuple(weights[0]), least).told_by(exists)
+    seen = _VarianceProblem(problem, parameters, tuple(weights[0]), least).told_by(exists)
     if seen is None:
         return None
     ways = [replace(seen, weight=tuple(weight)) for weight in weights]
@@ -252,7 +252,7 @@ def spread_of(
     return replace(spread, kinds={}, of_few=kinds) if kinds and _are_few(data, fit, seen) else spread
 
 
-def _promising(ways: Sequence[_Seen], exists: np.ndarray) -> _Seen | None:
+def _promising(ways: Sequence[_VarianceProblem], exists: np.ndarray) -> _VarianceProblem | None:
     """Return the likeliest way in which weight may act, by the first order about the robot file.
 
     None where what is off all over explains too little of poses that are held out in turn, exists (N, K), or where
@@ -302,7 +302,7 @@ def _size(fit: VarianceEstimate, labels: np.ndarray, kind: str) -> float:
     return float(np.sqrt(fit.variances[labels == kind][0])) * USUAL[kind] if kind in USUAL else 0.0
 
 
-def _explains(data: SensorEquations, fit: VarianceEstimate, seen: _Seen) -> bool:
+def _explains(data: SensorEquations, fit: VarianceEstimate, seen: _VarianceProblem) -> bool:
     """Return True where kinds that are off explain most of what is left within tolerance.
 
     They need not where nothing is declared, nothing but weight loads the robot, and all of the rest may be noise.
@@ -349,7 +349,7 @@ def _without_kinds(
         fit = min(fit, again, key=lambda each: each.cost)
 
 
-def _are_few(data: SensorEquations, fit: VarianceEstimate, seen: _Seen) -> bool:
+def _are_few(data: SensorEquations, fit: VarianceEstimate, seen: _VarianceProblem) -> bool:
     """Return True where a few laws at single places explain as much as whole kinds do: then these are named."""
     places, stands, floors = seen.parameters.places, seen.stands, seen.floors
     labels = stands.copy()
@@ -411,7 +411,7 @@ class _Settled(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _VarianceProblem:
     """What was measured, as a question to parameters. least: of the noise's variance in multiples of the assumed."""
 
     problem: Problem
@@ -429,7 +429,7 @@ class _Seen:
         kinds = self.parameters.kinds
         return np.where(np.isin(kinds, (*SENSORS["pose_sensor"], *STATIONS)), kinds, "").astype(object)
 
-    def told_by(self, exists: np.ndarray) -> _Seen | None:
+    def told_by(self, exists: np.ndarray) -> _VarianceProblem | None:
         """Return the question with as many kinds as what was measured can tell, the finest left out first; or None.
 
         Many parameters do the same: where a joint sits along its axis, and where the next one does. What a third of the

@@ -40,16 +40,16 @@ def unrecorded_force(
 
 
 def scatters_in_a_module(
-    rest: Array, by_strains: Iterable[Array], by_wrench: Array, seen: np.ndarray, of_sensors: float
+    rest: Array, by_strains: Iterable[Array], by_sensors: Iterable[Array], seen: np.ndarray, of_poses: float
 ) -> bool:
     """Return True where a module that gives way otherwise in each sample leaves residuals likelier than sensors do.
 
     rest (n, K), whitened by a noise that is too small; by_strains (n, K, k) each: its change per motion of a module;
-    by_wrench (n, K, 6): per deviation of the wrench sensor's components; seen (n, K): all else is zero. of_sensors:
-    minus twice the log likelihood, as `minus_2_log_likelihood` says, of the noise that pose sensors would have. A
-    wrench sensor that is worse than was declared is a sensor too.
+    by_sensors (n, K, k) each: per deviation of what else is a sensor, of the wrench or of all joints, and may be worse
+    than was declared; seen (n, K): all else is zero. of_poses: minus twice the log likelihood, as
+    `minus_2_log_likelihood` says, of the noise that pose sensors would have.
     """
-    sensors = min(of_sensors, _likeliest(rest, by_wrench, seen)[1])
+    sensors = min(of_poses, *(_likeliest(rest, reach, seen)[1] for reach in by_sensors))
     return any(_likeliest(rest, motion, seen)[1] < sensors - INDISTINCT for motion in by_strains)
 
 
