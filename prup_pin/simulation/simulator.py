@@ -238,8 +238,8 @@ class Simulator:
                 found, why = None, error
                 try:
                     found = overdriven.pose(values)
-                except UnreachablePoseError as apart:
-                    why = apart
+                except UnreachablePoseError as disagreeing:
+                    why = disagreeing
                 if found is None:
                     for sample in np.flatnonzero(rows == place):
                         reasons[int(sample)] = str(why)

@@ -41,6 +41,7 @@ from ..criteria import (
 from ..quarter_turns import quarter_turns
 from .gains import gains_of, in_any_unit
 from .noise import noise_of
+from .problem import kept_samples
 
 __all__ = [
     "CHECK_ROBOT",
@@ -214,7 +215,8 @@ class _Search:
 
     def found(self) -> Evidence | None:
         """Return what would be read otherwise, and how much less that leaves."""
-        if len(self.rows) < FEWEST_NUMBERS or not np.isfinite(self.efforts).all() or not self.efforts.any():
+        told = self.rows if self.at.motion.standing else kept_samples(self.at)  # as many as their band tells apart
+        if len(told) < FEWEST_NUMBERS or not np.isfinite(self.efforts).all() or not self.efforts.any():
             return None
         first = self.left(self.written)
         signed = gains_of_efforts(self.motion, self.efforts, self.rigid)
