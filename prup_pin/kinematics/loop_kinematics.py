@@ -422,7 +422,7 @@ class LoopKinematics:
     ) -> ClosedPose:
         """Return the pose with the given actuator positions, on the assembly branch of home (or of `near`)."""
         model, mechanism = self.model, self.mechanism
-        names, dofs = mechanism.actuated, mechanism.actuated_dofs
+        names = mechanism.actuated
         if isinstance(values, Mapping):
             by_name = values
             for name in by_name:
@@ -451,12 +451,17 @@ class LoopKinematics:
         if not mechanism.loops:
             return self._finish(reference, self.evaluate(reference), requested)
         self._check_limits(reference, requested, only=set(names))
+        return self._driven(array, requested, start)
+
+    def _driven(self, values: Array, requested: dict, start: Array) -> ClosedPose:
+        """Return the pose with all drives at `values` [m or rad], from a start; `requested` as in `reach`."""
+        model, mechanism, dofs = self.model, self.mechanism, self.mechanism.actuated_dofs
         rows = np.eye(model.nv)[dofs]
         here = _joint_values(model, start, dofs)
 
         def goal(target):
             at = start.copy()
-            for name, value in zip(names, target, strict=True):
+            for name, value in zip(mechanism.actuated, target, strict=True):
                 mechanism.set_joint(at, name, value)
 
             def residual(q, placements):
@@ -464,7 +469,7 @@ class LoopKinematics:
 
             return residual
 
-        return self.reach(array, requested, goal, start, here)
+        return self.reach(values, requested, goal, start, here)
 
     def pose_of_joints(self, values: Mapping[str, float]) -> ClosedPose:
         """Return the pose of a tree with joints at given positions [m or rad], the others at home."""
@@ -623,7 +628,7 @@ class LoopKinematics:
                 if tasks:
                     self.reach(np.array([*told.values()]), {}, self.task.goal)
                 elif self.mechanism.loops:
-                    self.pose_from_actuators(told)
+                    self._driven(np.array([*told.values()]), {}, self.home)
                 else:
                     self.pose_of_joints(told)
                 return told

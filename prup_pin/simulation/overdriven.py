@@ -11,15 +11,17 @@ from functools import cached_property
 
 import numpy as np
 
-from ..errors import PrupPinError
+from ..errors import PrupPinError, UnreachablePoseError
 from ..kernel import independent, rank_of
 from ..kinematics import ClosedPose
 from ..mechanism import Mechanism
+from ..numbers import quantity
 from ..robot import Robot
 from ..spatial import Array
 
-#: Actuators may differ by so much [rad], and by this share of the robot's size [m]: more is no matter of encoders.
-_APART = 0.01
+#: Actuators may differ by so much [rad], and by this share of the robot's size [m]: seats that were measured by tape
+#: are off by as much, and more is no matter of encoders.
+_APART = 0.05
 
 
 class Overdriven:
@@ -44,7 +46,8 @@ class Overdriven:
     def pose(self, values: Array) -> tuple[ClosedPose, Array] | None:
         """Return the pose at the actuators' positions (a,), and what they are beyond it, (a,) [m, rad].
 
-        None where there are no more of them than motions, or where they differ by far.
+        None where there are no more of them than motions, or those that are chosen reach no pose. Raises
+        UnreachablePoseError where they differ by far, or where nothing yields by what they differ.
         """
         mechanism = self._robot.mechanism
         try:
@@ -57,4 +60,18 @@ class Overdriven:
         beyond = values - np.array([pose.actuators[name] for name in mechanism.actuated])
         slides = np.array([mechanism.joint(name).unit == "m" for name in mechanism.actuated])
         apart = _APART * np.where(slides, self._robot.characteristic_length, 1.0)
-        return (pose, beyond) if (np.abs(beyond) < apart).all() else None
+        worst = int(np.argmax(np.abs(beyond) / apart))
+        said = (
+            f"'{mechanism.name}' has {len(values)} drives for {len(chosen)} motions, and {mechanism.actuated[worst]} "
+            f"reads {quantity(beyond[worst], 'm' if slides[worst] else 'rad')} beside where the others put it"
+        )
+        if (np.abs(beyond) >= apart).any():
+            raise UnreachablePoseError(
+                f"{said}, too far for one pose of this robot: check the order, units and zeros of the q columns"
+            )
+        if not mechanism.modules:
+            raise UnreachablePoseError(
+                f"{said}, which nothing of its file yields: give its drives springs (joint_spring, or "
+                "--joint-stiffness), or leave surplus ones out of the actuated joints"
+            )
+        return pose, beyond

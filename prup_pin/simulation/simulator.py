@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import PrupPinError
+from ..errors import PrupPinError, UnreachablePoseError
 from ..kinematics import ClosedPose
 from ..laws import Effect, Inputs, Setup
 from ..laws.deeds import AGREED, DEEDS, Deed, History, base_motion, carried_along, yielding_values
@@ -231,10 +231,14 @@ class Simulator:
                     pose = robot.pose_from_actuators(values)
                 left = np.zeros(len(values))
             except PrupPinError as error:
-                found = overdriven.pose(values)
+                found, why = None, error
+                try:
+                    found = overdriven.pose(values)
+                except UnreachablePoseError as disagreeing:
+                    why = disagreeing
                 if found is None:
                     for sample in np.flatnonzero(rows == place):
-                        reasons[int(sample)] = str(error)
+                        reasons[int(sample)] = str(why)
                     continue
                 pose, left = found
             index[place] = len(poses)

@@ -329,3 +329,21 @@ def test_no_unit_is_looked_for_where_one_is_declared(ur5, recording):
     assert [item.word for item in searched(ur5, log).conventions] == ["gain"]
     declared = replace(log, conventions=(convention_of("tau", "gain:1", joints_of(log)),))
     assert searched(ur5, declared) is None
+
+
+def test_a_third_of_a_second_at_one_posture_does_not_say_how_it_is_written(ur5):
+    """As many rows as there may be tell no more than their band holds; of the same for long the signs are told."""
+    rng = np.random.default_rng(4)
+    signs = np.array([1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
+
+    def at_rest(lasting):
+        time = np.arange(0.0, lasting, 0.01)
+        settling = 0.006 * np.exp(-time / 0.04)[:, None]
+        q = np.array([0.0, -1.1, 1.0, -0.3, 0.5, 0.0]) + settling + 1e-5 * rng.normal(size=(len(time), 6))
+        silent = Recording(time=time, positions=dict(zip(ur5.actuated, q.T, strict=True)))
+        motion = motion_of(silent, ur5, ur5.actuated)
+        tau = signs * InMotion.of(ur5, motion).rigid + 0.1 * rng.normal(size=(len(motion), 6))
+        return replace(silent.select(motion.rows), efforts=dict(zip(ur5.actuated, tau.T, strict=True)))
+
+    assert told(ur5, at_rest(0.32)) == []
+    assert told(ur5, at_rest(6.0)) == ["tau.shoulder_lift_joint=reversed", "tau.elbow_joint=reversed"]

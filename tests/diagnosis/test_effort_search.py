@@ -16,6 +16,7 @@ from prup_pin.diagnosis.efforts.search import with_relieving_laws
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.laws import Place
 from prup_pin.laws.efforts.viscous_friction import Damping
+from prup_pin.recordings import Recording
 from tests.diagnosis.test_efforts import AXIS, axis, device
 
 
@@ -181,3 +182,25 @@ def test_one_law_stands_for_several_that_do_not_earn_what_they_have_more(tmp_pat
     assert len(model.terms) == 3
     found = search._simpler(efforts, model)
     assert [term.name for term in found.terms] == [("effort_delay", "robot")]
+
+
+YAW = """<robot name="yaw"><link name="base"/><joint name="yaw" type="revolute"><parent link="base"/><child link="arm"/>
+<axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="50" velocity="10"/></joint><link name="arm"><inertial>
+<origin xyz="0.15 0 0"/><mass value="2"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial>
+</link></robot>"""
+
+
+def test_friction_far_beyond_its_prior_stays_where_much_else_is_left(tmp_path):
+    """Efforts of another unit, beside a wandering one: its prior held friction back where weights are plain alone."""
+    (tmp_path / "yaw.urdf").write_text(YAW)
+    rng, t = np.random.default_rng(0), np.arange(0, 3, 0.005)
+    slow, fast = 2 * np.pi / 2.6, 2 * np.pi / 1.13
+    q = 0.5 * np.sin(slow * t + 0.5) + 0.2 * np.sin(fast * t)
+    speed = 0.5 * slow * np.cos(slow * t + 0.5) + 0.2 * fast * np.cos(fast * t)
+    wandering = 0.105 * np.cumsum(rng.normal(size=len(t)))
+    tau = 20 * np.tanh(speed / 0.7) + wandering + 0.02 * rng.normal(size=len(t))
+    recording = Recording(time=t, positions={"yaw": q + 1e-5 * rng.normal(size=len(t))}, efforts={"yaw": tau})
+    found = diagnose(load(tmp_path / "yaw.urdf"), recording)
+    friction = found.findings[0]
+    assert friction.physics == "coulomb_friction"
+    assert friction.parameters["limit"].value == pytest.approx(18.854, rel=5e-3)  # truly 20, beside what wanders

@@ -44,3 +44,15 @@ def test_encoders_that_differ_by_far_are_no_reading_of_this_robot(robot):
     found = simulate(robot, Recording(time=[0.0], positions=positions, wrench=[np.zeros(6)]))
     assert found.status[0] != "ok"
     assert np.isnan(found.position).all()
+
+
+def test_surplus_drives_say_why_no_pose_is_theirs(robot):
+    read = {"left_motor": [0.1], "right_motor": [-0.05], "left_elbow": [0.3]}
+    far = simulate(robot, Recording(time=[0.0], positions=read, wrench=[np.zeros(6)]))
+    assert "3 drives for 2 motions" in far.reasons[far.status[0]]
+    assert "check the order, units and zeros" in far.reasons[far.status[0]]
+    rigid = prup_pin.load(FIVE_BAR, actuated=[*MOTORS, ELBOW]).with_parameters({})
+    at = prup_pin.load(FIVE_BAR, actuated=list(MOTORS)).pose_from_actuators([0.1, -0.05])
+    read["left_elbow"] = [at.joints[ELBOW] + 5e-3]
+    stiff = simulate(rigid, Recording(time=[0.0], positions=read, wrench=[np.zeros(6)]))
+    assert "5 mrad beside where the others put it, which nothing of its file yields" in stiff.reasons[stiff.status[0]]

@@ -43,6 +43,7 @@ from ..criteria import (
 from ..quarter_turns import quarter_turns
 from .gains import gains_of, in_any_unit
 from .noise import noise_of
+from .problem import kept_samples
 
 __all__ = [
     "CHECK_ROBOT",
@@ -224,7 +225,8 @@ class _Search:
     @cached_property
     def found(self) -> Evidence | None:
         """What would be read otherwise, and how much less that leaves; None where nothing is."""
-        known = self.compares and len(self.rows) >= FEWEST_NUMBERS and np.isfinite(self.efforts).all()
+        told = self.rows if self.at.motion.standing else kept_samples(self.at)  # as many as their band tells apart
+        known = self.compares and len(told) >= FEWEST_NUMBERS and np.isfinite(self.efforts).all()
         if not known or not self.efforts.any():
             return None
         first = self.left(self.written)

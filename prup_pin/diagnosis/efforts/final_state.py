@@ -109,6 +109,7 @@ class FinalState:
         Whitened, unless plain weights leave less of the efforts in their own units on held-out blocks: where what
         is left is what laws and curves lack, it is no noise. Two weights would tell the same of a model that lacks
         nothing, but for noise (Hausman 1978): what they tell apart is what it lacks, and no block's scatter shows it.
+        The prior weighs as much in either of the two that are compared: what it holds back in one alone is not lacking.
         """
         efforts, bodies = self.efforts, self.efforts.bodies_within_tolerance
         model, matrix = efforts.with_given_gains(self.model), fit(self.model)[1]
@@ -117,7 +118,8 @@ class FinalState:
             return x, np.zeros_like(x), matrix
         plain = efforts.unwhitened(model)
         other = consistent_fit(plain, bodies)[0]
-        apart = other - x
+        left = float(held_out(model).sum()) / max(int(efforts.whitening.good.sum()), 1)
+        apart = consistent_fit(efforts.unwhitened(model, left), bodies)[0] - x if left > 1 else other - x
         if relative_gain(efforts.held_out_unwhitened(self.model), held_out(plain))[0] > LITTLE:
             x = other
         return x, apart, matrix

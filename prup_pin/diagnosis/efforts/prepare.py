@@ -181,13 +181,14 @@ class PreparedEfforts:
                 left[rows] -= columns[rows] @ x
         return left
 
-    def unwhitened(self, model: EffortModel) -> EffortModel:
+    def unwhitened(self, model: EffortModel, whitened: float = 1.0) -> EffortModel:
         """Return the same model of its own columns alone, each joint weighed by its size and not whitened.
 
-        So is a prediction judged. The prior counts as much beside what is left as it does beside white noise.
+        So is a prediction judged. The prior counts as much beside what is left as it does beside white noise, or beside
+        a whitened residual of that mean square.
         """
         left = float(self.held_out_unwhitened(model).sum()) / max(int(self._plain.good.sum()), 1)
-        return self._alone(model, self._plain, left)
+        return self._alone(model, self._plain, left / whitened)
 
     def whitened_by(self, model: EffortModel) -> PreparedEfforts:
         """Return the efforts whitened by what a model leaves: what was taken for noise may be what it explains."""
