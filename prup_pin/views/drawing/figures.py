@@ -13,7 +13,6 @@ import numpy as np
 
 from ...errors import InputError
 from ...kinematics import ClosedPose
-from ...mechanism import Mechanism
 from ...numbers import fixed, number, quantity, readable_unit
 from ...robot import Robot
 from ...spatial import Array, as_wrench, wrench_text
@@ -54,6 +53,7 @@ from .plotting import (
 _PLATE = "#aeb6bf"
 #: Beams under load, where a legend stands for all their colours; letters in an ellipsoid.
 _MIDDLE, _DARK = MAP[len(MAP) // 2], "#14352B"
+SOFT, _TRANSLATION = ELLIPSOIDS["translation"], slice(0, 3)
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
@@ -103,11 +103,21 @@ def pose_figure(
     answer = None if compliance is None or load is None else Answer(compliance, load)
     shares = (answer.shares if answer is not None else None) or {}
     colours, top = share_colours(shares)
+    # of joints on which something other than a beam yields: that of the softest part there
+    softest = sorted(
+        (module for module in robot.mechanism.modules if module.name in shares), key=lambda m: shares[m.name]
+    )
+    joints = {
+        str(robot.model.names[module.joint]): colours[module.name] for module in softest if not module.kind.spans_frames
+    }
     draw_mechanism(drawing, parts, pale=ghost is not None)
-    if compliance is not None:
-        draw_small_ellipsoid(drawing, compliance, tool, size)
+    if compliance is not None:  # around the tool, in proportion to the mechanism's size
+        values, vectors = principal(compliance, _TRANSLATION)
+        outline = camera.flat(tool) + _silhouette(camera, 0.15 * size * values / (values[0] or 1.0), vectors)
+        if values[0] > 0:
+            drawing.axes.add_patch(Polygon(outline, facecolor=SOFT, alpha=0.35, edgecolor=SOFT, lw=1.0, zorder=9.0))
     if ghost is not None:
-        _draw_deflected(drawing, parts, ghost, times, {**_of_joints(robot.mechanism, shares, colours), **colours})
+        _draw_deflected(drawing, parts, ghost, times, {**joints, **colours})
     texts = draw_tool(drawing, parts)
     if load is not None and load.any():
         texts += _draw_wrench(drawing, tool, load, size)
@@ -120,16 +130,6 @@ def pose_figure(
         _draw_scale(figure, top, layout)
     _write_title(figure, robot, pose, compliance, load, scale if ghost is not None else None, layout)
     return figure
-
-
-def _of_joints(mechanism: Mechanism, shares: Mapping[str, float], colours: Mapping[str, str]) -> dict[str, str]:
-    """Return the colour of each joint on which something other than a beam yields: that of the softest part there."""
-    softest = sorted((module for module in mechanism.modules if module.name in shares), key=lambda m: shares[m.name])
-    return {
-        str(mechanism.model.names[module.joint]): colours[module.name]
-        for module in softest
-        if not module.kind.spans_frames
-    }
 
 
 def draw_mechanism(drawing: Drawing, parts: Skeleton, pale: bool = False) -> None:
@@ -387,24 +387,12 @@ def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) 
 # -- the ellipsoid of compliance: how far, and whereto, a unit force in every direction moves the tool -----------------
 
 
-SOFT, _TRANSLATION = ELLIPSOIDS["translation"], slice(0, 3)
-
-
 def _silhouette(camera: Camera, values: Array, vectors: Array) -> Array:
     """Return the outline of the projected ellipsoid, (n, 2), about its centre."""
     half = camera.plane @ vectors * values
     u, s, _ = np.linalg.svd(half, full_matrices=False)
     angle = np.linspace(0, 2 * np.pi, 121)
     return (u * s @ np.array([np.cos(angle), np.sin(angle)])).T
-
-
-def draw_small_ellipsoid(drawing: Drawing, compliance: Compliance, at: Array, size: float) -> None:
-    """Draw the outline around the tool at `at`, in proportion to the mechanism's size."""
-    values, vectors = principal(compliance, _TRANSLATION)
-    if values[0] <= 0:
-        return
-    outline = drawing.camera.flat(at) + _silhouette(drawing.camera, values * 0.15 * size / values[0], vectors)
-    drawing.axes.add_patch(Polygon(outline, facecolor=SOFT, alpha=0.35, edgecolor=SOFT, lw=1.0, zorder=9.0))
 
 
 def draw_ellipsoid(figure: Figure, camera: Camera, compliance: Compliance, layout: Layout) -> None:

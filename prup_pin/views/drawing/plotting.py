@@ -156,27 +156,18 @@ class Labels:
         half = np.array([extent.width, extent.height]) / 2 + 2
         centre = transform.transform(at)
         bounds = self.axes.get_window_extent(renderer)
-        wanted = None
-        if towards is not None and np.linalg.norm(towards) > 1e-9:
-            wanted = np.asarray(towards) / np.linalg.norm(towards)
         middles = centre + _DIRECTIONS * (_RADII + np.abs(_DIRECTIONS) @ half[:, None])
         low, high = middles - half, middles + half
-        covered = _inside(dots, low - 4, high + 4)
+        inside = (dots > (low - 4)[:, None]) & (dots < (high + 4)[:, None])  # (places, dots, 2)
+        covered = np.count_nonzero(inside.all(axis=2), axis=1)
         clashes = sum(((low <= box.max) & (high >= box.min)).all(axis=1) for box in self.boxes)
         outside = (np.maximum(bounds.min - low, 0) + np.maximum(high - bounds.max, 0)).sum(axis=1)
         cost = 30 * covered + 5000 * clashes + 50 * outside + _RADII[:, 0]
-        if wanted is not None:
-            cost += 25 * (1 - _DIRECTIONS @ wanted)
+        if towards is not None and np.linalg.norm(towards) > 1e-9:
+            cost += 25 * (1 - _DIRECTIONS @ (np.asarray(towards) / np.linalg.norm(towards)))
         place = middles[np.argmin(cost)]
         label.set_position(transform.inverted().transform(place))
         self.boxes.append(Bbox([place - half, place + half]))
-
-
-def _inside(points: Array, low: Array, high: Array) -> Array:
-    """Return how many of the points (n, 2) each box from low to high (b, 2) holds, (b,)."""
-    x, y = points.T
-    within = (x > low[:, :1]) & (x < high[:, :1]) & (y > low[:, 1:]) & (y < high[:, 1:])
-    return np.count_nonzero(within, axis=1)
 
 
 class Drawing:

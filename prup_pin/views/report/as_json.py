@@ -22,9 +22,8 @@ from ..text.values import coordinate_dimensions, dimension, joint_type, limits
 
 if TYPE_CHECKING:
     from ...diagnosis import Diagnosis, Finding
-    from ...diagnosis.diagnosis import ByRecording, FittedParameter
+    from ...diagnosis.diagnosis import FittedParameter
     from ...diagnosis.efforts import EffortDiagnosis
-    from ...diagnosis.locate import LocalCurve
     from ...diagnosis.proposal import Proposal
     from ...recordings import Tolerances
     from ...sensitivity import Sensitivity
@@ -196,7 +195,18 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
         "seen": [each._asdict() for each in diagnosis.seen],
         "proposals": [_proposal(item) for item in diagnosis.proposals],
         "judged": [picked(item, "physics word why") for item in diagnosis.judged],
-        "recordings": [_recording(part) for part in diagnosis.recordings] if len(diagnosis.recordings) > 1 else [],
+        "recordings": [
+            {
+                "recording": part.name,
+                "own_sensors": part.own,
+                "noise": picked(part.noise, _NOISE),
+                "samples": part.samples,
+                "used": len(part.used),
+                "residual": picked(part, "before after"),
+            }
+            for part in diagnosis.recordings
+            if len(diagnosis.recordings) > 1
+        ],
         "own_sensors": {"by_run": diagnosis.own_by_run} if diagnosis.own_by_run else {},
     }
     document |= {key: each for key, each in there.items() if each}
@@ -235,19 +245,9 @@ def _proposal(item: Proposal) -> dict[str, Any]:
     }
 
 
-def _recording(part: ByRecording) -> dict[str, Any]:
-    return {
-        "recording": part.name,
-        "own_sensors": part.own,
-        "noise": picked(part.noise, _NOISE),
-        "samples": part.samples,
-        "used": len(part.used),
-        "residual": picked(part, "before after"),
-    }
-
-
 def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | None = None) -> dict[str, Any]:
     from ...diagnosis.efforts import effort_curve_of
+    from ...laws.drawn import load_units
     from ...recordings.conventions import as_json
 
     value = picked(finding, "physics location") | {
@@ -263,8 +263,12 @@ def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | N
         **({"conventions": as_json(finding.conventions)} if finding.conventions else {}),
         **({"evidence": finding.evidence} if finding.evidence else {}),
     }
-    if finding.curve is not None and robot is not None:
-        value["curve"] = _curve(finding.curve, robot)
+    if (curve := finding.curve) is not None and robot is not None:
+        load, deformation = load_units(robot.mechanism, curve.module, curve.component)
+        value["curve"] = picked(curve, "module load deformation deviation") | {
+            "component": robot.mechanism.module(curve.module).kind.loads[curve.component],
+            "units": {"load": load, "deformation": deformation},
+        }
     elif (drawn := effort_curve_of(finding, efforts)) is not None:
         value["curve"] = picked(drawn, "joint against") | {
             drawn.against: drawn.x,
@@ -273,16 +277,3 @@ def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | N
             "units": {drawn.against: drawn.x_unit, "effort": drawn.y_unit},
         }
     return value
-
-
-def _curve(curve: LocalCurve, robot: Robot) -> dict[str, Any]:
-    from ...laws.drawn import load_units
-
-    module = next(item for item in robot.mechanism.modules if item.name == curve.module)
-    load, deformation = load_units(robot.mechanism, curve.module, curve.component)
-    return {
-        "module": curve.module,
-        "component": module.kind.loads[curve.component],
-        **picked(curve, "load deformation deviation"),
-        "units": {"load": load, "deformation": deformation},
-    }

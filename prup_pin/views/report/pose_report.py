@@ -80,8 +80,16 @@ def report_html(
     answer = Answer(compliance, None if wrench is None else as_wrench(wrench), frame)
     scene, scene_note = _scene(robot, answer, scale)
     load = answer.load.wrench if answer.load.wrench.any() else None
-    levers = find_levers(robot, compliance, answer.load.wrench, _softest_names(answer))
-    columns, rows, down = _displacements(answer)
+    softest = [name for name in words.ranked(answer.shares or {}) if (answer.shares or {})[name] > 1e-6][:SOFTEST]
+    levers = find_levers(robot, compliance, answer.load.wrench, softest)
+    # the table of displacements in common units, the sag among them; and where down is
+    columns, moved, units = words.displacements(answer)
+    rows, gravity, down = [(name, *cells) for name, cells in moved.items()], answer.mechanism.gravity, ""
+    if gravity.any():
+        rows.append(("sag by own weight", *words.displacement_cells(answer.sag, units)[:4], *("", "", "")))
+        down = direction_text(gravity / np.linalg.norm(gravity))
+    # a rigid module would just take its part away where no loop carries load of its own
+    adds_up = compliance.pose.balance.self_stress.shape[1] == 0
     return page(
         "report_page.html",
         robot,
@@ -96,11 +104,11 @@ def report_html(
         scene_note=scene_note,
         script_hashes=_script_hashes(scene),
         pictured=(robot, pose, compliance, load, scale),
-        displacement_columns=columns,
+        displacement_columns=("frame", *(f">{name}" for name in columns)),
         displacement_rows=rows,
         down=down,
-        softest=_softest(robot, answer),
-        exact_without=_adds_up(answer),
+        softest=_softest(robot, answer, softest, adds_up),
+        exact_without=adds_up,
         moved=_moved(answer, answer.deflection),
         levers=[_lever(answer, lever) for lever in levers[:LEVERS]],
         step=number(100 * STEP),
@@ -157,31 +165,12 @@ def _facts(answer: Answer) -> list[tuple[str, str, str]]:
     return facts
 
 
-def _displacements(answer: Answer) -> tuple[tuple[str, ...], list[tuple[str, ...]], str]:
-    """Return the table of displacements in common units, the sag among them: columns, rows; and where down is."""
-    columns, found, units = words.displacements(answer)
-    rows, down = [(name, *cells) for name, cells in found.items()], ""
-    gravity = answer.mechanism.gravity
-    if gravity.any():
-        rows.append(("sag by own weight", *words.displacement_cells(answer.sag, units)[:4], *("", "", "")))
-        down = direction_text(gravity / np.linalg.norm(gravity))
-    return ("frame", *(f">{name}" for name in columns)), rows, down
-
-
-def _adds_up(answer: Answer) -> bool:
-    """Return True where a rigid module would just take its part away: no loop carries load of its own."""
-    return answer.compliance.pose.balance.self_stress.shape[1] == 0
-
-
-def _softest(robot: Robot, answer: Answer) -> list[dict[str, Any]]:
-    """Return the modules with the largest shares; of modules with equal values all but the first refer to it."""
-    if answer.shares is None:
-        return []
-    shares = answer.shares
+def _softest(robot: Robot, answer: Answer, names: Sequence[str], adds_up: bool) -> list[dict[str, Any]]:
+    """Return what is told of some modules; of modules with equal values all but the first refer to it."""
+    shares = answer.shares or {}
     modules = {module.name: module for module in answer.mechanism.modules}
-    names = _softest_names(answer)
     colours, _ = share_colours(shares)
-    largest = max(shares[name] for name in names)
+    largest = max((shares[name] for name in names), default=0.0)
     unit, factor = readable_unit(answer.amount, "rad" if answer.load.turns else "m")
     amounts = fixed([answer.contributions[name] * factor for name in names])
     rows: list[dict[str, Any]] = []
@@ -200,7 +189,7 @@ def _softest(robot: Robot, answer: Answer) -> list[dict[str, Any]]:
                 "colour": colours[name],
                 "bar": f"{100 * max(shares[name], 0.0) / largest:.1f}",
                 "amount": f"{amount} {unit}",
-                "without": _moved(answer, rest) if _adds_up(answer) else None,
+                "without": _moved(answer, rest) if adds_up else None,
                 "parameters": values,
                 "like": None if first == name else first,
                 "defaults": [f"{_words(p.short)} {workshop_text(p.value, p.unit)}" for p in default_parameters(own)],
@@ -211,11 +200,6 @@ def _softest(robot: Robot, answer: Answer) -> list[dict[str, Any]]:
 
 def _words(name: str) -> str:
     return name.replace("_", " ")
-
-
-def _softest_names(answer: Answer) -> list[str]:
-    shares = {name: share for name, share in (answer.shares or {}).items() if share > 1e-6}
-    return words.ranked(shares)[:SOFTEST]
 
 
 def _lever(answer: Answer, lever: Lever) -> dict[str, str]:

@@ -135,9 +135,6 @@ class Painter:
         """Return all bodies; `colours` by module (None: own colours); the base is left out of ghosts."""
         parts: list[Part] = []
 
-        def body(body: int, at: Array) -> Array:
-            return at if moved is None else moved.place(body, at, scale)
-
         def put(name: str, shape: Shape, at: Array, colour: str, opacity: float = 1.0) -> None:
             if ghost:
                 colour, opacity = GHOST, 0.26 * opacity
@@ -161,7 +158,8 @@ class Painter:
                     shape, where = self._bent(beam, pose, moved, scale, visual, at)
                     put(name, shape, where, colour if colours is None else colours[beam.name], visual.opacity)
                 else:
-                    put(name, visual.shape, body(frame.joint, seat) @ visual.placement, colour, visual.opacity)
+                    there = seat if moved is None else moved.place(frame.joint, seat, scale)
+                    put(name, visual.shape, there @ visual.placement, colour, visual.opacity)
         for module in self.bare_beams:
             frame_, length = beam_frame(module, pose)
             visual = Visual(rod(self._beam_radius(module), length), np.eye(4), METAL)
@@ -206,7 +204,6 @@ class Painter:
     def _skeleton(self, pose: ClosedPose, moved: Deflections | None, scale: float, put, ghost: bool) -> None:
         """Draw lines between the joints of every body that has no geometry of its own."""
         bones = skeleton(pose)
-        beams = {module.name for module in self.beams}
         radius = 0.011 * self.size
 
         def there(body: int, point: Array) -> Array:
@@ -215,7 +212,7 @@ class Painter:
         def bare(segment: Segment) -> bool:
             return segment.kind != "beam" and not self.drawn_bodies & set(segment.bodies)
 
-        for index, segment in enumerate(s for s in bones.segments if s.name not in beams and bare(s)):
+        for index, segment in enumerate(filter(bare, bones.segments)):
             if ghost and segment.bodies == (0, 0):
                 continue
             ends = [there(b, p) for b, p in zip(segment.bodies, (segment.start, segment.end), strict=True)]
@@ -223,14 +220,12 @@ class Painter:
                 thin = 0.6 if segment.kind == "slide" else 1.0
                 tube = Tube(np.array(ends), thin * radius)
                 put(f"skeleton/{segment.name}_{index + 1}", tube, np.eye(4), METAL)
-        for plate in bones.plates:
-            if plate.body in self.drawn_bodies or (ghost and plate.body == 0):
-                continue
-            corners = np.array([there(plate.body, corner) for corner in plate.corners])
+        base = [] if ghost or 0 in self.drawn_bodies else [plate.corners for plate in bones.plates if plate.body == 0]
+        for corners in base:
             middle = corners.mean(axis=0)
-            for number_, corner in enumerate(corners):
-                if plate.body == 0 and np.linalg.norm(corner - middle) > 1e-9:
-                    put(f"skeleton/base_{number_ + 1}", Tube(np.array([middle, corner]), radius), np.eye(4), "#5b636d")
+            for index, corner in enumerate(corners, 1):
+                if np.linalg.norm(corner - middle) > 1e-9:
+                    put(f"skeleton/base_{index}", Tube(np.array([middle, corner]), radius), np.eye(4), "#5b636d")
         sprung = {module.joint for module in pose.mechanism.modules}
         for joint in bones.joints:
             if joint.body in self.drawn_bodies or ghost:
