@@ -42,7 +42,7 @@ def test_what_is_no_robot_file_says_what_is_expected(run, tmp_path, monkeypatch,
 def test_values_of_one_option_are_joined_by_commas(run):
     done = run("stiffness", "3prup", "--at", "z=400mm", "theta=25deg")
     assert done.exit_code == 2
-    assert "by commas, without spaces" in " ".join(done.output.split())
+    assert "by commas, without spaces" in " ".join(done.output.replace("│", " ").split())
 
 
 def test_a_walking_robot_is_told_that_it_stands(run):

@@ -235,34 +235,31 @@ def taken_apart(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def _members(group: type) -> list[inspect.Parameter]:
-    """Return the options of a group; some of them may be groups in turn."""
+def _members(parameter: inspect.Parameter) -> list[inspect.Parameter] | None:
+    """Return the options of the group (a dataclass) that a parameter stands for, None of a single option."""
+    group = parameter.annotation
+    if not (isinstance(group, type) and is_dataclass(group)):
+        return None
     hints = get_type_hints(group, include_extras=True)
     found = inspect.signature(group).parameters.values()
-    return [parameter.replace(annotation=hints[parameter.name]) for parameter in found]
-
-
-def _group(parameter: inspect.Parameter) -> type | None:
-    """Return the dataclass that a parameter stands for, if it is a group of options."""
-    kind = parameter.annotation
-    return kind if isinstance(kind, type) and is_dataclass(kind) else None
+    return [member.replace(annotation=hints[member.name]) for member in found]
 
 
 def _singles(parameter: inspect.Parameter) -> Iterator[inspect.Parameter]:
-    group = _group(parameter)
-    if group is None:
+    """Yield the single options of a parameter; some members of a group may be groups in turn."""
+    members = _members(parameter)
+    if members is None:
         yield parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-    else:
-        for member in _members(group):
-            yield from _singles(member)
+    for member in members or ():
+        yield from _singles(member)
 
 
 def _taken(parameter: inspect.Parameter, given: dict[str, Any]) -> Any:
     """Return the value of a parameter from those of all single options."""
-    group = _group(parameter)
-    if group is None:
+    members = _members(parameter)
+    if members is None:
         return given[parameter.name]
-    return group(**{member.name: _taken(member, given) for member in _members(group)})
+    return parameter.annotation(**{member.name: _taken(member, given) for member in members})
 
 
 # -- one pose ----------------------------------------------------------------------------------------------------------

@@ -92,12 +92,14 @@ class _Page:
 
     def written(self, robot: str | None) -> Guess:
         """Return the map as YAML with a word on every line that was guessed."""
-        unknown = [] if self.draft.mechanism else ["# robot: NAME or FILE.urdf, which also tells the joints' names"]
+        named = [] if robot is None else [f"robot: {_text(robot)}"]
+        if robot is None and self.draft.mechanism is None:
+            named = ["# robot: NAME or FILE.urdf, which also tells the joints' names"]
         lines = [
             f"# Map from {shown(Path(self.draft.log.path).name)} to a recording, guessed by prup-pin import. "
             "Lines with CHECK are not sure.",
             "# SI = sign x scale x (value in unit) + offset; docs/import.md says what may stand here.",
-            *([f"robot: {_text(robot)}"] if robot is not None else unknown),
+            *named,
             *self.times(),
             *self.columns(),
             *self.without_position(),

@@ -91,9 +91,9 @@ class Problems:
         own = (None, self.path.name)
         found = sorted(self.found, key=lambda each: (each.file not in own, -1 if each.line is None else each.line))
         cut = {place: count - MAX_PER_COLUMN for place, count in self._per_column.items() if count > MAX_PER_COLUMN}
-        rest: list[Problem] = [
-            TableProblem(f"{more} more are not listed ({kind})", column=column) for (column, kind), more in cut.items()
-        ][: MAX_PROBLEMS // 2]
+        rest: list[Problem] = []
+        for (column, kind), more in list(cut.items())[: MAX_PROBLEMS // 2]:
+            rest.append(TableProblem(f"{more} more are not listed ({kind})", column=column))
         room = MAX_PROBLEMS - len(rest)
         if self.more or len(found) > room:
             rest.append(Problem(f"{self.more + len(found) - (room - 1)} more problems are not listed"))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -206,15 +207,13 @@ def _check(recordings: Sequence[Recording], names: Sequence[str], joints: Sequen
         missing = [f"q.{joint}" for joint in joints if joint not in recording.positions]
         if missing:
             raise InputError(f"{name} lacks {', '.join(missing)}: every recording needs all actuated joints")
-    for later in range(len(recordings)):
-        for earlier in range(later):
-            one, other = recordings[earlier], recordings[later]
-            told = f"{names[earlier]} and {names[later]} hold the same samples, to the last digit"
-            if one.path and other.path and Path(one.path).resolve() == Path(other.path).resolve():
-                told = f"{Path(one.path).name} is given twice"
-            elif not _same(one, other):
-                continue
-            raise InputError(f"{told}: its noise would count as two measurements. Give each recording once")
+    for (first, one), (second, other) in combinations(zip(names, recordings, strict=True), 2):
+        told = f"{first} and {second} hold the same samples, to the last digit"
+        if one.path and other.path and Path(one.path).resolve() == Path(other.path).resolve():
+            told = f"{Path(one.path).name} is given twice"
+        elif not _same(one, other):
+            continue
+        raise InputError(f"{told}: its noise would count as two measurements. Give each recording once")
 
 
 def _same(one: Recording, other: Recording) -> bool:
