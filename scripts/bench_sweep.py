@@ -95,13 +95,12 @@ def print_speeds() -> None:
             return robot.sweep(poses=rows[:count], quantities=names, **BOX, **how)
 
         assert machine is not None
-        into = [np.empty((4096, width)) for width in machine.widths]
         times = in_turns(
             (lambda robot=robot, rows=rows: singly(robot, rows[:100]), 100),
             (lambda sweep=sweep: sweep(1024), 1024),
             (lambda sweep=sweep: sweep(MANY // 4), MANY // 4),
             (lambda sweep=sweep: sweep(None, compiled=True), MANY),
-            (lambda machine=machine, rows=rows[:4096], into=into: machine.fill(rows, into), 4096),
+            (lambda machine=machine, rows=rows[:4096]: machine.run(rows), 4096),
         )
         print(f"{name:16s}" + "".join(f"{1e6 * value:10.2f}" for value in times) + f"{ready:28.1f}")
     print("arrays: few poses; lines: many, the straight lines run by numpy; compiled: all of robot.sweep at 131,072")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -45,11 +46,11 @@ class LowPass:
 
     def __call__(self, values: Array, piece: np.ndarray) -> Array:
         """Return values (N, ...) without what is faster than the cut-off, each piece for itself."""
-        from scipy.signal import butter, sosfiltfilt  # heavy; not needed to load a robot
+        from scipy.signal import sosfiltfilt  # heavy; not needed to load a robot
 
         if self.cutoff >= 0.49 * self.rate:
             return np.array(values, float)
-        sections = butter(_ORDER, self.cutoff, fs=self.rate, output="sos")
+        sections = _butterworth(self.cutoff, self.rate)
         rows = np.reshape(values, (len(values), -1)).T
         out = np.empty(rows.shape)
         longest = round(3 * self.rate / self.cutoff) + 3 * _ORDER
@@ -82,6 +83,14 @@ class LowPass:
         for where in pieces(piece):
             out[where.start : where.start + end] = out[max(where.stop - end, where.start) : where.stop] = False
         return out if out.any() else np.ones(len(piece), bool)
+
+
+@lru_cache(maxsize=64)
+def _butterworth(cutoff: float, rate: float) -> Array:
+    """Return a filter's sections, (s, 6)."""
+    from scipy.signal import butter
+
+    return butter(_ORDER, cutoff, fs=rate, output="sos")
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ products with zeros and for calls about matrices that are too small.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -24,29 +24,32 @@ _TOGETHER = 3
 class Columns:
     """A pipeline that numpy runs, or machine code. It pickles as that and is compiled anew."""
 
-    def __init__(self, pipeline: Pipeline, widths: Sequence[int] = (), compiled: bool = False):
-        """`widths`: the outputs, failure and way at their end, go to so many arrays, as many columns to each."""
+    def __init__(self, pipeline: Pipeline, compiled: bool = False):
         self.pipeline, self.compiled = pipeline, compiled
-        self.widths = tuple(widths) or (len(pipeline.final.outputs) + 2,)
         made = MachineCode if compiled else _Calls
         self._start, self._final = made(pipeline.start), made(pipeline.final)
         self._step = None if pipeline.step is None else made(pipeline.step)
 
     def __reduce__(self):
-        return Columns, (self.pipeline, self.widths, self.compiled)
+        return Columns, (self.pipeline, self.compiled)
 
     def run(self, inputs: Array) -> Array:
         """Return outputs, failure and way (n, m + 2) of coordinates (n, t)."""
-        parts = [np.empty((len(inputs), width)) for width in self.widths]
-        self.fill(inputs, parts)
-        return np.concatenate(parts, axis=1)
+        out = np.empty((len(inputs), len(self.pipeline.final.outputs) + 2))
+        for some, found in self.blocks(inputs):
+            out[some] = found.T
+        return out
 
-    def fill(self, inputs: Array, into: Sequence[Array]) -> None:
-        """Write outputs, failure and way of coordinates (n, t) to contiguous arrays, rows of `widths` numbers each."""
+    def blocks(self, inputs: Array) -> Iterator[tuple[slice, Array]]:
+        """Yield some poses of coordinates (n, t) after the other, with their outputs, failure and way (m + 2, k).
+
+        These are working memory that the next ones overwrite.
+        """
         count, size = len(inputs), len(self.pipeline.start.outputs)
         block = min(_POSES_COMPILED if self.compiled else _POSES, _whole(count))
         # Rows: the solution y, then coordinates x.
-        given, found = np.empty((size + self.pipeline.start.inputs, block)), np.empty((sum(self.widths), block))
+        given = np.empty((size + self.pipeline.start.inputs, block))
+        found = np.empty((len(self.pipeline.final.outputs) + 2, block))
         y, x = given[:size], given[size:]
         start, final, settle = self._start.on(x, y), self._final.on(given, found[:-2]), self._settling(given)
         failed, way = found[-2:]
@@ -58,11 +61,7 @@ class Columns:
             way[:], failed[:] = 0.0, 0.0
             settle(way, failed, 0)
             final()
-            columns = iter(found[:, : len(rows)])
-            for array, width in zip(into, self.widths, strict=True):
-                part = array.reshape(count, width)[first : first + block]
-                for at in range(width):
-                    part[:, at] = next(columns)
+            yield slice(first, first + len(rows)), found[:, : len(rows)]
 
     def _settling(self, given: Array) -> Callable[[Array, Array, int], None]:
         """Return what takes Newton's steps in place, from a turn on, and adds up way and failure (n,)."""

@@ -72,7 +72,7 @@ class ClosedPose:
         return self._each(lambda array: array[None])
 
     def _each(self, change: Callable[[Array], Array]) -> ClosedPose:
-        changed = {name: change(getattr(self, name)) for name in _ARRAYS}
+        changed: dict[str, Any] = {name: change(getattr(self, name)) for name in _ARRAYS}
         return replace(self, **changed, balance=PassiveBalance(*map(change, self.balance)))
 
     def __repr__(self) -> str:

@@ -15,7 +15,7 @@ from threadpoolctl import ThreadpoolController
 
 from ..errors import PrupPinError, imported
 from ..kernel import Columns, Tree
-from ..kinematics import AWAY, CLOSED, DOUBTFUL, LIMITS, LONGEST, ClosedPose, LoopKinematics, ManyPoses, alone
+from ..kinematics import CLOSED, LONGEST, ClosedPose, LoopKinematics, ManyPoses, alone
 from ..mechanism import Mechanism
 from ..spatial import Array
 from ..statics import Compliance, StaticsLayout, dimensionless, invalid, solve_statics
@@ -26,12 +26,8 @@ from .written import Written, written
 
 #: So many poses are solved together: their matrices fit a processor's memory.
 _TOGETHER = 256
-#: So many leave what a machine hands on in the cache.
-_IN_CACHE = 1024
 #: Poses that are solved together where most of it is machine code.
 _TOGETHER_COMPILED = 4096
-
-_STATES = {CLOSED: status.OK, AWAY: status.UNREACHABLE, LIMITS: status.LIMITS, DOUBTFUL: status.SINGULAR}
 
 
 @cache
@@ -93,21 +89,21 @@ class Engine:
 
     @cached_property
     def _machine(self) -> Columns | None:
-        return None if self.written is None else Columns(self.written.pipeline, self.written.widths, self.compiled)
+        return None if self.written is None else Columns(self.written.pipeline, self.compiled)
 
     @cached_property
     def _machine_at(self) -> Columns | None:
         """The same from closed configurations and coordinates."""
         if self.written is None or self.written.passing is None:
             return None
-        return Columns(self.written.at, self.written.widths, self.compiled)
+        return Columns(self.written.at, self.compiled)
 
     @cached_property
     def _reaching(self) -> ManyPoses:
         """What finds poses that are not reached straight away, by Newton's step as it is written."""
         if self.written is None or self.written.passing is None:
             return self.many
-        reaching, machine = ManyPoses(self.kinematics), Columns(self.written.passing, (), self.compiled)
+        reaching, machine = ManyPoses(self.kinematics), Columns(self.written.passing, self.compiled)
 
         def step(q: Array, target: Array) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
             out = machine.run(np.concatenate((q, target), axis=1))
@@ -187,72 +183,60 @@ class Engine:
             for start in range(0, len(left), together):
                 some = left[start : start + together]
                 part = self.empty(len(some))
-                self._solve(coordinates[some], list(part.values.values()), part.status)
+                self._solve(coordinates[some], part)
                 answer.take(some, part)
         return answer
 
     def _filled(self, machine: Columns, given: Array, answer: Answer) -> NDArray[np.int_]:
         """Fill in what the machine makes of its inputs, and return where it is not sure of that."""
         assert self.written is not None
-        # Nothing is copied where all that is computed was asked for.
-        direct = all(name in answer.values for name in self.written.names) and len(self.written.names) == len(
-            answer.values
-        )
-        step = len(given) if direct else _IN_CACHE
-        unsure = []
-        for start in range(0, len(given), step):
-            stop = min(start + step, len(given))
-            part = answer.part(start, stop)
-            end = np.empty((stop - start, self.written.widths[-1]))
-            computed = {
-                name: part.values[name]
-                if name in part.values
-                else np.empty((stop - start, *QUANTITIES[name].shape(self.mechanism)))
-                for name in self.written.names
-            }
-            machine.fill(given[start:stop], [*computed.values(), end])
-            sure = self.written.accepted(end)
+        sure = np.empty(len(given), bool)
+        for some, found in machine.blocks(given):
+            part = answer.part(some.start, some.stop)
+            sure[some] = good = self.written.accepted(found[-3:])
             part.status[:] = status.OK
             for item in self.quantities:
+                name = item.after or item.name
+                shape = QUANTITIES[name].shape(self.mechanism)
+                values = np.moveaxis(found[self.written.rows[name]].reshape(*shape, -1), -1, 0)
                 if item.after:
-                    known = {item.after: computed[item.after][sure]}
-                    solved = Solved.of_known(known, self.layout, self.scaling, self.asked)
-                    part.values[item.name][sure] = item.value(solved)
-            if not sure.all():
-                unsure.append(start + np.flatnonzero(~sure))
-        return np.concatenate(unsure) if unsure else np.zeros(0, int)
+                    solved = Solved.of_known({name: values[good]}, self.layout, self.scaling, self.asked)
+                    part.values[item.name][good] = item.value(solved)
+                else:
+                    part.values[item.name][:] = values
+        return np.flatnonzero(~sure)
 
-    def _solve(self, coordinates: Array, into_values: list[Array], into: NDArray[np.int8]) -> None:
+    def _solve(self, coordinates: Array, into: Answer) -> None:
         if not self.together:
             for index in range(len(coordinates)):
-                self._alone(coordinates, index, into_values, into)
+                self._alone(coordinates, index, into)
             return
         reached = self._reaching.reach(coordinates)
-        into[:] = [_STATES[state] for state in reached.state.tolist()]
+        into.status[:] = reached.state
         closed = np.flatnonzero(reached.state == CLOSED)
         if len(closed) and self.written is not None and self._machine_at is not None:
             part = self.unwritten(len(closed))
             given = np.concatenate((reached.q[closed], coordinates[closed]), axis=1)
             unsure = self._filled(self._machine_at, given, part)
-            for values, found in zip(into_values, part.values.values(), strict=True):
-                values[closed] = found
+            for name, found in part.values.items():
+                into.values[name][closed] = found
             closed = closed[unsure]
         for start in range(0, len(closed), _TOGETHER):
             some = closed[start : start + _TOGETHER]
             poses, doubtful = self.many.poses(reached.q[some])
-            self._fill(poses, some, into_values, into)
+            self._fill(poses, some, into)
             for index in some[doubtful]:
-                self._alone(coordinates, index, into_values, into)
+                self._alone(coordinates, index, into)
 
-    def _alone(self, coordinates: Array, index: int, into_values, into: NDArray[np.int8]) -> None:
+    def _alone(self, coordinates: Array, index: int, into: Answer) -> None:
         """Solve one pose by itself, with all the care that a single question gets."""
         rows = np.array([index])
-        for values in into_values:
+        for values in into.values.values():
             values[rows] = np.nan
         state, pose = alone(self.kinematics, coordinates[index])
-        into[index] = _STATES[state]
+        into.status[index] = state
         if pose is not None:
-            self._fill(pose.as_many(), rows, into_values, into)
+            self._fill(pose.as_many(), rows, into)
 
     @property
     def _stiff(self) -> list[str]:
@@ -273,15 +257,15 @@ class Engine:
             return str(error)
         return ""
 
-    def _fill(self, poses: ClosedPose, rows: NDArray[np.int_], into_values, into: NDArray[np.int8]) -> None:
+    def _fill(self, poses: ClosedPose, rows: NDArray[np.int_], into: Answer) -> None:
         """Work out what was asked for at closed poses, and write it to `rows`."""
         solved = Solved(poses, self.layout, self.scaling, self.asked)
-        into[rows] = status.OK
+        into.status[rows] = status.OK
         bad = np.zeros(len(rows), bool)
         if any(item.elastic for item in self.quantities):
             bad = invalid(solved.statics)
-            into[rows[bad]] = status.MODULE
+            into.status[rows[bad]] = status.MODULE
         for name in self._stiff:
-            into[rows[~bad & ~solved.stiff(name)]] = status.NO_STIFFNESS
-        for item, values in zip(self.quantities, into_values, strict=True):
-            values[rows[~bad]] = item.value(solved)[~bad]
+            into.status[rows[~bad & ~solved.stiff(name)]] = status.NO_STIFFNESS
+        for item in self.quantities:
+            into.values[item.name][rows[~bad]] = item.value(solved)[~bad]

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-OK, UNREACHABLE, LIMITS, SINGULAR, MODULE, NO_STIFFNESS = range(6)
+from ..kinematics import AWAY, CLOSED, DOUBTFUL
 
-#: What each word means.
+#: What became of closing the loops, and after that of the stiffness.
+OK, UNREACHABLE, SINGULAR, MODULE, NO_STIFFNESS = CLOSED, AWAY, DOUBTFUL, 4, 5
+
+#: What each word means, in the order of the codes.
 REASONS: Mapping[str, str] = {
     "ok": "all that was asked for is there",
     "unreachable": "no closed configuration of home's assembly branch was found at these coordinates",

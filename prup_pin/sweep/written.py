@@ -51,22 +51,21 @@ _AT_LIMIT = 1e-9
 
 
 class Written(NamedTuple):
-    """A pipeline, the quantities that it computes, and how many of its outputs each takes; the last three are 1 where
-    all conditions hold, failure and way.
+    """A pipeline, and the rows of its outputs by the quantities that it computes; the last three are 1 where all
+    conditions hold, failure and way.
 
     `at` gives the same outputs at closed configurations, from them and the coordinates; `passing` gives Newton's step
     anywhere, the square of the error's size, 1 where the pivots are good, 1 where the loops are assembled.
     """
 
     pipeline: Pipeline
-    names: tuple[str, ...]
-    widths: tuple[int, ...]
+    rows: dict[str, slice]
     at: Pipeline
     passing: Pipeline | None
 
     def accepted(self, end: Array) -> NDArray[np.bool_]:
-        """Return which poses' outputs hold, (n,), by the last of their arrays (n, 3)."""
-        return (end[:, 0] == 1.0) & (end[:, 1] == 0.0) & (end[:, 2] <= SURE)
+        """Return which poses' outputs hold, (n,), by the last three of them (3, n)."""
+        return (end[0] == 1.0) & (end[1] == 0.0) & (end[2] <= SURE)
 
 
 class _Solver:
@@ -247,15 +246,15 @@ class _Writer:
         return None
 
     def written(self) -> Written:
-        final, names, widths = self._final(anywhere=False)
+        final, rows = self._final(anywhere=False)
         pipeline = Pipeline(self._start(), self._step() if self.looped else None, final)
         if not self.looped:
-            return Written(pipeline, names, widths, pipeline, None)
+            return Written(pipeline, rows, pipeline, None)
         size = self.q.shape[1] + self.coordinates.shape[1]
         at = Pipeline(Program.without(size), None, self._final(anywhere=True)[0])
         # Where closures are redundant, whether one is closed or only drawn so takes more than a straight line.
         passing = None if self.redundant else Pipeline(Program.without(size), None, self._step(passing=True))
-        return Written(pipeline, names, widths, at, passing)
+        return Written(pipeline, rows, at, passing)
 
     def _start(self) -> Program:
         tape = Tape(_SAMPLES, self._exact)
@@ -338,7 +337,7 @@ class _Writer:
             np.zeros((count, 0)),
         )
 
-    def _final(self, anywhere: bool) -> tuple[Program, tuple[str, ...], tuple[int, ...]]:
+    def _final(self, anywhere: bool) -> tuple[Program, dict[str, slice]]:
         many, tape = self.many, Tape(_SAMPLES, self._exact)
         given = tape.inputs(np.hstack((self.q, self.coordinates)))
         q, x = given[: self.q.shape[1]], given[self.q.shape[1] :]
@@ -364,18 +363,18 @@ class _Writer:
         outputs: list[Any] = []
         # K in the place of what follows from it
         computed = [QUANTITIES[name] for name in dict.fromkeys(item.after or item.name for item in asked)]
-        widths = []
+        rows: dict[str, slice] = {}
         by_arrays = Solved(many.poses(self.q)[0], self.layout, self.scaling, self.asked)
         for item in computed:
             entries = np.asarray(item.value(solved), object).ravel()
             self._check(tape, item, entries, by_arrays)
-            widths.append(len(entries))
+            rows[item.name] = slice(len(outputs), len(outputs) + len(entries))
             outputs += list(entries)
         elastic, stiff = any(item.elastic for item in asked), any(item.stiff for item in asked)
         conditions += solved.conditions(elastic, stiff)
         conditions += _conditions(solve.pivots)
         good = least(conditions or [tape.constant(1.0)])
-        return Program(tape, [*outputs, good]), tuple(item.name for item in computed), (*widths, 3)
+        return Program(tape, [*outputs, good]), rows
 
     def _check(self, tape: Tape, item: Quantity, entries: Array, by_arrays: Solved) -> None:
         """Raise _InexactError where arrays say otherwise at the samples."""

@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, UnknownNameError
 from ..kernel import Tree
-from ..kinematics import AWAY, CLOSED, DOUBTFUL, LIMITS, ClosedPose, LoopKinematics, ManyPoses, alone
+from ..kinematics import CLOSED, ClosedPose, LoopKinematics, ManyPoses, alone
 from ..mechanism import Mechanism
 from ..spatial import Array
 from ..statics import StaticsLayout
 
 #: So many poses are looked at together.
 _TOGETHER = 512
-#: What is in the way whatever the limits are.
+#: What is in the way whatever the limits are, in the order of what becomes of a pose (`kinematics.CLOSED` …).
 _ALWAYS = ("", "does not close", "joint limits of the robot file", "singular")
-_STATES = {CLOSED: 0, AWAY: 1, LIMITS: 2, DOUBTFUL: 3}
 
 
 @dataclass(frozen=True)
@@ -73,8 +72,8 @@ class Feasible:
             reached = self._many.nearby(starts, coordinates)
         else:
             reached = self._many.reach(coordinates)
-        out = np.array([_STATES[state] for state in reached.state.tolist()], np.int16)
-        closed = np.flatnonzero(out == 0)
+        out = reached.state.astype(np.int16)
+        closed = np.flatnonzero(out == CLOSED)
         if len(closed):
             poses, doubtful = self._many.poses(reached.q[closed])
             out[closed] = self._judged(poses)
@@ -86,7 +85,7 @@ class Feasible:
         """Return what is in the way at one place, and the configuration; with the care that a single question gets."""
         state, pose = alone(self.kinematics, row)
         if pose is None:
-            return _STATES[state], np.full(self.mechanism.model.nq, np.nan)
+            return state, np.full(self.mechanism.model.nq, np.nan)
         return int(self._judged(pose.as_many())[0]), pose.q
 
     def _judged(self, poses: ClosedPose) -> NDArray[np.int16]:

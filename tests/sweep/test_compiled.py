@@ -89,7 +89,7 @@ def test_many_poses_are_written_down_without_being_asked():
 def test_most_poses_are_the_machines_own(compared):
     _, _, compiled, how = compared
     engine = compiled._engine
-    assert engine.written.accepted(engine._machine.run(how["poses"])[:, -3:]).mean() > 0.9
+    assert engine.written.accepted(engine._machine.run(how["poses"])[:, -3:].T).mean() > 0.9
 
 
 def test_redundant_loops_that_yield_all_over_are_compiled():
@@ -100,7 +100,7 @@ def test_redundant_loops_that_yield_all_over_are_compiled():
     for names in (["C"], ["C", "shares"]):  # by its legs, and by all modules
         s = robot.sweep(poses=rows, quantities=names, force=FORCE, moment=MOMENT, compiled=True)
         assert not s.remarks
-        assert s._engine.written.accepted(s._engine._machine.run(rows)[:, -3:]).all()
+        assert s._engine.written.accepted(s._engine._machine.run(rows)[:, -3:].T).all()
         for row, c in zip(rows, s["C"], strict=True):
             single = asked_singly(robot, row).C
             assert np.abs(c - single).max() <= 1e-12 * np.abs(single).max()
