@@ -37,8 +37,8 @@ from .search import is_plausible
 __all__ = ["held_body", "log_evidence_of_bodies", "other_link", "with_likelier_bodies"]
 
 
-#: Multiples of the usual deviation by which a link is anyhow another one.
-_WIDER = (1.0, 3.0, 10.0)
+#: Multiple of the deviation by which bodies are off where nothing is declared, of a link that is anyhow another one.
+_WIDER = 1.25
 
 
 def with_likelier_bodies(model: EffortModel) -> EffortModel:
@@ -142,7 +142,7 @@ def other_link(
         moved = _laplace(lambda x: _moved(link, radius * x) - link, information, gradient, np.zeros(3))
         return moved + float(np.log(one * chance))
 
-    found = [linear(wider * anyhow, LINK_ANYHOW / len(_WIDER)) for wider in _WIDER]
+    found = [linear(_WIDER * anyhow, LINK_ANYHOW)]
     for link in links:
         found.append(linear(link[:, None], LINK_KNOWN / len(links)))
         found.append(elsewhere(link, LINK_KNOWN / len(links)))
