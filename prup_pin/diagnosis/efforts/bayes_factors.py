@@ -37,8 +37,8 @@ from .search import is_plausible
 __all__ = ["held_body", "log_evidence_of_bodies", "other_link", "with_likelier_bodies"]
 
 
-#: Multiples of the usual deviation by which a link is anyhow another one.
-_WIDER = (1.0, 3.0, 10.0)
+#: Multiple of the deviation by which bodies are off where nothing is declared, of a link that is anyhow another one.
+_WIDER = 1.25
 
 
 def with_likelier_bodies(model: EffortModel) -> EffortModel:
@@ -106,15 +106,15 @@ def held_body(mechanism: Mechanism, information: Array, gradient: Array) -> floa
     (share, spread), (part, radii) = HELD_MASS, HELD_RADIUS
     middle = np.array([np.log(share * mass), 0, 0, 0, *3 * [np.log(part * length)], 0, 0, 0])
     deviation = np.array([spread, *3 * [length], *3 * [radii], *3 * [HELD_SKEW * length]])
-    found = [
-        _laplace(
-            lambda x, sign=sign: sign * _body(middle + deviation * x), information, gradient, start * np.eye(10)[0]
-        )
-        + np.log(chance)
-        for sign, chance in ((1.0, 1 - BODY_MISSING), (-1.0, BODY_MISSING))
-        for start in (-1.0, 0.0, 1.0)  # a light body far off and a heavy one near look alike
-    ]
-    return float(max(found)) + float(np.log(BODY_HELD))
+
+    def likely(sign: float, chance: float, start: float) -> float:
+        first = start * np.eye(10)[0]
+        found = _laplace(lambda x: sign * _body(middle + deviation * x), information, gradient, first)
+        return found + float(np.log(chance * BODY_HELD))
+
+    starts = (-1.0, 0.0, 1.0)  # a light body far off and a heavy one near look alike
+    signs = ((1.0, 1 - BODY_MISSING), (-1.0, BODY_MISSING))
+    return max(likely(*sign, start) for sign in signs for start in starts)
 
 
 def other_link(
@@ -126,22 +126,28 @@ def other_link(
     another one, or the centre is elsewhere; or the body is any other.
     """
 
-    def likely(change: Callable[[Array], Array], size: int, chance: float) -> float:
-        return _laplace(change, information, gradient, np.zeros(size)) + float(np.log(chance))
-
     links = [link.inertial for link in mechanism.links if link.joint == joint]
     drawn = mechanism.model.inertias[joint].toDynamicParameters()
     pseudo = pseudo_inertia(drawn) + SOME_BODY * some_body(mechanism)
     centre, second = pseudo[:3, 3] / pseudo[3, 3], float(np.trace(pseudo[:3, :3])) / pseudo[3, 3]
     radius = float(np.sqrt(max(second - float(centre @ centre), 0.0)))
     anyhow = np.linalg.inv(np.linalg.cholesky(near_body(joint, mechanism))).T  # by one deviation, in any mixture
-    found = [likely(lambda x, wider=wider: wider * anyhow @ x, 10, LINK_ANYHOW / len(_WIDER)) for wider in _WIDER]
+    one = (1 - BODY_HELD) / count
+
+    def linear(columns: Array, chance: float) -> float:
+        start = np.zeros(columns.shape[1])
+        return _laplace(lambda x: columns @ x, information, gradient, start) + float(np.log(one * chance))
+
+    def elsewhere(link: Array, chance: float) -> float:
+        moved = _laplace(lambda x: _moved(link, radius * x) - link, information, gradient, np.zeros(3))
+        return moved + float(np.log(one * chance))
+
+    found = [linear(_WIDER * anyhow, LINK_ANYHOW)]
     for link in links:
-        found.append(likely(lambda x, link=link: x[0] * link, 1, LINK_KNOWN / len(links)))
-        found.append(likely(lambda x, link=link: _moved(link, radius * x) - link, 3, LINK_KNOWN / len(links)))
-    proportion = likely(lambda x: x[0] * drawn, 1, LINK_KNOWN) if drawn[0] > 0 else -np.inf
-    one = float(np.log((1 - BODY_HELD) / count))
-    return float(np.logaddexp.reduce(found)) + one, proportion + one
+        found.append(linear(link[:, None], LINK_KNOWN / len(links)))
+        found.append(elsewhere(link, LINK_KNOWN / len(links)))
+    proportion = linear(drawn[:, None], LINK_KNOWN) if drawn[0] > 0 else -np.inf
+    return float(np.logaddexp.reduce(found)), proportion
 
 
 def _body(x: Array) -> Array:

@@ -8,7 +8,6 @@ log is not what it says, and no law is to be made of it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -78,15 +77,14 @@ def conventions_of_efforts(mechanism: Mechanism, recording: Recording) -> Eviden
     Where the clock seems to count in another unit, all else is looked for by either clock: in degrees and
     milliseconds together, neither alone makes sense. Raises InputError where the motion cannot be told at all.
     """
-    clock, other = _clock(mechanism, recording), None
-    with suppress(PrupPinError):
-        other = clock and _Search.of(mechanism, read_as(recording, [clock], Drawn()))
-    plain = _Search.of(mechanism, recording)
-    if (
-        clock is None
-        or other is None
-        or (_rate(recording) is None and not other.left_at_any_gain() < plain.left_at_any_gain())
-    ):
+    clock, plain = _clock(mechanism, recording), _Search.of(mechanism, recording)
+    if clock is None:
+        return plain.evidence()
+    try:
+        other = _Search.of(mechanism, read_as(recording, [clock], Drawn()))
+    except PrupPinError:
+        return plain.evidence()
+    if _rate(recording) is None and not other.left_at_any_gain() < plain.left_at_any_gain():
         return plain.evidence()
     told = other.evidence() or _evidence((), plain.first, other.first)
     return replace(
@@ -704,7 +702,7 @@ def _common(motion: Motion, efforts: Array, rigid: Array, columns: Array) -> Arr
     They are those of all joints, each of which counts by the size of its efforts; friction is free.
     """
     table, missed = _stacked(motion, efforts, range(len(motion.driven)), columns, efforts - rigid)
-    return np.linalg.lstsq(table, missed, rcond=1e-8)[0]
+    return np.asarray(np.linalg.lstsq(table, missed, rcond=1e-8)[0], float)
 
 
 def _stacked(

@@ -316,13 +316,4 @@ def _with_curves(
         # what imitated that shape, or made room for it elsewhere
         doubtful = [term for term in model.terms if term.place.name != curve.place.name] + imitating
         model = pruned(beside, [term for term in doubtful if not term.law.is_curve])
-    for curve in list(found):
-        # what is left of it beside those that came later
-        rest = model.without(curve)
-        cost = cost_of(rest)
-        matters = min(NO_MATTER * cost, FAR_LESS * CrossValidation(rest).squares_at(curve))
-        if cost - cost_of(model) < matters:
-            model = rest
-            found.remove(curve)
-            imitating = [term for term in imitating if term.place.name != curve.place.name]
     return model, found, imitating

@@ -12,8 +12,9 @@ from ..chances import chi2_isf
 from ..criteria import GAIN, INDISTINCT, MOST, ROUNDING, SURE, TRIED
 from ..diagnosis import Detectable, Seen
 from .bayes_factors import log_evidence_of_bodies
-from .evidence import CrossValidation, gradients, scores, standard_error
+from .evidence import CrossValidation, gradients, held_out, scores, standard_error
 from .final_state import FinalState
+from .nonlinear import optimised
 from .problem import EffortCandidate, EffortModel
 from .search import squared_strain
 
@@ -43,8 +44,17 @@ def alternatives_to(final: FinalState, term: EffortCandidate, without: Array) ->
         little = min(GAIN * gain, MOST * float(final.held_out.sum()))
         return worse <= min(max(SURE * standard_error(apart), little), 0.2 * gain)
 
-    afters = CrossValidation(rest).with_each(others)
-    likely += [other for other, after in zip(others, afters, strict=True) if alike(rest.with_term(other), after)]
+    for other, after in zip(others, CrossValidation(rest).with_each(others), strict=True):
+        taken = rest.with_term(other)
+        good, family = alike(taken, after), other.law.family
+        if not good and family == term.law.family != "" and other.law.settled:
+            # the same thing by another shape: with its own values free
+            columns, size = final.problem.columns, final.problem.columns.size
+            taken = optimised(final.efforts, taken, [len(rest.terms)])
+            good = alike(taken, held_out(taken))
+            columns.cut(size)
+        if good:
+            likely.append(other)
     for other in likely:
         if other.law.physics == term.law.physics:
             places += [other.place.name, *other.law.same_places(other.place, final.mechanism)]

@@ -86,16 +86,10 @@ def outlier_intervals(
         if rest.out.mean() > LITTLE:
             return []
     around = np.abs(rest.left / rest.noise).max(axis=1) > BEYOND
-    spans = sorted(_spans(rest.out, around, piece), key=rest.strength)
-    # what is only large beside a larger one, or as all is fitted without it, is put back
-    for rows in spans[:-1]:
-        tried = rest.including(rows)
-        if tried.loudness(rows) < OUTLIER:
-            rest = tried
     loudest = max((rest.loudness(window) for window in windows if not rest.out[window].any()), default=0.0)
     found = []
-    for rows in sorted(spans, key=lambda rows: rows.start):
-        if not (rest.out[rows].any() and rest.strength(rows) > max(2 * OUTLIER, MUCH * loudest)):
+    for rows in _spans(rest.out, around, piece):
+        if not rest.strength(rows) > max(2 * OUTLIER, MUCH * loudest):
             continue
         by_joint = np.sqrt(np.mean((rest.left[rows] / rest.noise) ** 2, axis=0))
         joints = tuple(at.driven[joint] for joint in np.flatnonzero(by_joint > MOST * by_joint.max()))
@@ -122,25 +116,18 @@ class _Rest:
         self.left = np.where(self._good, self._columns.residual(self._every, x), 0.0)
         self.noise = _noise(self.left, self._good & ~self.out[:, None])
 
-    def _with(self, rows: np.ndarray, sign: float) -> _Rest:
-        other = copy(self)
+    def without(self, parts: Sequence[slice]) -> _Rest:
+        """Return the fit without some more samples."""
+        rows, other = np.concatenate([np.arange(part.start, part.stop) for part in parts]), copy(self)
         other.out, other._matrix, other._pull = self.out.copy(), self._matrix.copy(), self._pull.copy()
-        other.out[rows] = sign < 0
+        other.out[rows] = True
         target = self._columns.target[rows].T
         for (at, table), values in zip(self._columns.some(self._every), target, strict=True):
             own = table[:, rows]
-            other._matrix[at[:, None], at] += sign * own @ own.T
-            other._pull[at] += sign * own @ values
+            other._matrix[at[:, None], at] -= own @ own.T
+            other._pull[at] -= own @ values
         other._leave(_solved(other._matrix, other._pull))
         return other
-
-    def without(self, parts: Sequence[slice]) -> _Rest:
-        """Return the fit without some more samples."""
-        return self._with(np.concatenate([np.arange(part.start, part.stop) for part in parts]), -1.0)
-
-    def including(self, rows: slice) -> _Rest:
-        """Return the fit with some samples that were out."""
-        return self._with(np.arange(rows.start, rows.stop)[self.out[rows]], 1.0)
 
     def loudness(self, rows: slice) -> float:
         """Return the root mean square residual of some samples over the noise, of the worst joint."""
