@@ -290,12 +290,15 @@ class _Search:
         now = least = _rms(shares)
         taken: tuple[Convention, ...] = ()
         others: tuple[tuple[Convention, ...], ...] = ()
-        if np.nanmax(shares, initial=0.0) > FAR_LESS**2:
+        if _unexplained(shares):
             taken, least, others = self._forward(begin, shares)
             if taken and not self._makes_sense(begin, taken):
-                # signs of efforts say nothing of one another: those that are sure by themselves are told
+                # what came last may have come for what no reading explains; and signs of efforts say nothing of one
+                # another: those that are sure by themselves are told
+                first = (taken[:end] for end in range(len(taken) - 1, 0, -1))
                 signs = [item for item in taken if item.word == "reversed" and item.columns.startswith("tau.")]
-                taken, others = tuple(item for item in signs if self._makes_sense(begin, (item,))), ()
+                sure = tuple(item for item in signs if self._makes_sense(begin, (item,)))
+                taken, others = next((some for some in first if self._makes_sense(begin, some)), sure), ()
                 least = self.left(read_as(begin, taken, self.drawn)) if taken else now
         written = self.left(self.written) if start else now
         conventions = merged((*start, *taken), list(self.written.positions), list(self.written.efforts))
@@ -377,7 +380,8 @@ class _Search:
         except InputError:  # loops that do not close
             return np.full(efforts.shape[1], np.inf)
         plain = shares_of_efforts(motion, efforts, rigid, noise)
-        if not _rms(plain) > FAR_LESS or (held := self._tool_load(motion, efforts, rigid)) is None:
+        # of the log as it is written as well as of each reading, or one would be told for what the other may hold too
+        if not _unexplained(plain) or (held := self._tool_load(motion, efforts, rigid)) is None:
             return plain
         return min(plain, shares_of_efforts(motion, efforts, rigid + held, noise), key=_rms)
 
@@ -639,6 +643,11 @@ def _makes_more(before: Array, after: Array, among: np.ndarray | bool = True) ->
     """Return whether a reading makes more sense of joints than one before it; shares of squares (k,) that are left."""
     told = _explained_by_either(before, after) & among
     return _rms(after[told]) < MOSTLY * _rms(before[told])
+
+
+def _unexplained(shares: Array) -> bool:
+    """Return whether of any joint more is left than a reading must come below, by shares of squares (k,)."""
+    return bool(np.nanmax(shares, initial=0.0) > FAR_LESS**2)
 
 
 def _rms(shares: Array) -> float:
