@@ -447,13 +447,32 @@ class Problem:
         First order may ask for a law at which the robot could not be: it does less where no equilibrium is near.
         """
         known = {term.candidate.name for term in start.terms}
+        opened = terms if all(term.candidate.name in known for term in terms) else self._opened(terms, start)
         fit = start
         for share in shortened(LITTLE):
-            less = [term if term.candidate.name in known else term.lessened(share) for term in terms]
+            less = [term if term.candidate.name in known else term.lessened(share) for term in opened]
             fit = self.fit_at(less, start.run, start, near=True)
             if np.isfinite(fit.chi2):
                 break
-        return fit
+        return fit if opened is terms else self.relinearised(fit)
+
+    def _opened(self, terms: Sequence[Term], start: Fit) -> Sequence[Term]:
+        """Return terms whose gaps that a fit has close within loads as large as what was measured hardly tells apart.
+
+        No step leads a sample over a gap that closes within less than the step moves its load.
+        """
+        own = begun = list(start.terms)
+        for index, term in enumerate(own):
+            for wider in term.wider():
+                other = [*own[:index], wider, *own[index + 1 :]]
+                left = start.residual - self.change(start, [each.effect for each in other])
+                if LITTLE * float((left**2).sum()) <= float((start.residual**2).sum()):
+                    own = other
+                    break
+        if own is begun:
+            return terms
+        opened = {term.candidate.name: term for term in own}
+        return [opened.get(term.candidate.name, term) for term in terms]
 
     def _moved(self, fit: Fit, step: Array) -> Fit:
         """Return a fit whose terms and toleranced parameters have moved by a step, (p,), within their bounds."""
