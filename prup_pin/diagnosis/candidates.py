@@ -23,9 +23,8 @@ __all__ = ["Candidate", "Term", "candidates", "under_load"]
 _FAR_LOAD = 1.5
 #: So many times the load at which a gap was found to close is tried, where it is fitted with other laws.
 _WIDER = (100.0, 30.0, 10.0, 3.0)
-
-
-NOT_FELT = Felt()
+#: Where nothing is known of what a place felt.
+_NOT_FELT = Felt()
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ class Candidate:
     place: Place
     mechanism: Mechanism
     sample_interval: float = 0.0
-    felt: Felt = NOT_FELT
+    felt: Felt = _NOT_FELT
 
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -156,8 +155,8 @@ class Candidate:
     def _moved_start(self) -> Array:
         """By how much what the place felt moves the defaults, as coordinates (p,)."""
         drawn = self.law.quantities_at(self.place, self.mechanism)
-        pairs = zip(self.quantities, drawn, self.logarithmic, strict=True)
-        return np.array([np.log(own.default / other.default) if log else 0.0 for own, other, log in pairs])
+        times = [self._scale(own) / self._scale(other) for own, other in zip(self.quantities, drawn, strict=True)]
+        return np.where(self.logarithmic, np.log(np.where(self.logarithmic, times, 1.0)), 0.0)
 
     def _coordinates(self, values: Mapping[str, float]) -> Array:
         return self.coordinates_of(np.array([values[quantity.name] for quantity in self.quantities]))
@@ -274,4 +273,4 @@ def under_load(library: Sequence[Candidate], nominal: Influence) -> list[Candida
 
 def _most(each: Iterable[Felt]) -> Felt:
     """Return the largest load and stiffness of several places."""
-    return Felt(*(max(values) for values in zip(NOT_FELT, *each, strict=True)))
+    return Felt(*(max(values) for values in zip(_NOT_FELT, *each, strict=True)))

@@ -457,22 +457,21 @@ class Problem:
         return fit if opened is terms else self.relinearised(fit)
 
     def _opened(self, terms: Sequence[Term], start: Fit) -> Sequence[Term]:
-        """Return terms whose gaps that a fit has close within loads as large as what was measured hardly tells apart.
+        """Return terms whose gaps that a fit has close within as large loads as what was measured nearly allows.
 
         No step leads a sample over a gap that closes within less than the step moves its load.
         """
-        own = begun = list(start.terms)
+        own, asked = list(start.terms), [term.candidate.name for term in terms]
+        most = float((start.residual**2).sum()) / LITTLE
+        opened = {}
         for index, term in enumerate(own):
-            for wider in term.wider():
+            for wider in term.wider() if term.candidate.name in asked else ():
                 other = [*own[:index], wider, *own[index + 1 :]]
                 left = start.residual - self.change(start, [each.effect for each in other])
-                if LITTLE * float((left**2).sum()) <= float((start.residual**2).sum()):
-                    own = other
+                if float((left**2).sum()) <= most:
+                    own[index] = opened[term.candidate.name] = wider
                     break
-        if own is begun:
-            return terms
-        opened = {term.candidate.name: term for term in own}
-        return [opened.get(term.candidate.name, term) for term in terms]
+        return [opened.get(name, term) for name, term in zip(asked, terms, strict=True)] if opened else terms
 
     def _moved(self, fit: Fit, step: Array) -> Fit:
         """Return a fit whose terms and toleranced parameters have moved by a step, (p,), within their bounds."""
