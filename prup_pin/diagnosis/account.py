@@ -171,7 +171,9 @@ def _by_noise_of_the_wrench(now: Account, tell: Tell, most: int) -> Account:
         again = replace(again, by_wrench=again.stack.seen(fit.influence.first.by_wrench))
         fit = again.refine(fit.terms, again.fit_at(fit.terms, fit.run, fit))
         if is_clean(again, fit) and count_beyond_tolerance(fit) < beyond:
-            return _selected(now, _within_tolerances(now.prepared, again), tell, most)
+            again = _within_tolerances(now.prepared, again)
+            begun = again.relinearised(again.fit_at(fit.terms, fit.run, x=fit.x)) if now.is_clean else None
+            return _selected(now, again, tell, most, begun)
     return now
 
 
