@@ -169,16 +169,20 @@ def _selected(now: Account, problem: Problem, tell: Tell, most: int = MOST_FITS,
 def _by_noise_of_the_wrench(now: Account, tell: Tell, most: int) -> Account:
     """Return an account with the wrench's noise as it comes through what was found, if then noise is left.
 
-    At the edge of a gap it reaches the poses much farther than through the robot of the file.
+    At the edge of a gap it reaches the poses much farther than through the robot of the file. Parameters that were
+    driven beyond tolerance, so that each sample stands on the side of the gap on which it was seen, come back by it.
     """
     again, fit = now.problem, now.selection.last
-    if not again.noise.wrench.any() or not fit.terms or now.is_clean:
+    beyond = count_beyond_tolerance(fit) if now.is_clean else np.inf
+    if not again.noise.wrench.any() or not fit.terms or not beyond:
         return now
     for _ in range(FEW_ROUNDS):
         again = replace(again, by_wrench=again.stack.seen(fit.influence.first.by_wrench))
         fit = again.refine(fit.terms, again.fit_at(fit.terms, fit.run, fit))
-        if is_clean(again, fit):
-            return _selected(now, _within_tolerances(now.prepared, again), tell, most)
+        if is_clean(again, fit) and count_beyond_tolerance(fit) < beyond:
+            again = _within_tolerances(now.prepared, again)
+            begun = again.relinearised(again.fit_at(fit.terms, fit.run, x=fit.x)) if now.is_clean else None
+            return _selected(now, again, tell, most, begun)
     return now
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ..laws import Effect, Inputs, Law, Place, Sharing, laws_of
-from ..laws.deeds import Along, Deed, ExtraStrain, YieldingJoint
+from ..laws.deeds import Deed, Felt, YieldingJoint
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
@@ -21,25 +21,29 @@ __all__ = ["Candidate", "Term", "candidates", "under_load"]
 
 #: Decades from a usual load to one that others do not come near.
 _FAR_LOAD = 1.5
+#: So many times the load at which a gap was found to close is tried, where it is fitted with other laws.
+_WIDER = (100.0, 30.0, 10.0, 3.0)
+#: Where nothing is known of what a place felt.
+_NOT_FELT = Felt()
 
 
 @dataclass(frozen=True)
 class Candidate:
     """A law at a place, as something to fit. Positive parameters are fitted by their logarithms.
 
-    load: the largest that these data have where it acts [N or N m].
+    felt: what these data say of the place where it acts.
     """
 
     law: Law
     place: Place
     mechanism: Mechanism
     sample_interval: float = 0.0
-    load: float = 0.0
+    felt: Felt = _NOT_FELT
 
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
         """The law's parameters."""
-        return self.law.seen_at(self.place, self.mechanism, self.load, self.sample_interval)
+        return self.law.seen_at(self.place, self.mechanism, self.felt, self.sample_interval)
 
     @cached_property
     def logarithmic(self) -> np.ndarray:
@@ -126,8 +130,8 @@ class Candidate:
         return Term(self, coordinates)
 
     def starts(self) -> list[Array]:
-        """Return the coordinates from which a fit starts."""
-        return [self._coordinates(start) for start in self.law.starts(self.place, self.mechanism)]
+        """Return the coordinates from which a fit starts, moved to what the place felt."""
+        return [self._coordinates(start) + self._moved_start for start in self.law.starts(self.place, self.mechanism)]
 
     def scan(self) -> list[Array]:
         """Return the starts, and the first of them at much larger and smaller sizes.
@@ -146,6 +150,13 @@ class Candidate:
                 trials += [found[0] + size * moved + _FAR_LOAD * np.log(10.0) * far for size in (-1, 0, 1, 2)]
             found += [trial for trial in trials if low[0] < trial[0] < high[0] and (trial < high)[far > 0].all()]
         return found
+
+    @cached_property
+    def _moved_start(self) -> Array:
+        """By how much what the place felt moves the defaults, as coordinates (p,)."""
+        drawn = self.law.quantities_at(self.place, self.mechanism)
+        times = [self._scale(own) / self._scale(other) for own, other in zip(self.quantities, drawn, strict=True)]
+        return np.where(self.logarithmic, np.log(np.where(self.logarithmic, times, 1.0)), 0.0)
 
     def _coordinates(self, values: Mapping[str, float]) -> Array:
         return self.coordinates_of(np.array([values[quantity.name] for quantity in self.quantities]))
@@ -216,6 +227,14 @@ class Term:
             less[0] = law.magnified(float(values[0]), share)
         return Term(candidate, np.clip(candidate.coordinates_of(less), *candidate.bounds))
 
+    def wider(self) -> Iterator[Term]:
+        """Yield the same law where it closes at larger loads, the largest first; nothing of one that does not close."""
+        law, bounds = self.candidate.law, self.candidate.bounds
+        if law.closes_within:
+            closes = np.array([quantity.name == law.closes_within for quantity in self.candidate.quantities])
+            for times in _WIDER:
+                yield Term(self.candidate, np.clip(self.coordinates + np.log(times) * closes, *bounds))
+
     @property
     def off(self) -> Array:
         """In how many standard deviations each coordinate is off what is known of it, (p,)."""
@@ -247,15 +266,11 @@ def candidates(
 
 
 def under_load(library: Sequence[Candidate], nominal: Influence) -> list[Candidate]:
-    """Return candidates that know the largest load of these data where they act."""
-    return [replace(item, load=max((_largest(deed, nominal) for deed in item.deeds), default=0.0)) for item in library]
+    """Return candidates that know what these data say of the place where they act."""
+    at = nominal.solved
+    return [replace(item, felt=_most(deed.felt(at) for deed in item.deeds)) for item in library]
 
 
-def _largest(deed: Deed, nominal: Influence) -> float:
-    """Return the largest load along which a deed strains a module [N or N m]; 0 of other deeds."""
-    if not isinstance(deed, ExtraStrain) or not isinstance(deed.strain.function, Along):
-        return 0.0
-    if deed.module not in nominal.rows:
-        return 0.0
-    load = nominal.loads(deed.module)[:, deed.strain.function.direction].reshape(len(nominal), -1)
-    return float(np.linalg.norm(load, axis=1).max(initial=0.0))
+def _most(each: Iterable[Felt]) -> Felt:
+    """Return the largest load and stiffness of several places."""
+    return Felt(*(max(values) for values in zip(_NOT_FELT, *each, strict=True)))

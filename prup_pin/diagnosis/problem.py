@@ -464,13 +464,31 @@ class Problem:
         First order may ask for a law at which the robot could not be: it does less where no equilibrium is near.
         """
         known = start.names
+        opened = terms if all(term.candidate.name in known for term in terms) else self._opened(terms, start)
         fit = start
         for share in shortened(LITTLE):
-            less = [term if term.candidate.name in known else term.lessened(share) for term in terms]
+            less = [term if term.candidate.name in known else term.lessened(share) for term in opened]
             fit = self.fit_at(less, start.run, start, near=True)
             if np.isfinite(fit.chi2):
                 break
-        return fit
+        return fit if opened is terms else self.relinearised(fit)
+
+    def _opened(self, terms: Sequence[Term], start: Fit) -> Sequence[Term]:
+        """Return terms whose gaps that a fit has close within as large loads as what was measured nearly allows.
+
+        No step leads a sample over a gap that closes within less than the step moves its load.
+        """
+        own, asked = list(start.terms), [term.candidate.name for term in terms]
+        most = float((start.residual**2).sum()) / LITTLE
+        opened = {}
+        for index, term in enumerate(own):
+            for wider in term.wider() if term.candidate.name in asked else ():
+                other = [*own[:index], wider, *own[index + 1 :]]
+                left = start.residual - self.change(start, [each.effect for each in other])
+                if float((left**2).sum()) <= most:
+                    own[index] = opened[term.candidate.name] = wider
+                    break
+        return [opened.get(name, term) for name, term in zip(asked, terms, strict=True)] if opened else terms
 
     def _moved(self, fit: Fit, step: Array) -> Fit:
         """Return a fit whose terms and toleranced parameters have moved by a step, (p,), within their bounds."""

@@ -19,6 +19,7 @@ from .everywhere import Everywhere
 from .external_spring import ExternalSpring, UnevenSpring
 from .geometric_offset import GeometricOffset
 from .guide_play import GuidePlay
+from .hardening import Hardening
 from .hertzian_contact import HertzianContact
 from .in_recording import in_groups, lasting
 from .inputs import Inputs, Trajectory
@@ -57,6 +58,7 @@ _OWN: tuple[Law, ...] = (
     BacklashByAxis(),
     GuidePlay(),
     HertzianContact(),
+    Hardening(),
     CoulombFriction(),
     ViscousFriction(),
     SelfWeight(),
@@ -101,6 +103,7 @@ _OWN: tuple[Law, ...] = (
             HubRootCompliance(),
             Backlash(),
             HertzianContact(),
+            Hardening(),
             CoulombFriction(),
             ViscousFriction(),
             ThermalGrowth(),

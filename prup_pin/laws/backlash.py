@@ -13,7 +13,7 @@ from ..mechanism import Mechanism
 from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import Array
-from .deeds import Along, Deed, ExtraStrain, Strain
+from .deeds import Along, Deed, ExtraStrain, Felt, Strain
 from .law import ASPECTS, Law, Place
 from .modules_at import turns, yielding
 from .setup import Setup
@@ -38,6 +38,7 @@ class Backlash(Law):
     )
 
     neutral: ClassVar = {"half_gap": 0.0}
+    closes_within = "closing_load"
     strong = 2e-4
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
@@ -58,8 +59,8 @@ class Backlash(Law):
             ),
         )
 
-    def seen_at(self, place: Place, mechanism: Mechanism, load: float, interval: float) -> tuple[Quantity, ...]:
-        return _told_by(self.quantities_at(place, mechanism), load)
+    def seen_at(self, place: Place, mechanism: Mechanism, felt: Felt, interval: float) -> tuple[Quantity, ...]:
+        return _told_by(self.quantities_at(place, mechanism), felt.load)
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         direction = ASPECTS[place.aspect] if place.aspect else slice(0, 1)
@@ -87,6 +88,7 @@ class BacklashByAxis(Law):
         *Backlash.quantities[1:],
     )
     neutral: ClassVar = {"half_gap_x": 0.0, "half_gap_y": 0.0}
+    closes_within = "closing_load"
     strong = 2e-4
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
@@ -96,8 +98,8 @@ class BacklashByAxis(Law):
         load = float(self.quantities[2].default)  # type: ignore[arg-type]
         return [{"half_gap_x": gap, "half_gap_y": gap, "closing_load": load} for gap in (2e-5, 2e-4)]
 
-    def seen_at(self, place: Place, mechanism: Mechanism, load: float, interval: float) -> tuple[Quantity, ...]:
-        return _told_by(self.quantities, load)
+    def seen_at(self, place: Place, mechanism: Mechanism, felt: Felt, interval: float) -> tuple[Quantity, ...]:
+        return _told_by(self.quantities, felt.load)
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         for component, gap in enumerate((values["half_gap_x"], values["half_gap_y"])):

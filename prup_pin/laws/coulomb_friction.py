@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import ClassVar
 
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..parameters import Quantity
-from .deeds import Deed, JointResistance
+from .deeds import Deed, Felt, JointResistance
 from .law import Law, Place
 from .modules_at import bush_of, driven_slides, joint_at, joint_places, twisting_beams
 from .setup import Setup
@@ -57,6 +58,16 @@ class CoulombFriction(FreeJointLaw):
             Quantity("presliding_stiffness", "N/m", "of the slide while it sticks", 1e5, lower=100.0, upper=1e12),
         )
 
+    def seen_at(self, place: Place, mechanism: Mechanism, felt: Felt, interval: float) -> tuple[Quantity, ...]:
+        limit, sticking = self.quantities_at(place, mechanism)
+        if not (felt.stiffness > 0 and felt.load > 0):
+            return limit, sticking
+        rigid = max(_RIGID * felt.stiffness, 10 * sticking.lower)
+        begin = min(max(felt.stiffness, sticking.lower), rigid)
+        return replace(limit, default=_SLIDES * felt.load), replace(
+            sticking, default=begin, upper=min(rigid, sticking.upper)
+        )
+
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
         base = {quantity.name: float(quantity.default) for quantity in self.quantities_at(place, mechanism)}  # type: ignore[arg-type]
         return [base, {**base, "limit": 4 * base["limit"]}]
@@ -82,3 +93,9 @@ class CoulombFriction(FreeJointLaw):
             return self.statement(place, values, mechanism)
         unit = joint_at(place.name, mechanism).effort_unit
         return f"the joint at {place.name} sticks, and did not slide below {number(low, 3)} {unit}"
+
+
+#: A joint so many times as stiff before it slides as the robot holds it is rigid: data tell no more.
+_RIGID = 100.0
+#: Where a fit starts: a joint that slides at this share of what would hold it, and else gives way as the robot does.
+_SLIDES = 0.1

@@ -13,7 +13,7 @@ from ..modules import WrenchModule
 from ..numbers import number
 from ..parameters import Quantity
 from ..spatial import Array
-from .deeds import Deed, RememberedStrain
+from .deeds import Deed, Felt, RememberedStrain
 from .law import ASPECTS, Law, Place
 from .modules_at import yielding
 from .setup import Setup
@@ -46,7 +46,7 @@ class CreepLaw(Law):
         bodies = [Place(module.name) for module in whole if module.name not in names and module.kind.is_body]
         return [*bodies, *parts]
 
-    def seen_at(self, place: Place, mechanism: Mechanism, load: float, interval: float) -> tuple[Quantity, ...]:
+    def seen_at(self, place: Place, mechanism: Mechanism, felt: Felt, interval: float) -> tuple[Quantity, ...]:
         # what is over within a sample is no history but another stiffness
         share, constant = self.quantities
         return share, replace(constant, lower=max(constant.lower, interval))

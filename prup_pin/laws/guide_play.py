@@ -40,6 +40,7 @@ class GuidePlay(Law):
         Quantity("closing_moment", "N m", "moment that tilts it by three quarters of that", 1.0, lower=1e-3, upper=1e4),
     )  # fmt: skip
     neutral: ClassVar = {"angle": 0.0}
+    closes_within = "closing_moment"
     strong = 1e-2
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:

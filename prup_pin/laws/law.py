@@ -18,7 +18,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 from ..errors import InputError, UnknownNameError
 from ..mechanism import Changes, Mechanism
 from ..parameters import Quantity
-from .deeds import Deed, Solved
+from .deeds import Deed, Felt, Solved
 from .drawn import Drawn, against_load, against_motion
 from .inputs import Inputs
 from .setup import Setup
@@ -75,6 +75,9 @@ class Law(ABC):
     known: ClassVar[bool] = False
     #: In units of chi squared: how much better it must fit than an explanation that is there anyway.
     cost: ClassVar[float] = 0.0
+    #: The load within which it turns over, as a gap does that closes: data hardly tell how far below them it is, and a
+    #: step of a fit leads over it only where it is large.
+    closes_within: ClassVar[str] = ""
     #: False for what goes on in a recording and tells nothing of another one.
     lasts: ClassVar[bool] = True
     #: True where parameters that are not given stand at their defaults.
@@ -168,10 +171,10 @@ class Law(ABC):
         """Return the parameters at a place, with units and starts that fit it."""
         return self.quantities
 
-    def seen_at(self, place: Place, mechanism: Mechanism, load: float, interval: float) -> tuple[Quantity, ...]:
-        """Return the parameters with the bounds of a fit to data whose loads at the place reach `load` [N or N m].
+    def seen_at(self, place: Place, mechanism: Mechanism, felt: Felt, interval: float) -> tuple[Quantity, ...]:
+        """Return the parameters with bounds and defaults of a fit to data in which the place `felt` that.
 
-        interval: between samples [s].
+        interval: between samples [s]. Starts are moved as the defaults are.
         """
         return self.quantities_at(place, mechanism)
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from ..mechanism import Mechanism
 from ..parameters import Quantity
-from .deeds import Solved
+from .deeds import Felt, Solved
 from .drawn import Drawn
 from .law import Law, Place
 
@@ -38,8 +38,8 @@ class OfAnother(Law):
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         return self.law.quantities_at(self.inner(place, mechanism), mechanism)
 
-    def seen_at(self, place: Place, mechanism: Mechanism, load: float, interval: float) -> tuple[Quantity, ...]:
-        return self.law.seen_at(self.inner(place, mechanism), mechanism, load, interval)
+    def seen_at(self, place: Place, mechanism: Mechanism, felt: Felt, interval: float) -> tuple[Quantity, ...]:
+        return self.law.seen_at(self.inner(place, mechanism), mechanism, felt, interval)
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
         return self.law.starts(self.inner(place, mechanism), mechanism)

@@ -184,6 +184,17 @@ def test_a_contact_deforms_by_the_load_to_two_thirds(spring):
     assert slope[0] == pytest.approx(1 / K, rel=1e-4)
 
 
+def test_a_drive_hardens_with_the_square_of_its_deformation(spring):
+    """Duffing's spring: F = k x (1 + (x / x_0)^2), pushed and pulled, at all loads; nothing where x_0 is far."""
+    doubling = 4e-5
+    loads = np.array([-64.0, -1.0, 1e-3, 0.5, 2 * K * doubling, 64.0, 2000.0])
+    x = pulled(spring, loads, [of(laws.Hardening, "spring", doubling_load=2 * K * doubling)])[:, 0]
+    np.testing.assert_allclose(K * x * (1 + (x / doubling) ** 2), loads, rtol=1e-9)
+    assert x[4] == pytest.approx(doubling, rel=1e-9)
+    np.testing.assert_allclose(pulled(spring, loads, [of(laws.Hardening, "spring", doubling_load=1e15)])[:, 0],
+                               loads / K, rtol=1e-12)  # fmt: skip
+
+
 def test_a_contact_acts_along_its_load():
     """A radial contact has no preferred direction across its axle: deformation follows the load as it turns."""
     place = of(laws.HertzianContact, "leg1/R_theta_P", "radial", reference_load=2e4, preload=3.0)

@@ -4,7 +4,7 @@ A deed of a new kind: a final class in a file of its own, and one line in `DEEDS
 """
 
 from .cable import ToolCable
-from .deed import AGREED, BLOCK, RUN, Deed, History, Moment, Solved
+from .deed import AGREED, BLOCK, RUN, Deed, Felt, History, Moment, Solved
 from .extra_tilt import ExtraTilt
 from .load import ScaledMass, ToolLoad, ToolSpring, Weight, WrenchReading
 from .remembered import RememberedStrain
@@ -49,6 +49,7 @@ __all__ = [
     "Deed",
     "ExtraStrain",
     "ExtraTilt",
+    "Felt",
     "History",
     "JointResistance",
     "Moment",

@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -52,6 +52,16 @@ class Solved:
     plain: Chain
     lengths: Mapping[str, float]
     histories: Mapping[type[Deed], History]
+
+
+class Felt(NamedTuple):
+    """What a place felt in a recording: its largest load [N or N m], and how stiff the robot holds it [N/m or N m/rad].
+
+    Zero of what is not known.
+    """
+
+    load: float = 0.0
+    stiffness: float = 0.0
 
 
 class History(ABC):
@@ -104,6 +114,10 @@ class Deed(ABC):
         Raises InputError for what is the robot's, at whatever sample.
         """
         raise InputError(f"{type(self).__name__} acts on the robot, in all recordings alike")
+
+    def felt(self, at: Solved) -> Felt:
+        """Return what its place felt in a simulation in which it does not act; nothing where nothing bounds it."""
+        return Felt()
 
     @abstractmethod
     def enter(self, setup: Setup) -> None:

@@ -16,7 +16,7 @@ from ...loaded import Chain, Conditions, Equilibria
 from ...mechanism import Changes, JointDynamics
 from ...numbers import number
 from ...spatial import Array
-from .deed import AGREED, BLOCK, Deed, History, Solved
+from .deed import AGREED, BLOCK, Deed, Felt, History, Solved
 
 if TYPE_CHECKING:
     from ..setup import Setup
@@ -48,6 +48,17 @@ class JointResistance(Deed):
     @property
     def resisted_joint(self) -> str | None:
         return self.joint
+
+    def felt(self, at: Solved) -> Felt:
+        """Return what would hold the joint where it stands unloaded, and how stiff the rest of the robot holds it."""
+        chain, found, blocks = at.first.chain, at.first.found, at.moment.blocks
+        dof = chain.mechanism.joint(self.joint).first_v
+        softness = np.abs(at.first.joints_by_resistance((list(chain.moving).index(dof),))[:, 0, 0])
+        if not softness.min(initial=np.inf) > 0:
+            return Felt()
+        relaxed = at.first.once("relaxed", lambda: _relaxed(found, blocks))[:, dof]
+        way = found.state.travel[:, dof] - np.repeat(relaxed, np.diff(np.append(_starts(blocks), len(blocks))))
+        return Felt(float(np.abs(way / softness).max()), float(1 / np.median(softness)))
 
     def enter(self, setup: Setup) -> None:
         setup.resistances.append(self)

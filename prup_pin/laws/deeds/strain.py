@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...spatial import Array
-from .deed import Deed, Solved
+from .deed import Deed, Felt, Solved
 
 if TYPE_CHECKING:
     from ..setup import Setup
@@ -57,6 +57,13 @@ class ExtraStrain(Deed):
     @property
     def only_module(self) -> str | None:
         return self.module
+
+    def felt(self, at: Solved) -> Felt:
+        """Return the largest load along which it strains the module."""
+        if not isinstance(self.strain.function, Along) or self.module not in at.first.rows:
+            return Felt()
+        load = at.first.loads(self.module)[:, self.strain.function.direction].reshape(len(at.samples), -1)
+        return Felt(float(np.linalg.norm(load, axis=1).max(initial=0.0)))
 
     def enter(self, setup: Setup) -> None:
         setup.strains.setdefault(self.module, []).append(self.strain)

@@ -49,6 +49,16 @@ class Frame:
     shift: np.ndarray
 
 
+def hardened(linear, doubling):
+    """x with x (1 + (x / doubling)^2) = linear, by bisection: x lies between zero and linear."""
+    low, high = np.zeros_like(linear), np.abs(linear)
+    for _ in range(100):
+        middle = (low + high) / 2
+        less = middle * (1 + (middle / doubling) ** 2) < np.abs(linear)
+        low, high = np.where(less, middle, low), np.where(less, high, middle)
+    return np.sign(linear) * high
+
+
 class Machine:
     """One machine: the nominal one, its effects, and by how much its parameters are off (`PARAMETERS`).
 
@@ -69,6 +79,7 @@ class Machine:
         self.offset, self.slope, self.growth = np.zeros(n), np.zeros(n), np.zeros(n)
         self.gap, self.smooth = np.zeros(n), np.ones(n)
         self.contact: list[dict] = []
+        self.harder: list[dict] = []
         self.alien: list[dict] = []
         self.mass: dict[str, float] = {}  # factors of bodies
         self.payload: list[dict] = []
@@ -134,6 +145,10 @@ class Machine:
     def _effect_hertzian_contact(self, e):
         """f0, f_ref (N, N m): dF/du = k ((|F| + f0)/f_ref)^(1/3) instead of k."""
         self.contact.append(e)
+
+    def _effect_hardening(self, e):
+        """doubling (m, rad): load = k x (1 + (x / doubling)^2) instead of k x."""
+        self.harder.append(e)
 
     def _effect_lead_error(self, e):
         """ratio (1): the drive moves by so much more than its encoder says."""
@@ -216,6 +231,10 @@ class Machine:
             soft = 1.5 * np.cbrt(e["f_ref"]) / self.stiffness[i]
             bent = soft * (np.cbrt(size + e["f0"]) ** 2 - np.cbrt(e["f0"]) ** 2)
             out[..., i] += np.sign(load[..., i]) * bent - load[..., i] / self.stiffness[i]
+        for e in self.harder:
+            i = self.DRIVES.index(e["location"])
+            linear = load[..., i] / self.stiffness[i]
+            out[..., i] += hardened(linear, e["doubling"]) - linear
         for e in self.alien:
             i = self.DRIVES.index(e["location"])
             x, c = load[..., i], e["coefficient"]

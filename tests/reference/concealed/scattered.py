@@ -139,6 +139,8 @@ def _machine_candidate(rng, physics: str, robot: str) -> Candidate:
     if physics == "hertzian_contact":
         f0 = float(0.02 * typical * rng.uniform(0.5, 2.0))
         return Candidate(lambda x: place | {"f0": f0, "f_ref": x}, 0.02 * typical, 1e9 * typical)
+    if physics == "hardening":
+        return Candidate(lambda x: place | {"doubling": soft / np.sqrt(x)}, 1e-4, 1e2)
     if physics == "lead_error":
         return Candidate(lambda x: place | {"ratio": sign * x}, 1e-6, 0.05)
     if physics == "encoder_offset":
