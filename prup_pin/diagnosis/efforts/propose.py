@@ -20,7 +20,8 @@ from ...dynamics import InMotion
 from ...errors import InputError
 from ...laws import Place
 from ...laws.efforts import EFFORT_LAWS, FINE_CURVES, Body, EffortLaw
-from ...laws.formulas import Formula, JointFormula, Term, library, tried
+from ...laws.efforts.free_curve import FreeCurve
+from ...laws.formulas import Formula, JointFormula, Remainder, Term, library, tried
 from ...numbers import number
 from ...spatial import Array
 from ..chances import WITHIN_95, student_95
@@ -333,6 +334,9 @@ def _proposal(final: FinalState, of: _Found, before: Array, with_curve: Array) -
     values = dict(term.law.fitted(term.place, state.x[state.model.slice_of(term)], term.values))
     parameters = parameters_of(state, term, values)
     law = found.formula.with_values(values, {name: item.interval for name, item in parameters.items()})
+    effects = effects_of(state, ())
+    left = [e for e in effects if isinstance(e.law, FreeCurve) and e.law.fine and e.place.name == law.joint]
+    unit = final.mechanism.joint(law.joint).effort_unit
     # what has the same terms and some more is the same formula, not another one
     others = [one for one in of.equals if not set(found.formula.terms) <= set(one.formula.terms)]
     squares = float(before.sum())
@@ -348,10 +352,11 @@ def _proposal(final: FinalState, of: _Found, before: Array, with_curve: Array) -
         instead=of.instead,
         doubts=tuple(_doubts(state, law, values)),
         apart=_apart(final, found, others),
-        effects=tuple(replace(e, law=law) if e.law is found.formula else e for e in effects_of(state, ())),
+        effects=tuple(replace(e, law=law) if e.law is found.formula else e for e in effects),
         curve=next(
             (curve for curve in curves_of(state) if (curve.joint, curve.against) == (law.joint, law.against)), None
         ),
+        beside=next((Remainder.of(cast(FreeCurve, e.law), e.values, unit) for e in left), None),
     )
 
 
@@ -480,15 +485,17 @@ def _judged(final: FinalState, law: JointFormula, place: Place, findings: Sequen
     model = _with_columns(final.efforts, base, [(whole, place, {})])
     model = model.with_term(model.problem.candidates[-1])
     saved, sure = relative_gain(held_out(base), held_out(model))
-    if not (sure > SURE and saved > 0):
-        return "refuted", "without it no more is left of the efforts"
     state = final.with_model(model)
     where = state.model.slice_of(state.model.terms[-1])
     _, covariance, degrees = state.covariances
     share, deviation = float(state.x[where][0]), float(np.sqrt(covariance[where, where][0, 0]))
-    reach = np.hypot(SURE * deviation, SURE / WITHIN_95 * _interval(law, values))
+    reach = np.hypot(SURE * deviation, SURE / WITHIN_95 * _interval(law, place, values, final.at))
     interval = student_95(degrees) * deviation
     told = f"of it {number(100 * share, 3)} ± {number(100 * interval, 2)} % is there (95 %)"
+    if not (sure > SURE and saved > 0):
+        if abs(share - 1) < SURE * deviation:
+            return "neither", f"{told}: this motion does not tell it from what else is there"
+        return "refuted", "without it no more is left of the efforts"
     if abs(share - 1) > max(LITTLE, reach):
         return "refuted", told
     events = {interval.finding().statement for interval in final.outliers}  # of this recording alone
@@ -499,8 +506,9 @@ def _judged(final: FinalState, law: JointFormula, place: Place, findings: Sequen
     return "confirmed", told
 
 
-def _interval(law: JointFormula, values: Mapping[str, float]) -> float:
-    """Return by which share its largest coefficient is known, as half of the 95 % interval."""
-    first = max(law.linear, key=lambda name: abs(values[name]))
+def _interval(law: JointFormula, place: Place, values: Mapping[str, float], at: InMotion) -> float:
+    """Return by which share that coefficient is known which gives most of the effort, as half of its 95 % interval."""
+    sizes = [rms_of(column.ravel()) for column in np.moveaxis(law.efforts_per(place, values, at), -1, 0)]
+    first = max(zip(law.linear, sizes, strict=True), key=lambda item: abs(values[item[0]]) * item[1])[0]
     low, high = law.found.get(first, (values[first], values[first]))
     return 0.5 * abs(high - low) / max(abs(values[first]), np.finfo(float).tiny)
