@@ -334,7 +334,7 @@ def _proposal(final: FinalState, of: _Found, before: Array, with_curve: Array) -
     values = dict(term.law.fitted(term.place, state.x[state.model.slice_of(term)], term.values))
     parameters = parameters_of(state, term, values)
     law = found.formula.with_values(values, {name: item.interval for name, item in parameters.items()})
-    effects = effects_of(state, ())
+    effects = list(effects_of(state, ()))
     left = [e for e in effects if isinstance(e.law, FreeCurve) and e.law.fine and e.place.name == law.joint]
     unit = final.mechanism.joint(law.joint).effort_unit
     # what has the same terms and some more is the same formula, not another one
