@@ -7,7 +7,19 @@ from prup_pin import load
 from prup_pin.errors import InputError
 from prup_pin.laws import LAWS, Place
 from prup_pin.laws.efforts import EFFORT_LAWS, FINE_CURVES
-from prup_pin.laws.formulas import KNOWN, SHAPES, Factor, Formula, JointFormula, Term, law_file, library, tried, word_of
+from prup_pin.laws.formulas import (
+    KNOWN,
+    SHAPES,
+    Factor,
+    Formula,
+    JointFormula,
+    Remainder,
+    Term,
+    law_file,
+    library,
+    tried,
+    word_of,
+)
 from prup_pin.laws.formulas.strain_formula import StrainFormula, strain_library
 from prup_pin.plugins import along
 from prup_pin.robots import examples_folder
@@ -109,6 +121,24 @@ def test_the_curve_beside_a_formula_bends_between_its_knots_and_stays_beyond_the
     beyond = q > 0.5 * knots[-1]
     drawn = at.effort_of(JOINT, curve.efforts_per(place, half, at) @ np.arange(curve.count))
     assert drawn[beyond] == pytest.approx(curve.count - 1)
+
+
+@pytest.mark.parametrize("curve", FINE_CURVES, ids=lambda curve: curve.variant)
+def test_a_file_gives_the_formula_and_the_curve_that_was_fitted_beside_it(at, curve):
+    law = fitted(Term("detent", Factor(curve.variable, JOINT)), at)
+    place, beside = law.places(at.mechanism)[0], Place(JOINT, curve.variant)
+    knots = curve.scanned(beside, at)[0]
+    fit = {**knots, **dict(zip(curve.linear, np.random.default_rng(1).normal(size=curve.count), strict=True))}
+    read = {}
+    exec(compile(law_file(law, "bench.csv", beside=Remainder.of(curve, fit, "N m")), "law.py", "exec"), read)
+    (written,) = (cls() for cls in read["LAWS"])
+    values = {q.name: float(q.default) for q in written.quantities}
+    both = law.efforts(place, values, at) + curve.efforts(beside, fit, at)
+    assert written.efforts(place, values, at) == pytest.approx(both, abs=1e-4)
+    assert values["remainder"] == pytest.approx(max(abs(fit[name]) for name in curve.linear), rel=1e-4)
+    assert written.equation.endswith(" curve(" + KNOWN[curve.variable].symbol + ")")
+    for check in efforts.CHECKS:
+        check(written, place, {name: values[name] for name in written.settled}, at)
 
 
 def test_a_spring_that_slips_gives_back_what_it_took_and_no_more(at):

@@ -135,6 +135,10 @@ def _found(final: FinalState, efforts: PreparedEfforts, model: EffortModel, join
         return None
     doubtful = [term for term in best.model.terms if term.place.name == joint and term.law is not best.formula]
     best = replace(best, model=pruned(best.model, doubtful))
+    # what may not push came to nothing beside the formula: it is none of the model
+    x = fit(best.model)[0]
+    idle = [term for term in best.model.terms if not x[best.model.slice_of(term)].any()]
+    best = replace(best, model=best.model.without(*idle))
     return _Found(efforts, base, _with_remainder(efforts, best), equals, instead)
 
 
