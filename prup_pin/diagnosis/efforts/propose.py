@@ -274,7 +274,8 @@ def _searched(
         columns.cut(len(base.problem.prior))
         return None, []
     pool = [one for one in pool if _is_as_good(one, best, float((held_out(base) - best.left).sum()))]
-    pool.sort(key=lambda one: (one.formula.size, len(one.formula.terms), one.total))
+    # where the data do not ask for it, a joint has no memory of when this recording began
+    pool.sort(key=lambda one: (one.formula.since_begun, one.formula.size, len(one.formula.terms), one.total))
     return pool[0], pool
 
 
@@ -372,10 +373,12 @@ def _equal(one: _Tried, found: _Tried) -> EqualFormula:
 
 
 def _doubts(state: FinalState, law: Formula, values: Mapping[str, float]) -> Iterator[str]:
-    """Yield what no passive part does: friction of a joint, all of it, that gives energy to the motion.
+    """Yield what another recording may not know, and what no passive part does: friction that gives energy.
 
-    A spring that slips gives back what it took, and no more in all.
+    Friction is all of a joint's: a spring that slips gives back what it took, and no more in all.
     """
+    if law.since_begun:
+        yield "it counts from where this recording begins: it holds in another one that begins in the same state"
     at, power = state.at, law.power(state.at, values)
     if not power.any():
         return

@@ -187,6 +187,11 @@ class Formula(JointFormula):
         return sum(term.size for term in self.terms)
 
     @property
+    def since_begun(self) -> bool:
+        """Whether it follows what is counted from where the recording begins: another one may begin otherwise."""
+        return any(KNOWN[factor.name].since_begun for term in self.terms for factor in term.factors)
+
+    @property
     def equation(self) -> str:  # type: ignore[override]
         """In symbols."""
         parts = []
