@@ -97,6 +97,11 @@ def test_units_compose(at):
     assert units("square", Factor("load", JOINT), turning) == {"coefficient": "1/(N m)", "presliding": "rad"}
 
 
+def test_what_counts_from_where_a_recording_begins_says_so(at):
+    begun = [t for t in library(at, JOINT) if Formula.of(JOINT, (t,), at).since_begun]
+    assert {factor.name for term in begun for factor in term.factors if factor is term.factor} == {"time", "travelled"}
+
+
 def test_shapes_are_what_they_say():
     x = np.linspace(-2.0, 2.0, 401)
     assert SHAPES["signed_square"].of(x) == pytest.approx(x * np.abs(x))

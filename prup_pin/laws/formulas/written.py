@@ -41,8 +41,11 @@ def law_file(
     lines = [
         f'"""{law.summary[0].upper()}{law.summary[1:]}: proposed from {source}."""',
         "",
-        f"from prup_pin.laws.formulas import {base}",
-        *(f"from prup_pin.laws.{room} import {', '.join(sorted(names))}" for room, names in made_of if names),
+        *(
+            f"from prup_pin.laws.{room} import {', '.join(sorted(names))}"
+            for room, names in sorted([("formulas", {base}), *made_of])
+            if names
+        ),
         "from prup_pin.parameters import Quantity",
         "",
         *(f"# {remark}" for remark in remarks),
@@ -86,9 +89,9 @@ def _of_joint(law: Formula, beside: Remainder | None) -> _Parts:
         where |= {"linear": (*law.linear, beside.height.name), "heights": list(beside.heights)}
         code.append(beside.code)
         known |= {beside.variable} | ({"direction"} if beside.turns else set())
-        rooms = [("efforts.free_curve", {"smooth_curve"}), *rooms]
+        rooms.append(("efforts.free_curve", {"smooth_curve"}))
         if beside.turns:
-            rooms = [("efforts.effort_law", {"usual_way"}), *rooms]
+            rooms.append(("efforts.effort_law", {"usual_way"}))
     one = [f"    return [{code[0]}]"]
     body = one if len(code) == 1 else ["    return [", *(f"        {each}," for each in code), "    ]"]
     return "JointFormula", where, rooms, ("def columns(self, at, values):", *body)
