@@ -37,7 +37,7 @@ from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
 from .residuals import curves_of, rms_of
 from .search import pruned
-from .verdict import effects_of
+from .verdict import effects_of, effort_diagnosis_of
 
 __all__ = ["judged", "places_of_laws", "proposals"]
 
@@ -505,6 +505,8 @@ def _judged(final: FinalState, law: JointFormula, place: Place, findings: Sequen
         return "refuted", "without it no more is left of the efforts"
     if abs(share - 1) > max(LITTLE, reach):
         return "refuted", told
+    if not own:  # what was found without it is not what is left beside it
+        findings = effort_diagnosis_of(state).findings
     events = {interval.finding().statement for interval in final.outliers}  # of this recording alone
     left = [item for item in findings if item.physics == "unknown" and item.location == law.joint]
     left = [item for item in left if item.statement not in events]
