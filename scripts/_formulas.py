@@ -38,6 +38,8 @@ STRAINS = {
 }
 #: The kind of devices on which nothing is strange, where formulas are asked for at every joint.
 CLEAN = "nothing"
+#: Seeds of further ones, after the first.
+CLEAN_SEEDS = 2000
 PRUP = "3prup"
 HEAD = """# Concealed trials on formulas
 
@@ -62,13 +64,14 @@ joint where they show most. The library of terms was written down before the dev
 """
 
 
-def devices(count: int, first: int) -> list[tuple[int, str, str]]:
+def devices(count: int, first: int, nothing: int = 0) -> list[tuple[int, str, str]]:
     """Return seed, robot and kind of strange arms, with a quarter as many without anything and a fifth of 3-PRUPs.
 
     They are told in an order of which every beginning has all of them: so far as they were answered, they are a page.
+    nothing: so many more arms without anything, from the seed CLEAN_SEEDS later.
     """
     kinds, strained, robots = list(KINDS), list(STRAINS), list(ROBOTS)
-    out = []
+    out = [(first + CLEAN_SEEDS + k, robots[k % len(robots)], CLEAN) for k in range(nothing)]
     for index in range(count):
         out.append((first + index, robots[index % len(robots)], kinds[index % len(kinds)]))
         if index % 4 == 3:
@@ -86,7 +89,7 @@ def trial(seed: int, robot: str, what: str) -> dict[str, Any]:
     drawn = draw_strange(seed, robot, None if what == CLEAN else what)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        logs = [_logged(drawn, k, folder / f"motion{k}.csv") for k in range(3)]
+        logs = [_logged(drawn, k, folder / f"motion{k}.csv") for k in range(1 if what == CLEAN else 3)]
         loaded = prup_pin.load(_called(robot))
         found = diagnose(loaded, logs[0], propose=drawn["joints"] if what == CLEAN else True)
         result: dict[str, Any] = {"seed": seed, "kind": what, "robot": robot, "verdict": found.verdict}

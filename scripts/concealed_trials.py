@@ -398,6 +398,7 @@ def main() -> None:
     parser.add_argument("--tracked", type=int, default=0, help="arms whose poses are logged in motion")
     parser.add_argument("--friction", type=int, default=0, help="scattered devices with dry friction in a joint")
     parser.add_argument("--formulas", type=int, default=0, help="arms in motion with physics that is in no law")
+    parser.add_argument("--nothing", type=int, default=0, help="... and so many more with nothing of the kind")
     parser.add_argument("--since", type=int, default=0, help="devices that are tested twice")
     parser.add_argument("--lives", type=int, default=0, help="devices that are tested ten times")
     parser.add_argument("--fleets", type=int, default=0, help="fleets of twenty devices")
@@ -504,10 +505,11 @@ def main() -> None:
         jobs = {(_fleet.ROBOT, first + k): (_fleet.trial, first + k, _fleet.ROBOT) for k in range(options.fleets)}
         asked = f"--count 0 --fleets {options.fleets}"
         page("fleet", _fleet.HEAD, jobs, _fleet.told, partial(_fleet.summary, share=wilson), asked)
-    if options.formulas:
+    if options.formulas or options.nothing:
         jobs = {(robot, seed): (_formulas.trial, seed, robot, kind)
-                for seed, robot, kind in _formulas.devices(options.formulas, first)}  # fmt: skip
-        summarise, asked = partial(_formulas.summary, share=wilson), f"--count 0 --formulas {options.formulas}"
+                for seed, robot, kind in _formulas.devices(options.formulas, first, options.nothing)}  # fmt: skip
+        summarise = partial(_formulas.summary, share=wilson)
+        asked = f"--count 0 --formulas {options.formulas} --nothing {options.nothing}"
         page("formula", _formulas.HEAD, jobs, _formulas.told, summarise, asked, "formulas")
     if options.loop:
         loops = [(kind, first + index) for kind in options.robot or [_loop.PLAIN] for index in range(options.loop)]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..laws import Effect
-from ..laws.formulas import Formula, ModuleFormula, law_file, word_of
+from ..laws.formulas import Formula, ModuleFormula, Remainder, law_file, word_of
 from .diagnosis import FittedParameter
 
 if TYPE_CHECKING:
@@ -38,7 +38,8 @@ class Proposal:
     takes away, and what the curve of no law took; `equals`: the others, simplest first; `instead`: the laws of the
     library in whose place it stands, in words; `doubts`: what no passive part
     does, in words; `apart`: which motion would tell it from the others; `effects`: the corrected model with it;
-    `curve`: what the efforts ask for against a variable of it, and it, where there is one.
+    `curve`: what the efforts ask for against a variable of it, and it, where there is one; `beside`: what its shape
+    leaves of them, which is among the effects.
     """
 
     joint: str
@@ -54,6 +55,7 @@ class Proposal:
     apart: str = ""
     effects: tuple[Effect, ...] = field(default=(), repr=False)
     curve: EffortCurve | None = field(default=None, repr=False)
+    beside: Remainder | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)
@@ -78,4 +80,5 @@ def proposed_files(proposals: Sequence[Proposal], recordings: Sequence[Path]) ->
     names = ", ".join(path.name for path in recordings)
     for item in proposals:
         remarks = [f"The data do not tell it from {other.text}" for other in item.equals]
-        yield word_of(item.law), law_file(item.law, names, [*remarks, *item.doubts, *([item.apart] * bool(item.apart))])
+        remarks += [*item.doubts, *([item.apart] * bool(item.apart))]
+        yield word_of(item.law), law_file(item.law, names, remarks, item.beside)

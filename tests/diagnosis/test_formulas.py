@@ -11,6 +11,8 @@ from prup_pin.cli import app
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.proposal import proposed_files
 from prup_pin.errors import InputError
+from prup_pin.laws import Effect
+from prup_pin.laws.efforts import EFFORT_LAWS
 from prup_pin.plugins import along
 from prup_pin.recordings import Recording, read_recording, write_recording
 from prup_pin.simulation import simulate
@@ -25,7 +27,7 @@ from .test_efforts import AXIS
 NOISE = 0.5
 
 
-def recorded(effort, n=3000, seed=1, faster=1.0, noise=NOISE):
+def recorded(effort, n=3000, seed=1, faster=1.0, noise=NOISE, wide=1.0, about=0.0):
     """Return a recording of the ball-screw axis whose carriage needs an effort [N] by its position, speed and time."""
     rng = np.random.default_rng(seed)
     time = np.arange(n) * 0.004
@@ -33,6 +35,7 @@ def recorded(effort, n=3000, seed=1, faster=1.0, noise=NOISE):
     q = 0.1 * np.sin(slow * time + seed) + 0.05 * np.sin(fast * time + 1)
     v = 0.1 * slow * np.cos(slow * time + seed) + 0.05 * fast * np.cos(fast * time + 1)
     a = -0.1 * slow**2 * np.sin(slow * time + seed) - 0.05 * fast**2 * np.sin(fast * time + 1)
+    q, v, a = about + wide * q, wide * v, wide * a
     tau = 95 * a + 40 * v + effort(q, v, time) + noise * rng.normal(size=n)
     return Recording(time=time, positions={"carriage": q}, efforts={"carriage": tau})
 
@@ -114,6 +117,15 @@ def test_a_second_recording_confirms_or_refutes_it(found, carriage, tmp_path, ef
     assert str(told).startswith(f"{name} is {word}: ")
 
 
+def test_a_motion_that_does_not_tell_it_from_an_offset_neither_confirms_nor_refutes_it(found, carriage, tmp_path):
+    ((name, text),) = proposed_files(found.proposals, [tmp_path / "bench.csv"])
+    path = tmp_path / f"{name}.py"
+    path.write_text(text)
+    with along(path):
+        (told,) = diagnose(carriage, recorded(bumped, seed=2, wide=0.005, about=0.03)).judged
+    assert told.word == "neither"
+
+
 def test_friction_along_a_rail_turns_round_on_the_way_that_it_does(carriage):
     waved = recorded(lambda q, v, time: 15.0 * (1 + 0.9 * np.sin(40.0 * q)) * turning(q, 3e-4))
     (proposal,) = diagnose(carriage, waved, propose=True).proposals
@@ -159,7 +171,7 @@ def raised_cosine(q, v, time):
 
 
 @pytest.mark.slow
-def test_what_the_shape_of_a_formula_leaves_is_a_curve_beside_it(carriage):
+def test_what_the_shape_of_a_formula_leaves_is_a_curve_beside_it_and_in_its_file(carriage, tmp_path):
     (proposal,) = diagnose(carriage, recorded(raised_cosine), propose=True).proposals
     assert [term.shape for term in proposal.law.terms] == ["bump"]
     assert proposal.parameters["coefficient"].value == pytest.approx(40.0, rel=0.05)
@@ -176,6 +188,21 @@ def test_what_the_shape_of_a_formula_leaves_is_a_curve_beside_it(carriage):
         predicted = simulate(carriage, other, kept).efforts["carriage"]
         errors.append(np.sqrt(np.nanmean((predicted - clean.efforts["carriage"]) ** 2)))
     assert errors[0] < 0.6 * errors[1]
+    # its file gives what both of them do, and another motion asks for no more
+    ((word, text),) = proposed_files([proposal], [tmp_path / "bench.csv"])
+    path = tmp_path / f"{word}.py"
+    path.write_text(text)
+    with along(path):
+        again = diagnose(carriage, other)
+        (law,) = (law for law in EFFORT_LAWS if law.physics == word)
+        check_law(law, carriage)
+        values = {q.name: q.default for q in law.quantities}
+        both = [effect for effect in proposal.effects if effect.law in (proposal.law, curve.law)]
+        alone = [Effect(law, law.places(carriage.mechanism)[0], values)]
+        efforts = [simulate(carriage, other, effects).efforts["carriage"] for effects in ([], both, alone)]
+        np.testing.assert_allclose(efforts[2] - efforts[0], efforts[1] - efforts[0], atol=1e-3)
+    assert [item.word for item in again.judged] == ["confirmed"]
+    assert again.verdict == "explained"
 
 
 def test_of_noise_nothing_is_proposed(carriage):

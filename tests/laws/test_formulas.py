@@ -7,7 +7,19 @@ from prup_pin import load
 from prup_pin.errors import InputError
 from prup_pin.laws import LAWS, Place
 from prup_pin.laws.efforts import EFFORT_LAWS, FINE_CURVES
-from prup_pin.laws.formulas import KNOWN, SHAPES, Factor, Formula, JointFormula, Term, law_file, library, tried, word_of
+from prup_pin.laws.formulas import (
+    KNOWN,
+    SHAPES,
+    Factor,
+    Formula,
+    JointFormula,
+    Remainder,
+    Term,
+    law_file,
+    library,
+    tried,
+    word_of,
+)
 from prup_pin.laws.formulas.strain_formula import StrainFormula, strain_library
 from prup_pin.plugins import along
 from prup_pin.robots import examples_folder
@@ -85,6 +97,11 @@ def test_units_compose(at):
     assert units("square", Factor("load", JOINT), turning) == {"coefficient": "1/(N m)", "presliding": "rad"}
 
 
+def test_what_counts_from_where_a_recording_begins_says_so(at):
+    begun = [t for t in library(at, JOINT) if Formula.of(JOINT, (t,), at).since_begun]
+    assert {factor.name for term in begun for factor in term.factors if factor is term.factor} == {"time", "travelled"}
+
+
 def test_shapes_are_what_they_say():
     x = np.linspace(-2.0, 2.0, 401)
     assert SHAPES["signed_square"].of(x) == pytest.approx(x * np.abs(x))
@@ -109,6 +126,25 @@ def test_the_curve_beside_a_formula_bends_between_its_knots_and_stays_beyond_the
     beyond = q > 0.5 * knots[-1]
     drawn = at.effort_of(JOINT, curve.efforts_per(place, half, at) @ np.arange(curve.count))
     assert drawn[beyond] == pytest.approx(curve.count - 1)
+
+
+@pytest.mark.parametrize("curve", FINE_CURVES, ids=lambda curve: curve.variant)
+def test_a_file_gives_the_formula_and_the_curve_that_was_fitted_beside_it(at, curve):
+    law = fitted(Term("detent", Factor(curve.variable, JOINT)), at)
+    place, beside = law.places(at.mechanism)[0], Place(JOINT, curve.variant)
+    knots = curve.scanned(beside, at)[0]
+    fit = {**knots, **dict(zip(curve.linear, np.random.default_rng(1).normal(size=curve.count), strict=True))}
+    read = {}
+    exec(compile(law_file(law, "bench.csv", beside=Remainder.of(curve, fit, "N m")), "law.py", "exec"), read)
+    (written,) = (cls() for cls in read["LAWS"])
+    values = {q.name: float(q.default) for q in written.quantities}
+    both = law.efforts(place, values, at) + curve.efforts(beside, fit, at)
+    assert written.efforts(place, values, at) == pytest.approx(both, abs=1e-3)
+    assert values["remainder"] == pytest.approx(max(abs(fit[name]) for name in curve.linear), rel=1e-4)
+    assert written.equation.endswith(" curve(" + KNOWN[curve.variable].symbol + ")")
+    # the ends of a curve by speed or load are numbers: they do not grow with a motion that is played faster
+    for check in efforts.CHECKS if curve.variable == "position" else ():
+        check(written, place, {name: values[name] for name in written.settled}, at)
 
 
 def test_a_spring_that_slips_gives_back_what_it_took_and_no_more(at):

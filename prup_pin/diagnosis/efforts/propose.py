@@ -20,7 +20,8 @@ from ...dynamics import InMotion
 from ...errors import InputError
 from ...laws import Place
 from ...laws.efforts import EFFORT_LAWS, FINE_CURVES, Body, EffortLaw
-from ...laws.formulas import Formula, JointFormula, Term, library, tried
+from ...laws.efforts.free_curve import FreeCurve
+from ...laws.formulas import Formula, JointFormula, Remainder, Term, library, tried
 from ...numbers import number
 from ...spatial import Array
 from ..chances import WITHIN_95, student_95
@@ -36,7 +37,7 @@ from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
 from .residuals import curves_of, rms_of
 from .search import pruned
-from .verdict import effects_of
+from .verdict import effects_of, effort_diagnosis_of
 
 __all__ = ["judged", "places_of_laws", "proposals"]
 
@@ -134,6 +135,10 @@ def _found(final: FinalState, efforts: PreparedEfforts, model: EffortModel, join
         return None
     doubtful = [term for term in best.model.terms if term.place.name == joint and term.law is not best.formula]
     best = replace(best, model=pruned(best.model, doubtful))
+    # what may not push came to nothing beside the formula: it is none of the model
+    x = fit(best.model)[0]
+    idle = [term for term in best.model.terms if not x[best.model.slice_of(term)].any()]
+    best = replace(best, model=best.model.without(*idle))
     return _Found(efforts, base, _with_remainder(efforts, best), equals, instead)
 
 
@@ -269,7 +274,8 @@ def _searched(
         columns.cut(len(base.problem.prior))
         return None, []
     pool = [one for one in pool if _is_as_good(one, best, float((held_out(base) - best.left).sum()))]
-    pool.sort(key=lambda one: (one.formula.size, len(one.formula.terms), one.total))
+    # where the data do not ask for it, a joint has no memory of when this recording began
+    pool.sort(key=lambda one: (one.formula.since_begun, one.formula.size, len(one.formula.terms), one.total))
     return pool[0], pool
 
 
@@ -333,6 +339,9 @@ def _proposal(final: FinalState, of: _Found, before: Array, with_curve: Array) -
     values = dict(term.law.fitted(term.place, state.x[state.model.slice_of(term)], term.values))
     parameters = parameters_of(state, term, values)
     law = found.formula.with_values(values, {name: item.interval for name, item in parameters.items()})
+    effects = list(effects_of(state))
+    left = [e for e in effects if isinstance(e.law, FreeCurve) and e.law.fine and e.place.name == law.joint]
+    unit = final.mechanism.joint(law.joint).effort_unit
     # what has the same terms and some more is the same formula, not another one
     others = [one for one in of.equals if not set(found.formula.terms) <= set(one.formula.terms)]
     squares = float(before.sum())
@@ -348,10 +357,11 @@ def _proposal(final: FinalState, of: _Found, before: Array, with_curve: Array) -
         instead=of.instead,
         doubts=tuple(_doubts(state, law, values)),
         apart=_apart(final, found, others),
-        effects=tuple(replace(e, law=law) if e.law is found.formula else e for e in effects_of(state)),
+        effects=tuple(replace(e, law=law) if e.law is found.formula else e for e in effects),
         curve=next(
             (curve for curve in curves_of(state) if (curve.joint, curve.against) == (law.joint, law.against)), None
         ),
+        beside=next((Remainder.of(cast(FreeCurve, e.law), e.values, unit) for e in left), None),
     )
 
 
@@ -363,10 +373,12 @@ def _equal(one: _Tried, found: _Tried) -> EqualFormula:
 
 
 def _doubts(state: FinalState, law: Formula, values: Mapping[str, float]) -> Iterator[str]:
-    """Yield what no passive part does: friction of a joint, all of it, that gives energy to the motion.
+    """Yield what another recording may not know, and what no passive part does: friction that gives energy.
 
-    A spring that slips gives back what it took, and no more in all.
+    Friction is all of a joint's: a spring that slips gives back what it took, and no more in all.
     """
+    if law.since_begun:
+        yield "it counts from where this recording begins: it holds in another one that begins in the same state"
     at, power = state.at, law.power(state.at, values)
     if not power.any():
         return
@@ -480,17 +492,21 @@ def _judged(final: FinalState, law: JointFormula, place: Place, findings: Sequen
     model = _with_columns(final.efforts, base, [(whole, place, {})])
     model = model.with_term(model.problem.candidates[-1])
     saved, sure = relative_gain(held_out(base), held_out(model))
-    if not (sure > SURE and saved > 0):
-        return "refuted", "without it no more is left of the efforts"
     state = final.with_model(model)
     where = state.model.slice_of(state.model.terms[-1])
     _, covariance, degrees = state.covariances
     share, deviation = float(state.x[where][0]), float(np.sqrt(covariance[where, where][0, 0]))
-    reach = np.hypot(SURE * deviation, SURE / WITHIN_95 * _interval(law, values))
+    reach = np.hypot(SURE * deviation, SURE / WITHIN_95 * _interval(law, place, values, final.at))
     interval = student_95(degrees) * deviation
     told = f"of it {number(100 * share, 3)} ± {number(100 * interval, 2)} % is there (95 %)"
+    if not (sure > SURE and saved > 0):
+        if abs(share - 1) < SURE * deviation:
+            return "neither", f"{told}: this motion does not tell it from what else is there"
+        return "refuted", "without it no more is left of the efforts"
     if abs(share - 1) > max(LITTLE, reach):
         return "refuted", told
+    if not own:  # what was found without it is not what is left beside it
+        findings = effort_diagnosis_of(state).findings
     events = {interval.finding().statement for interval in final.outliers}  # of this recording alone
     left = [item for item in findings if item.physics == "unknown" and item.location == law.joint]
     left = [item for item in left if item.statement not in events]
@@ -499,8 +515,9 @@ def _judged(final: FinalState, law: JointFormula, place: Place, findings: Sequen
     return "confirmed", told
 
 
-def _interval(law: JointFormula, values: Mapping[str, float]) -> float:
-    """Return by which share its largest coefficient is known, as half of the 95 % interval."""
-    first = max(law.linear, key=lambda name: abs(values[name]))
+def _interval(law: JointFormula, place: Place, values: Mapping[str, float], at: InMotion) -> float:
+    """Return by which share that coefficient is known which gives most of the effort, as half of its 95 % interval."""
+    sizes = [rms_of(column.ravel()) for column in np.moveaxis(law.efforts_per(place, values, at), -1, 0)]
+    first = max(zip(law.linear, sizes, strict=True), key=lambda item: abs(values[item[0]]) * item[1])[0]
     low, high = law.found.get(first, (values[first], values[first]))
     return 0.5 * abs(high - low) / max(abs(values[first]), np.finfo(float).tiny)

@@ -135,14 +135,23 @@ class FreeCurve(EffortLaw):
 
     def _between(self, knots: Array, x: Array) -> Array:
         """Return what each height adds to the curve (N, p) at values x (N,) of its variable."""
-        if not self.fine:
-            return np.array([np.interp(x, knots, row) for row in np.eye(len(knots))]).T
-        from scipy.interpolate import CubicSpline  # heavy; only what no law explains needs it
-
-        return CubicSpline(knots, np.eye(len(knots)), bc_type="natural")(np.clip(x, knots[0], knots[-1]))
+        if self.fine:
+            return smooth_curve(x, knots[0], knots[-1], np.eye(len(knots)))
+        return np.array([np.interp(x, knots, row) for row in np.eye(len(knots))]).T
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the {self.word} at {place.name} follows the joint's {self.variable} by no law known here"
+
+
+def smooth_curve(x: Array, low: float, high: float, heights: Sequence[float] | Array) -> Array:
+    """Return the natural cubic spline at x (N,) through heights at even distances from low to high.
+
+    heights: (p,), or (p, c) of c curves; beyond its ends a curve stays what it is there.
+    """
+    from scipy.interpolate import CubicSpline  # heavy; only what no law explains needs it
+
+    knots = np.linspace(low, high, len(heights))
+    return np.asarray(CubicSpline(knots, np.asarray(heights), bc_type="natural")(np.clip(x, low, high)))
 
 
 #: All curves that are tried.

@@ -1,6 +1,6 @@
 """Formulas that a diagnosis proposes where no law explains what is left, and what their files are made of."""
 
-from .formula import Factor, Formula, Term, library, tried
+from .formula import Factor, Formula, Remainder, Term, library, tried
 from .joint_formula import JointFormula
 from .known import KNOWN
 from .shapes import SHAPES
@@ -14,6 +14,7 @@ __all__ = [
     "Formula",
     "JointFormula",
     "ModuleFormula",
+    "Remainder",
     "StrainFormula",
     "Term",
     "law_file",

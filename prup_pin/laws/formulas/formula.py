@@ -14,6 +14,7 @@ from ...mechanism import Mechanism
 from ...parameters import Quantity
 from ...spatial import Array
 from ..efforts.effort_law import usual_way
+from ..efforts.free_curve import FreeCurve
 from .joint_formula import JointFormula
 from .known import KNOWN, composed
 from .shapes import SHAPES
@@ -186,6 +187,11 @@ class Formula(JointFormula):
         return sum(term.size for term in self.terms)
 
     @property
+    def since_begun(self) -> bool:
+        """Whether it follows what is counted from where the recording begins: another one may begin otherwise."""
+        return any(KNOWN[factor.name].since_begun for term in self.terms for factor in term.factors)
+
+    @property
     def equation(self) -> str:  # type: ignore[override]
         """In symbols."""
         parts = []
@@ -215,6 +221,44 @@ class Formula(JointFormula):
             own = table @ [values[next(heights)] for _ in range(table.shape[1])]
             out += own if term.resists(self.joint) else 0.0
         return out * at.speed(self.joint)
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """The smooth curve by a variable of its joint that was fitted beside a formula, for what its shape leaves.
+
+    turns: as the direction of the motion does; ends: of the variable, beyond which it stays what it is there; heights:
+    at even distances between them, as shares of the largest, which is `height`.
+    """
+
+    variable: str
+    turns: bool
+    ends: tuple[float, float]
+    heights: tuple[float, ...]
+    height: Quantity
+
+    @classmethod
+    def of(cls, law: FreeCurve, values: Mapping[str, float], unit: str) -> Remainder:
+        """Return it of a curve that was fitted, whose efforts have a unit."""
+        heights = np.array([values[name] for name in law.linear])
+        largest = float(np.abs(heights).max()) or 1.0
+        height = Quantity("remainder", unit, "of what the shape leaves, the largest", largest, positive=False,
+                          lower=-_LARGEST, upper=_LARGEST)  # fmt: skip
+        ends = values["at 0"], values[f"at {law.count - 1}"]
+        return cls(law.variable, law.friction, ends, tuple((heights / largest).tolist()), height)
+
+    @property
+    def text(self) -> str:
+        """In symbols."""
+        turning = f"{KNOWN['direction'].symbol} " * self.turns
+        return f"{self.height.name} {turning}curve({KNOWN[self.variable].symbol})"
+
+    @property
+    def code(self) -> str:
+        """As code in the law of its joint, which has its heights."""
+        low, high = (f"{end:.6g}" for end in self.ends)
+        turning = "direction(at, self.joint, usual_way(at, self.joint)) * " * self.turns
+        return f"{turning}smooth_curve({self.variable}(at, self.joint), {low}, {high}, self.heights)"
 
 
 def library(at: InMotion, joint: str) -> Iterator[Term]:

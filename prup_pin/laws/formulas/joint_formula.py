@@ -181,6 +181,7 @@ class _AtValues(EffortLaw):
     law: JointFormula
     values: Mapping[str, float]
     physics: ClassVar[str] = "as proposed"
+    summary: ClassVar[str] = "a formula as it was proposed"
     linear: ClassVar[tuple[str, ...]] = ("share",)
     quantities = ()
 

@@ -50,12 +50,16 @@ def yielding(at: InMotion, joint: str, reach: float) -> Array:
 
 @dataclass(frozen=True)
 class Known:
-    """A variable: its function of a motion and a joint, its symbol, its unit as powers of 'way', 'effort', 's'."""
+    """A variable: its function of a motion and a joint, its symbol, its unit as powers of 'way', 'effort', 's'.
+
+    since_begun: counted from where the recording begins, of which another recording knows nothing.
+    """
 
     of: Callable[..., Array]
     symbol: str
     unit: Mapping[str, int]
     parameters: tuple[str, ...] = ()
+    since_begun: bool = False
 
     @property
     def name(self) -> str:
@@ -113,8 +117,8 @@ KNOWN = {
         Known(position, "q", _WAY),
         Known(speed, "v", {"way": 1, "s": -1}),
         Known(load, "load", {"effort": 1}),
-        Known(time, "t", {"s": 1}),
-        Known(travelled, "way", _WAY),
+        Known(time, "t", {"s": 1}, since_begun=True),
+        Known(travelled, "way", _WAY, since_begun=True),
         Known(direction, "sign(v)", {}, ("presliding",)),
         Known(hysteresis, "turning", {}, ("turn",)),
         Known(yielding, "strain", _WAY, ("reach",)),

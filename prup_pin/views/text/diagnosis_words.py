@@ -462,12 +462,14 @@ def proposal_lines(proposal: Proposal) -> list[str]:
         f"{name} of {joint} {number(low, 3)} to {number(high, 3)}"
         for (name, joint), (low, high) in proposal.law.recorded.items()
     ]
+    beside = proposal.beside
     curve = f" (the curve of no law: {_percent(proposal.of_curve)})" if proposal.of_curve > 0 else ""
     return [
         f"{proposal.law.symbol} = {proposal.text}",
         *(f"{name}: {value} (95 %: {interval})" for name, value, interval in parameter_texts(proposal.parameters)),
         f"it takes away {_percent(proposal.share)} of the held-out squares that are left without it{curve}; "
         f"it was seen in: {'; '.join(ranges)}",
+        *([f"beside it stands what its shape leaves: {beside.text}"] if beside else []),
         *([proposal.instead] * bool(proposal.instead)),
         *(f"the data do not tell it from {other.text}" for other in proposal.equals),
         *proposal.doubts,
