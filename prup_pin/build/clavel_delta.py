@@ -8,8 +8,6 @@ from ..errors import InputError
 from ..robot import Robot
 from .urdf_file import STEEL_DENSITY, STEEL_MODULUS, UrdfFile, bar_mass, disc, in_metres, positive, round_bar, thinner
 
-__all__ = ["delta"]
-
 
 def delta(
     *,

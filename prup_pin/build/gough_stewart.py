@@ -12,8 +12,6 @@ from ..robot import Robot
 from ..spatial import Array
 from .urdf_file import STEEL_MODULUS, UrdfFile, disc, in_metres, positive, round_bar, thinner
 
-__all__ = ["stewart"]
-
 LEGS = range(1, 7)
 #: How much longer a leg is than it is thick where nothing says so.
 _SLENDER = 20

@@ -9,8 +9,6 @@ from ..robot import Robot
 from ..spatial import Array
 from .urdf_file import STEEL_DENSITY, STEEL_MODULUS, UrdfFile, bar_mass, disc, in_metres, positive, round_bar, thinner
 
-__all__ = ["five_bar", "three_rrr"]
-
 
 def three_rrr(
     *,

@@ -10,8 +10,6 @@ from ..spatial import Array
 from .planar import closed_on_leg_1
 from .urdf_file import STEEL_DENSITY, STEEL_MODULUS, UrdfFile, bar_mass, disc, in_metres, positive, round_bar, thinner
 
-__all__ = ["three_prr"]
-
 
 def three_prr(
     *,

@@ -15,19 +15,6 @@ from ..mechanism.readers import read_content
 from ..robot import Robot
 from ..spatial import Array
 
-__all__ = [
-    "STEEL_DENSITY",
-    "STEEL_MODULUS",
-    "Shape",
-    "UrdfFile",
-    "bar_mass",
-    "disc",
-    "in_metres",
-    "positive",
-    "round_bar",
-    "thinner",
-]
-
 STEEL_MODULUS, STEEL_DENSITY = 206e9, 7850.0  # Pa, kg/m^3
 _POISSON = 0.3
 _ORIGIN = (0.0, 0.0, 0.0)

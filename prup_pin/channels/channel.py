@@ -15,8 +15,6 @@ from ..spatial import Array
 from .linear import Linear
 from .noise import Noise
 
-__all__ = ["Channel", "Columns"]
-
 
 class Columns(NamedTuple):
     """Columns of a channel that share a unit and a noise: `name` for people, `unit`, and where they stand."""

@@ -13,8 +13,6 @@ from ..simulation.simulator import Geometry
 from ..spatial import Array, rotation_exp, skew
 from ..statics import Compliance
 
-__all__ = ["Linear"]
-
 
 @dataclass(frozen=True, eq=False)
 class Linear:

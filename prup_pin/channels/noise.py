@@ -9,8 +9,6 @@ import numpy as np
 
 from ..spatial import Array
 
-__all__ = ["Noise"]
-
 
 @dataclass(frozen=True)
 class Noise:

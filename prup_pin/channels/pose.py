@@ -17,8 +17,6 @@ from .channel import Channel, Columns
 from .linear import Linear
 from .noise import Noise
 
-__all__ = ["PoseChannel"]
-
 _COLUMNS = (Columns("position", "m", slice(0, 3)), Columns("rotation", "rad", slice(3, 6)))
 
 

@@ -20,8 +20,6 @@ from .noise import Noise
 from .pose import PoseChannel
 from .stations import Placing, Stations, motions_of_stations
 
-__all__ = ["Stack", "channels_of", "whitening"]
-
 
 def channels_of(recording: Recording, mechanism: Mechanism) -> tuple[Channel, ...]:
     """Return what a recording measured of a robot: the tool's pose, and the markers that are its frames."""

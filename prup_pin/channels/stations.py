@@ -20,8 +20,6 @@ import numpy as np
 
 from ..spatial import Array, skew
 
-__all__ = ["Placing", "Stations", "motions_of_stations"]
-
 #: Share of the largest motion below which what was seen from a station tells nothing of one.
 _NOT_SEEN = 1e-9
 

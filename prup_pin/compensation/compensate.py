@@ -29,8 +29,6 @@ from ..simulation import Prediction, simulate
 from ..spatial import Array, motion_between, rotation_exp
 from .wanted import Wanted, coordinate_units, wanted_of
 
-__all__ = ["Compensation", "Effects", "PathLike", "compensate", "read_path", "write_commands"]
-
 #: What is missed by less is not corrected any more [m, rad]: commands are written with nine digits.
 _CLOSE = 1e-9
 #: Corrections of the commands; a handful is enough where one is possible.

@@ -16,8 +16,6 @@ from ..recordings import ToolPath
 from ..robot import Robot
 from ..spatial import Array, motion_between
 
-__all__ = ["Wanted", "coordinate_units", "wanted_of"]
-
 _POSE = ("x", "y", "z", "rx", "ry", "rz")
 
 

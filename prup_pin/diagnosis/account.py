@@ -32,8 +32,6 @@ from .problem import Fit, Problem
 from .search import Selection, dropped_by_folds, screen, select, with_one_law
 from .unrecorded_load import minus_2_log_likelihood, reaches, scatters_in_a_module, unrecorded_force
 
-__all__ = ["Account", "beside_laws", "searched", "with_first_law", "without_laws"]
-
 
 @dataclass(frozen=True, eq=False)
 class Account:

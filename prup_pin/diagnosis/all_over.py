@@ -15,8 +15,6 @@ from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated
 from .problem import Fit, Problem
 
-__all__ = ["all_over"]
-
 
 def all_over(
     problem: Problem,

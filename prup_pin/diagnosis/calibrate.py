@@ -39,15 +39,6 @@ from .nuisance import Nuisance, least_within
 from .problem import Fit, Problem, shortened
 from .toleranced import Toleranced
 
-__all__ = [
-    "CalibratedParameter",
-    "calibrate",
-    "calibrated_from",
-    "calibrated_parameters",
-    "twins",
-    "within_tolerances",
-]
-
 
 @dataclass(frozen=True, repr=False)
 class CalibratedParameter:

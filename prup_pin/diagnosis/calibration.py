@@ -18,8 +18,6 @@ from .conventions import read_logs
 from .criteria import clean_bound
 from .prepare import prepare
 
-__all__ = ["Calibration", "calibrated"]
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration:

@@ -16,9 +16,6 @@ from ..spatial import Array
 from .criteria import BEYOND, LEAST_WARMING, TAIL, USUAL_MULTIPLE, WIDEST_LOGARITHM
 from .influence import Influence
 
-__all__ = ["Candidate", "Term", "candidates", "under_load"]
-
-
 #: Decades from a usual load to one that others do not come near.
 _FAR_LOAD = 1.5
 #: So many times the load at which a gap was found to close is tried, where it is fitted with other laws.

@@ -10,22 +10,6 @@ from scipy import special
 
 from ..spatial import Array
 
-__all__ = [
-    "WITHIN_95",
-    "chi2_isf",
-    "chi2_median",
-    "chi2_sf",
-    "hotelling_sf",
-    "normal_cdf",
-    "normal_isf",
-    "normal_pdf",
-    "normal_sf",
-    "robust_deviation",
-    "student_95",
-    "student_ppf",
-    "student_sf",
-]
-
 
 def chi2_isf(chance: float, degrees: float) -> float:
     """Return what a chi squared of so many degrees exceeds by this chance."""

@@ -23,8 +23,6 @@ from .efforts.with_poses import has_efforts, has_poses
 from .load_conventions import conventions_of_loads
 from .pose_conventions import conventions_of_poses
 
-__all__ = ["Logs", "as_diagnosed", "read_logs"]
-
 #: How many times as much is beyond counting.
 _BEYOND_COUNTING = 1000
 

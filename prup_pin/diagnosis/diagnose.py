@@ -36,8 +36,6 @@ from .spread import Spread
 from .unexplained import final_state
 from .verdict import verdict_of
 
-__all__ = ["diagnose"]
-
 
 def _only_forward(tell: Tell) -> Tell:
     """Return a `tell` whose share never goes back."""

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from .proposal import Judged, Proposal
     from .since import Since
 
-__all__ = ["ByRecording", "Detectable", "Diagnosis", "Finding", "FittedParameter", "by_recording", "heldout_gain"]
-
 
 #: What to do about what is no law.
 _REMEDIES = {

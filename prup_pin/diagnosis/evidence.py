@@ -33,26 +33,6 @@ from .nuisance import Nuisance, with_priors
 from .problem import Fit, Problem, Term
 from .toleranced import Toleranced
 
-__all__ = [
-    "Rival",
-    "cost_of",
-    "count_beyond_tolerance",
-    "cross_validated",
-    "factors_of_kinds",
-    "fold_labels",
-    "implausible",
-    "is_clean",
-    "minus_2_log_posterior",
-    "penalty",
-    "rescaled_tolerances",
-    "rescaling_remark",
-    "scale_of",
-    "sign_flipped",
-    "threshold",
-    "with_rescaled",
-]
-
-
 # -- what a law costs --------------------------------------------------------------------------------------------------
 
 

@@ -26,25 +26,6 @@ from .noise import could_show_structure, is_white
 from .problem import Fit, Problem
 from .search import Selection
 
-__all__ = [
-    "always_acting",
-    "beyond_its_tolerance",
-    "calibrated_beyond",
-    "chi2_without",
-    "finding_of",
-    "finite_deflection",
-    "no_noise",
-    "nothing_compared",
-    "rms_of_sum",
-    "sensor_displaced",
-    "target_turned",
-    "too_few",
-    "unknown_at",
-    "unrecorded_load",
-    "with_neutral_values",
-    "without_place",
-]
-
 #: What to do where there is nothing to compare.
 _NOTHING_MEASURED = (
     "give the recording poses (columns p.x … r.z) or efforts (tau.<joint>) under these names; prup-pin import makes"

@@ -19,18 +19,6 @@ from .influence import Influence
 from .toleranced import Toleranced, changes_per_tolerance
 from .variance_components import SensorEquations, VarianceEstimate, posterior
 
-__all__ = [
-    "FINEST",
-    "LARGEST",
-    "STAND",
-    "STATIONS",
-    "USUAL",
-    "YIELDS",
-    "FreeParameters",
-    "by_stations",
-    "free_parameters",
-]
-
 #: Before the way of `mechanism.WAYS` in which a joint yields, in the name of that kind.
 YIELDS = "yields "
 

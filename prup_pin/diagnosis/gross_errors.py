@@ -20,8 +20,6 @@ from .criteria import APART, FAR_LESS, LITTLE, OUTLIER
 from .problem import Problem
 from .variance_components import VarianceEstimate, of_groups
 
-__all__ = ["Outlier", "far_off", "gross_errors", "without_outliers"]
-
 #: Neighbours in posture that share what is a machine's own.
 _NEIGHBOURS = 2
 

@@ -44,9 +44,6 @@ from .nuisance import without
 from .problem import Fit, Problem, Term
 from .search import Selection
 
-__all__ = ["Bench", "Pair", "SimulatedTest", "information", "not_detectable", "separation", "visible"]
-
-
 # -- what could not be seen, and what would have been ------------------------------------------------------------------
 
 

@@ -18,8 +18,6 @@ from ..loaded import Chain, Equilibria, FirstOrder
 from ..simulation import Run, Simulator
 from ..spatial import Array
 
-__all__ = ["Influence"]
-
 
 class Influence:
     """First-order effect of any change of `run`'s setup on the measured columns at its samples."""

@@ -21,8 +21,6 @@ from .diagnosis import FittedParameter
 from .nuisance import Nuisance, without
 from .problem import Fit, Problem
 
-__all__ = ["Profile", "parameters_of"]
-
 
 def parameters_of(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParameter]:
     """Return the values of a term with 95 % intervals, widened where more than noise is left."""

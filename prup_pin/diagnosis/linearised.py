@@ -20,8 +20,6 @@ from .prepare import Prepared, prepare, silent
 from .since import Earlier
 from .toleranced import changes_per_tolerance
 
-__all__ = ["Linearised"]
-
 
 @dataclass(frozen=True, eq=False)
 class Linearised:

@@ -35,8 +35,6 @@ from .criteria import (
 )
 from .rigid_fit import rigid_fit
 
-__all__ = ["conventions_of_loads"]
-
 #: Blocks and samples by which loads are judged.
 _BLOCKS, _SAMPLES = 24, 400
 

@@ -23,27 +23,6 @@ from .criteria import ALIKE, CHANCE_DEVIATIONS, KNOTS, NOTHING, TREMOR, UNSEEN
 from .nuisance import Nuisance
 from .problem import Fit, Problem
 
-__all__ = [
-    "LOAD",
-    "Agreement",
-    "LocalCurve",
-    "Located",
-    "Recovered",
-    "Residuals",
-    "Variable",
-    "Yielding",
-    "approached",
-    "curve_against",
-    "curves_of_modules",
-    "least_left",
-    "local_curve",
-    "locate",
-    "recovered",
-    "residuals",
-    "yieldings",
-]
-
-
 # -- the curve that one motion of a module asks for --------------------------------------------------------------------
 
 

@@ -33,8 +33,6 @@ from .identify import Bench, Pair, SimulatedTest, information, separation
 from .problem import Problem, Term
 from .search import Selection
 
-__all__ = ["next_experiment"]
-
 #: Shares of a planned load, one sample each.
 CYCLE = (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
 #: ... by which loads are weighed where something remembers what was before.

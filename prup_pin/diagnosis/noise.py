@@ -34,9 +34,6 @@ from .criteria import (
 from .locate import curves_of_modules
 from .problem import Fit, Problem
 
-__all__ = ["could_show_structure", "estimate_noise", "is_white", "noise_of_the_rest", "scatter_of_repeats"]
-
-
 # -- what the sensors scatter by ---------------------------------------------------------------------------------------
 
 

@@ -19,8 +19,6 @@ from scipy.optimize import lsq_linear, minimize_scalar, nnls
 from ..spatial import Array
 from .criteria import EFFORT_TOLD, FEW_ROUNDS, ROUNDING
 
-__all__ = ["NormalEquations", "column_scales", "identifiable", "likeliest_widths"]
-
 
 def column_scales(squares: Array) -> Array:
     """Return the factors (p,) that make columns with these sums of squares (p,) as long as one."""

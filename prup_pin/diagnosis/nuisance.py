@@ -16,8 +16,6 @@ from scipy.optimize import lsq_linear
 from ..spatial import Array
 from .criteria import NOTHING
 
-__all__ = ["Nuisance", "least_step", "least_within", "with_priors", "without"]
-
 
 @dataclass(frozen=True, eq=False)
 class Nuisance:

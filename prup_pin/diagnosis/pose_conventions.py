@@ -26,8 +26,6 @@ from ..spatial import Array, rigid_motion, rotation_exp, turn_between
 from .criteria import AS_GOOD, CONVENTION_FINE, CONVENTION_NEAR, FAR_LESS, ITERATIONS, LEAST_REACH, ROUNDS
 from .quarter_turns import quarter_turns
 
-__all__ = ["conventions_of_poses"]
-
 #: Postures that are looked at, of robots with loops, which take longer to close, and of others.
 _POSTURES, _OF_TREES = 12, 40
 #: Components of positions that tell where a sensor stands: those of four points.

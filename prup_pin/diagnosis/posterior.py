@@ -13,8 +13,6 @@ from ..spatial import Array
 from .criteria import NOTHING
 from .problem import Fit, Problem
 
-__all__ = ["JointPosterior", "covariant_of", "joint_posterior"]
-
 
 @dataclass(frozen=True, eq=False)
 class JointPosterior:

@@ -41,20 +41,6 @@ from .since import Earlier
 from .spread import Spread, spread_of
 from .toleranced import Toleranced, toleranced_of
 
-__all__ = [
-    "AsDrawn",
-    "Prepared",
-    "Tell",
-    "allowed_of_markers",
-    "check_belongs",
-    "drawn_problem",
-    "prepare",
-    "silent",
-    "unused_columns",
-    "what_is_missing",
-]
-
-
 Tell = Callable[[str, float], None]
 
 

@@ -26,8 +26,6 @@ from .influence import Influence
 from .nuisance import Nuisance, least_step, without
 from .toleranced import Toleranced, changes_per_tolerance
 
-__all__ = ["Fit", "Problem", "Term", "shortened"]
-
 
 @dataclass(frozen=True)
 class Fit:

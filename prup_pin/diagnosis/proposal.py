@@ -14,8 +14,6 @@ from .diagnosis import FittedParameter
 if TYPE_CHECKING:
     from .efforts.diagnosis import EffortCurve
 
-__all__ = ["EqualFormula", "Judged", "Proposal", "proposed_files"]
-
 
 @dataclass(frozen=True)
 class EqualFormula:

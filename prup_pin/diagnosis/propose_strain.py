@@ -23,8 +23,6 @@ from .proposal import EqualFormula, Judged, Proposal
 from .search import alternatives_to, with_one_law
 from .unexplained import Final
 
-__all__ = ["strain_judged", "strain_proposals"]
-
 
 def strain_proposals(problem: Problem, final: Final, labels: np.ndarray) -> Iterator[Proposal]:
     """Yield a formula for the unknown's module, if a deformation by a load on it is surely better than chance.

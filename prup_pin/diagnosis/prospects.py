@@ -23,8 +23,6 @@ from .identify import not_detectable
 from .prepare import prepare, silent, unused_columns
 from .search import Selection
 
-__all__ = ["Excitation", "Prospects", "prospects"]
-
 
 @dataclass(frozen=True)
 class Excitation:

@@ -14,8 +14,6 @@ from ..mechanism import Mechanism
 from ..recordings import Convention
 from .criteria import FEW_ROUNDS, MOSTLY
 
-__all__ = ["quarter_turns"]
-
 _Reading = tuple[Convention, ...]
 
 

@@ -32,8 +32,6 @@ from .criteria import (
 )
 from .rigid_fit import RigidFit, rigid_fit
 
-__all__ = ["Registered", "own_frames", "registered", "worlds_apart"]
-
 #: What to declare where a pose sensor was set up anew.
 OWN_FRAMES = 'where that is so, declare "own_sensors": ["pose_sensor"]'
 OWN_STATIONS = 'where that is so, declare "own_sensors": {"by_run": ["pose_sensor"]}'

@@ -16,8 +16,6 @@ from ..spatial import Array, rigid_motion, rotation_exp, skew
 from .chances import chi2_median
 from .criteria import FEWEST_REGISTERED, ITERATIONS, LEVER, ROUNDING, trusted
 
-__all__ = ["RigidFit", "rigid_fit"]
-
 
 @dataclass(frozen=True, eq=False)
 class RigidFit:

@@ -43,22 +43,6 @@ from .locate import least_left
 from .nuisance import Nuisance, without
 from .problem import Fit, Problem, Term
 
-__all__ = [
-    "Bound",
-    "Search",
-    "Selection",
-    "alternatives_to",
-    "dropped",
-    "dropped_by_folds",
-    "rearranged",
-    "screen",
-    "select",
-    "simulated_alternatives",
-    "strain_of",
-    "swapped",
-    "with_one_law",
-]
-
 
 class RivalFit(NamedTuple):
     """Laws with their fitted values, toleranced parameters x (p,) beside them, and the chi squared that they leave."""

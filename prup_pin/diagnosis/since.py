@@ -40,8 +40,6 @@ from .posterior import covariant_of
 from .problem import Fit, Problem
 from .toleranced import Toleranced
 
-__all__ = ["Changed", "Earlier", "Since", "since_of", "told_since"]
-
 _AGAIN = "diagnose the earlier recording again with this version: its corrected model then holds what it knows"
 #: What a sensor that was set up again may be off by, whatever its recording says of one that stands where it is drawn.
 _ANYHOW = {**TYPICAL.declared, **ARM.declared}

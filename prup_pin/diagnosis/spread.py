@@ -61,8 +61,6 @@ from .variance_components import (
     unusual,
 )
 
-__all__ = ["Spread", "spread_of"]
-
 
 @dataclass(frozen=True, eq=False)
 class Spread:

@@ -17,8 +17,6 @@ from ..spatial import Array
 from .criteria import FREELY, STEP
 from .influence import Influence
 
-__all__ = ["Toleranced", "changes_per_tolerance", "toleranced_of"]
-
 #: The largest turn by which the simulation is differentiated [rad]: of one that is not known at all a share is bent.
 _SMALL_TURN = 1e-5
 

@@ -26,8 +26,6 @@ from .prepare import Prepared, Tell
 from .problem import Fit, Problem
 from .search import Selection, select
 
-__all__ = ["Final", "final_state"]
-
 
 @dataclass(frozen=True)
 class Final:

@@ -20,8 +20,6 @@ from ..spatial import Array
 from .criteria import INDISTINCT, WIDEST_LOGARITHM
 from .influence import Influence
 
-__all__ = ["minus_2_log_likelihood", "reaches", "scatters_in_a_module", "unrecorded_force"]
-
 
 def unrecorded_force(
     rest: Array, by_force: Array, by_strains: Iterable[Array], seen: np.ndarray, off: np.ndarray

@@ -22,19 +22,6 @@ from ..channels import Stack
 from ..spatial import Array
 from .criteria import ITERATIONS, NOTHING, SETTLED
 
-__all__ = [
-    "LOUD",
-    "SensorEquations",
-    "VarianceEstimate",
-    "distances_of",
-    "equations_of",
-    "estimated",
-    "of_groups",
-    "posterior",
-    "squares_left",
-    "unusual",
-]
-
 _AGREED = 1e-2
 
 

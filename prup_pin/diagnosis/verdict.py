@@ -39,8 +39,6 @@ from .search import Selection
 from .since import since_of, told_since
 from .unexplained import Final
 
-__all__ = ["verdict_of"]
-
 
 def verdict_of(
     problem: Problem, selection: Selection, final: Final, prepared: Prepared, blocks: np.ndarray, tell: Tell

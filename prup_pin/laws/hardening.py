@@ -53,7 +53,7 @@ class Hardening(Law):
         return (replace(own, default=felt.load) if felt.load > 0 else own,)
 
     def magnified(self, value: float, times: float) -> float:
-        return value / np.sqrt(times) if times > 0 else np.inf
+        return value / float(np.sqrt(times)) if times > 0 else float("inf")
 
     def multiple(self, value: float, of: float) -> float:
         return (of / value) ** 2

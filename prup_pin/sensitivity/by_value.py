@@ -16,8 +16,6 @@ from ..parameters import Parameter
 from ..spatial import Array
 from ..statics import Statics
 
-__all__ = ["ValueStep", "has_slope", "mass_of"]
-
 #: Share of a value by which a module's own law is differentiated: central differences, right to 1e-9.
 _STEP = 1e-5
 

@@ -17,8 +17,6 @@ from ..mechanism import Mechanism
 from ..spatial import Array, motion_between
 from ..statics import Compliance, StaticsLayout, solve_statics
 
-__all__ = ["Redrawn", "by_length", "compliance_by_length", "rigid_motion_by_length"]
-
 
 @dataclass(frozen=True, eq=False)
 class Redrawn:

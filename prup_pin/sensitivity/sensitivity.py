@@ -25,8 +25,6 @@ from ..statics import Compliance, solve_statics
 from .by_value import ValueStep, has_slope
 from .redrawn import Redrawn, by_length, compliance_by_length, rigid_motion_by_length
 
-__all__ = ["Sensitivity", "Stiffening", "sensitivity_of"]
-
 #: Share of the robot's size by which a length is.
 _LENGTH_STEP = 3e-5
 #: Wrenches under which displaced joints are asked for dC/dp move the tool by this share of the robot's size.

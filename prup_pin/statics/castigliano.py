@@ -20,8 +20,6 @@ from ..modules import ModuleGeometry
 from ..spatial import Array, product, symmetric
 from .wrench_jacobians import StaticsLayout, load_maps, loads_from_frame, self_stress_loads
 
-__all__ = ["Energies", "Statics", "compliances", "invalid", "problems_of", "solve_statics"]
-
 _LOAD_ITERATIONS = 50
 
 

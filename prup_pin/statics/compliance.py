@@ -21,7 +21,6 @@ from .weight import weight_strains
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-__all__ = ["Compliance", "dimensionless"]
 
 #: What of a rigid direction, beside its largest component of 1, is rounding.
 _ROUNDING = 1e-6

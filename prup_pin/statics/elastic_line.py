@@ -13,8 +13,6 @@ from ..modules.flexibility import centre_line
 from ..spatial import Array
 from .castigliano import Statics
 
-__all__ = ["ElasticLine", "elastic_line"]
-
 #: Sections of a line: nobody draws more.
 MOST_SECTIONS = 100_000
 

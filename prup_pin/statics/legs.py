@@ -20,8 +20,6 @@ from ..spatial import Array, skew
 from .castigliano import compliances
 from .wrench_jacobians import StaticsLayout, load_maps
 
-__all__ = ["Legs"]
-
 Indices = NDArray[np.int_]
 #: From square matrices (..., n, n) and right sides (..., n, c) to the solutions.
 Solver = Callable[[Array, Array], Array]

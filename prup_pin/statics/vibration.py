@@ -23,8 +23,6 @@ from ..spatial import Array, skew
 if TYPE_CHECKING:
     from .compliance import Compliance
 
-__all__ = ["VibrationMode", "vibration_modes"]
-
 
 @dataclass(frozen=True, eq=False)
 class VibrationMode:

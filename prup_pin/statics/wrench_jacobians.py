@@ -29,16 +29,6 @@ from ..modules.module import Values
 from ..numbers import number
 from ..spatial import Array, base_wrench_from_point, product, skew
 
-__all__ = [
-    "ModuleGroup",
-    "StaticsLayout",
-    "load_maps",
-    "loads_from_bodies",
-    "loads_from_frame",
-    "self_stress_loads",
-]
-
-
 _ONES, _NO_LENGTHS = np.ones(3), np.zeros(0)
 #: The geometry of kinds that need none.
 _NOWHERE = ModuleGeometry(np.zeros(()), np.zeros(()), np.zeros((), bool), np.zeros((), bool))

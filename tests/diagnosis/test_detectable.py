@@ -93,7 +93,7 @@ def test_no_size_is_told_that_the_law_cannot_have(simulator):
 def test_the_softer_the_more(simulator):
     _, _, found = hidden(simulator, 2e-2)
     below = {item.physics for item in found if item.below}
-    assert below == {"stiffness_changed", "root_tilt_compliance", "hub_root_compliance"}
+    assert below == {"stiffness_changed", "root_tilt_compliance", "hub_root_compliance", "hardening"}
 
 
 def test_what_wide_tolerances_could_hide_is_told_with_its_size(simulator):

@@ -30,8 +30,6 @@ from ...recordings import Recording
 from ...spatial import Array
 from ..criteria import FEW_ROUNDS, MOST, MUCH, NO_MATTER, ROUNDING, TREMOR
 
-__all__ = ["Spectra", "band_of", "coherent_band", "in_motion", "spectra_of"]
-
 #: Up to how many times the motion's own frequency, below which all of its way but a tremor lies, efforts are compared.
 _OWN_TIMES = 4.0
 #: Coherence from which it is no noise that makes the prediction worse, but a motor that vibrates; and the share of that

@@ -34,9 +34,6 @@ from .evidence import block_scatter, gradients, held_out, standard_error
 from .problem import EffortCandidate, EffortModel, fit
 from .search import is_plausible
 
-__all__ = ["held_body", "log_evidence_of_bodies", "other_link", "with_likelier_bodies"]
-
-
 #: Multiple of the deviation by which bodies are off where nothing is declared, of a link that is anyhow another one.
 _WIDER = 1.25
 

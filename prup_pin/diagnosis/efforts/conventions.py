@@ -44,17 +44,6 @@ from .gains import gains_of, in_any_unit
 from .noise import noise_of
 from .problem import kept_samples
 
-__all__ = [
-    "CHECK_ROBOT",
-    "Doubt",
-    "check_efforts",
-    "conventions_of_efforts",
-    "gains_apart",
-    "gains_of_efforts",
-    "sampled",
-    "shares_of_efforts",
-]
-
 #: Samples that are looked at, and of a scan of many ratios.
 _SAMPLES, _SCANNED = 600, 80
 #: Conventions one after the other.

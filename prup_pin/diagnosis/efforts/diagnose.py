@@ -61,8 +61,6 @@ from .search import (
 )
 from .verdict import effort_diagnosis_of
 
-__all__ = ["diagnose_efforts"]
-
 #: The stage that is told while laws are searched.
 _LAWS = "laws compete for the efforts"
 

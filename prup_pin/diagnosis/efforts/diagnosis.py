@@ -13,8 +13,6 @@ from ...spatial import Array
 from ..diagnosis import Detectable, Finding, Seen, named_in
 from ..proposal import Judged, Proposal
 
-__all__ = ["EffortCurve", "EffortDiagnosis", "effort_curve_of"]
-
 
 @dataclass(frozen=True, eq=False)
 class EffortCurve:

@@ -21,18 +21,6 @@ from ..evidence import sign_flipped
 from ..normal_equations import NormalEquations, column_scales, identifiable
 from .problem import EffortCandidate, EffortModel, block_squares, fit
 
-__all__ = [
-    "CrossValidation",
-    "Score",
-    "block_scatter",
-    "gradients",
-    "held_out",
-    "no_worse",
-    "relative_gain",
-    "scores",
-    "standard_error",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class _Fold:

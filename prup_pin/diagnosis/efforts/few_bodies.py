@@ -17,8 +17,6 @@ from .evidence import CrossValidation, held_out, relative_gain
 from .problem import EffortCandidate, EffortModel
 from .search import is_plausible
 
-__all__ = ["FewBodies", "nearest_body", "with_few_bodies"]
-
 
 class FewBodies(NamedTuple):
     """Some bodies in the place of all links, `model` with them.

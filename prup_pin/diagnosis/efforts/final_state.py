@@ -28,8 +28,6 @@ from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, block_squares, fit
 from .search import squared_strain, without_needless_nuisances
 
-__all__ = ["FinalState", "shows"]
-
 
 def shows(sizes: Array | float, noise: Array | float) -> bool:
     """Return whether what is added to efforts (k,), RMS, is as much in one as a sample could show, where that is known.

@@ -26,8 +26,6 @@ from .nonlinear import profile_intervals
 from .problem import EffortCandidate, fit
 from .search import cost_of, kinds_of_most_drives, squared_strain
 
-__all__ = ["beyond_found", "gains_found", "laws_found", "parameters_of"]
-
 #: What is said of masses where every drive's gain is free.
 _IN_PROPORTION = "; that is so in proportion to all masses, which with all gains are one unknown"
 #: Units of a body's inertial parameters.

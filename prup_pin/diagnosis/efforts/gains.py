@@ -38,18 +38,6 @@ from ..criteria import (
 )
 from .problem import column_blocks, kept_samples
 
-__all__ = [
-    "Gains",
-    "are_apart",
-    "gains_of",
-    "in_any_unit",
-    "in_newtons",
-    "law_of_gains",
-    "likeliest_logs",
-    "precision_of_gains",
-    "scale_of",
-]
-
 #: Samples that are looked at.
 _SAMPLES = 6000
 

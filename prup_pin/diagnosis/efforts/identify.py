@@ -18,8 +18,6 @@ from .nonlinear import optimised
 from .problem import EffortCandidate, EffortModel
 from .search import squared_strain
 
-__all__ = ["alternatives_to", "efforts_not_detectable", "efforts_visible"]
-
 
 def alternatives_to(final: FinalState, term: EffortCandidate, without: Array) -> tuple[list[str], list[str]]:
     """Return other places and other laws that explain as well as a term what it explains.

@@ -28,8 +28,6 @@ from ...spatial import Array
 from ..criteria import EFFORT_TOLD, ITERATIONS, LITTLE, MOST_LISTED, NOTHING, ROUNDING, UNSEEN
 from .problem import EffortModel, fit
 
-__all__ = ["BaseParameters", "consistent_fit"]
-
 #: Weight of the divergence where a law says nothing of what its body is likely to be.
 _WEIGHT = 0.5
 _UNITS = np.array([pseudo_inertia(unit) for unit in np.eye(10)])

@@ -27,16 +27,6 @@ from ...spatial import Array
 from ..chances import robust_deviation
 from ..criteria import LITTLE, MOST
 
-__all__ = [
-    "EffortNoise",
-    "encoder_step",
-    "noise_of",
-    "noise_of_efforts",
-    "rounding_that_follows",
-    "true_roundings",
-    "true_sizes",
-]
-
 #: Samples from which the next one is foretold, and samples for each of them at least.
 _ORDER, _FOR_EACH = 40, 10
 #: Samples that are foretold, at most: they tell the size to a per cent.

@@ -18,8 +18,6 @@ from .evidence import CrossValidation, held_out, relative_gain
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, SparseColumns, fit
 
-__all__ = ["optimised", "optimised_in_either_form", "profile_intervals", "refined"]
-
 #: Logarithm of a parameter over its best value beyond which data do not bound it.
 _NEVER = 7.0
 #: Share of the change within which the best values lie by which a derivative is taken.

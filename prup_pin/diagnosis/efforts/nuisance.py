@@ -16,8 +16,6 @@ from ..normal_equations import likeliest_widths
 from .evidence import block_scatter
 from .problem import EffortModel, fit
 
-__all__ = ["learned_precisions", "usual_precisions"]
-
 #: Widths among which a kind's is looked for, over the usual one.
 _WITHIN = 0.01, 1.0
 _TINY = float(np.finfo(float).tiny)

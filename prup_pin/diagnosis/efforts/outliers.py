@@ -26,8 +26,6 @@ from ..findings import unknown_at
 from ..normal_equations import column_scales
 from .problem import EffortProblem
 
-__all__ = ["OutlierInterval", "is_outlying", "outlier_intervals"]
-
 #: Kept samples that are looked at together; those at an end of a piece where filters have not settled, and between two
 #: intervals.
 _WINDOW, _END = 4, 8

@@ -34,8 +34,6 @@ from .problem import (
     usable,
 )
 
-__all__ = ["LawColumns", "PreparedEfforts"]
-
 #: A law at a place, its nonlinear parameters, and its columns.
 LawColumns = tuple[EffortLaw, Place, Mapping[str, float], SparseColumns]
 

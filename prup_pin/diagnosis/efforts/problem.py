@@ -26,21 +26,6 @@ from ...spatial import Array
 from ..criteria import AR_FLOOR, AR_ORDER, BLOCKS, FEWEST_IN_BLOCK, FEWEST_POSTURES, FOLDS
 from ..normal_equations import NormalEquations
 
-__all__ = [
-    "DesignMatrix",
-    "EffortCandidate",
-    "EffortModel",
-    "EffortProblem",
-    "SparseColumns",
-    "Whitening",
-    "autoregression",
-    "block_squares",
-    "column_blocks",
-    "fit",
-    "kept_samples",
-    "usable",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class EffortCandidate:

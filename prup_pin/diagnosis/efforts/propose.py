@@ -39,8 +39,6 @@ from .residuals import curves_of, rms_of
 from .search import pruned
 from .verdict import effects_of, effort_diagnosis_of
 
-__all__ = ["judged", "places_of_laws", "proposals"]
-
 #: A law, its place, and the values of its nonlinear parameters.
 _LawAt = tuple[EffortLaw, Place, Mapping[str, float]]
 #: Terms of a formula: with more it is a curve by another name.

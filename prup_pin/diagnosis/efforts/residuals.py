@@ -14,8 +14,6 @@ from .diagnosis import EffortCurve
 from .final_state import FinalState
 from .problem import EffortCandidate, block_squares
 
-__all__ = ["EffortResiduals", "curves_of", "residuals_of", "rms_of"]
-
 #: Means that a curve is drawn through.
 _BINS = 24
 

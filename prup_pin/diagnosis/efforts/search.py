@@ -22,19 +22,6 @@ from .nonlinear import optimised_in_either_form, refined
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
 
-__all__ = [
-    "cost_of",
-    "is_plausible",
-    "kinds_of_most_drives",
-    "pruned",
-    "relieving_curve",
-    "searched",
-    "squared_strain",
-    "strain",
-    "with_relieving_laws",
-    "without_needless_nuisances",
-]
-
 #: Times that a law may come in at a place: once more after it was made needless by what was itself needless later.
 _ENTRIES = 2
 

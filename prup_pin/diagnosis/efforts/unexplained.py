@@ -51,8 +51,6 @@ from .prepare import PreparedEfforts
 from .problem import Whitening, autoregression, usable
 from .residuals import EffortResiduals, rms_of
 
-__all__ = ["LoadChange", "TimeVarying", "load_change", "structure_left", "time_varying", "unexplained"]
-
 #: What a block may follow of its own joint's motion, and of another joint's.
 _OWN = ("direction", "speed", "position", "load")
 _OTHERS = ("speed", "acceleration", "position")

@@ -23,8 +23,6 @@ from .identify import efforts_not_detectable, efforts_visible
 from .residuals import curves_of, residuals_of
 from .unexplained import structure_left, unexplained
 
-__all__ = ["effort_diagnosis_of"]
-
 
 def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
     """Return the diagnosis of a final state."""

@@ -23,17 +23,6 @@ from ..prepare import unused_columns
 from .diagnose import diagnose_efforts
 from .diagnosis import EffortDiagnosis
 
-__all__ = [
-    "diagnosis_of_efforts",
-    "has_efforts",
-    "has_poses",
-    "joined",
-    "together_in_time",
-    "unused_by_efforts",
-    "with_efforts_at_rest",
-    "without_dead_efforts",
-]
-
 #: Columns that belong to the efforts' own model.
 _OWN = ("tau.", "q.", "qd.", "qdd.")
 

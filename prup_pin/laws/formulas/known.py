@@ -13,8 +13,6 @@ from ...mechanism import Mechanism
 from ...spatial import Array
 from ..efforts.variables import load, position, speed, time
 
-__all__ = ["KNOWN", "Known", "composed", "load", "position", "speed", "time"]
-
 
 def travelled(at: InMotion, joint: str) -> Array:
     """Return the whole way that a joint has gone since the recording began (N,) [m or rad]."""
