@@ -20,7 +20,6 @@ from ...dynamics import InMotion
 from ...errors import InputError
 from ...laws import Place
 from ...laws.efforts import EFFORT_LAWS, FINE_CURVES, Body, EffortLaw
-from ...laws.efforts.free_curve import FreeCurve
 from ...laws.formulas import Formula, JointFormula, Remainder, Term, library, tried
 from ...numbers import number
 from ...spatial import Array
@@ -338,8 +337,6 @@ def _proposal(final: FinalState, of: _Found, before: Array, with_curve: Array) -
     parameters = parameters_of(state, term, values)
     law = found.formula.with_values(values, {name: item.interval for name, item in parameters.items()})
     effects = list(effects_of(state))
-    left = [e for e in effects if isinstance(e.law, FreeCurve) and e.law.fine and e.place.name == law.joint]
-    unit = final.mechanism.joint(law.joint).effort_unit
     # what has the same terms and some more is the same formula, not another one
     others = [one for one in of.equals if not set(found.formula.terms) <= set(one.formula.terms)]
     squares = float(before.sum())
@@ -359,7 +356,7 @@ def _proposal(final: FinalState, of: _Found, before: Array, with_curve: Array) -
         curve=next(
             (curve for curve in curves_of(state) if (curve.joint, curve.against) == (law.joint, law.against)), None
         ),
-        beside=next((Remainder.of(cast(FreeCurve, e.law), e.values, unit) for e in left), None),
+        beside=Remainder.among(effects, law.joint, final.mechanism.joint(law.joint).effort_unit),
     )
 
 

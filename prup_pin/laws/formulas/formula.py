@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -15,6 +15,7 @@ from ...parameters import Quantity
 from ...spatial import Array
 from ..efforts.effort_law import usual_way
 from ..efforts.free_curve import FreeCurve
+from ..law import Effect
 from .joint_formula import JointFormula
 from .known import KNOWN, composed
 from .shapes import SHAPES
@@ -236,6 +237,15 @@ class Remainder:
     ends: tuple[float, float]
     heights: tuple[float, ...]
     height: Quantity
+
+    @classmethod
+    def among(cls, effects: Iterable[Effect], joint: str, unit: str) -> Remainder | None:
+        """Return that of a joint, whose efforts have a unit; None where no such curve is among the effects."""
+        for effect in effects:
+            law = effect.law
+            if isinstance(law, FreeCurve) and law.fine and effect.place.name == joint:
+                return cls.of(law, effect.values, unit)
+        return None
 
     @classmethod
     def of(cls, law: FreeCurve, values: Mapping[str, float], unit: str) -> Remainder:
