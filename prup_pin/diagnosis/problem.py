@@ -430,11 +430,13 @@ class Problem:
     def refine(self, terms: Sequence[Term], start: Fit, reach: float | None = None) -> Fit:
         """Return the fit of all terms and toleranced parameters together through the whole simulation.
 
-        Gauss-Newton steps, shortened where they do not help; parameters within `reach` tolerances, by default the
-        problem's.
+        Parameters within `reach` tolerances, by default the problem's.
         """
         reach = self.farthest if reach is None else reach
-        fit = self._begun(terms, start)
+        return min((self._descended(begun, reach) for begun in self._begun(terms, start)), key=_objective)
+
+    def _descended(self, fit: Fit, reach: float) -> Fit:
+        """Return where Gauss-Newton steps lead from a fit, shortened where they do not help."""
         taken_at = fit.x
         for _ in range(_MOST_STEPS):
             if not (fit.terms or len(fit.x)) or not np.isfinite(fit.chi2):
@@ -456,20 +458,23 @@ class Problem:
         if fit.terms:
             yield from (self._moved(fit, self._step(fit, reach, damping)) for damping in (UNSEEN, GAIN, MOST))
 
-    def _begun(self, terms: Sequence[Term], start: Fit) -> Fit:
-        """Return the fit from which terms are fitted: as they stand, or new ones at a share of what they do.
+    def _begun(self, terms: Sequence[Term], start: Fit) -> Iterator[Fit]:
+        """Yield fits from which terms are fitted: as they stand, or new ones at a share of what they do.
 
-        First order may ask for a law at which the robot could not be: it does less where no equilibrium is near.
+        First order may ask for a law at which the robot could not be: it does less where no equilibrium is near. Where
+        a law joins others whose gaps have closed, these begin open, too.
         """
         known = start.names
-        opened = terms if all(term.candidate.name in known for term in terms) else self._opened(terms, start)
-        fit = start
-        for share in shortened(LITTLE):
-            less = [term if term.candidate.name in known else term.lessened(share) for term in opened]
-            fit = self.fit_at(less, start.run, start, near=True)
-            if np.isfinite(fit.chi2):
-                break
-        return fit if opened is terms else self.relinearised(fit)
+        joins = not all(term.candidate.name in known for term in terms)
+        opened = self._opened(terms, start) if joins else terms
+        for each in (terms,) if opened is terms else (terms, opened):
+            fit = start
+            for share in shortened(LITTLE):
+                less = [term if term.candidate.name in known else term.lessened(share) for term in each]
+                fit = self.fit_at(less, start.run, start, near=True)
+                if np.isfinite(fit.chi2):
+                    break
+            yield fit if each is terms else self.relinearised(fit)
 
     def _opened(self, terms: Sequence[Term], start: Fit) -> Sequence[Term]:
         """Return terms whose gaps that a fit has close within as large loads as what was measured nearly allows.
