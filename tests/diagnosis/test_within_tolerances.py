@@ -102,7 +102,7 @@ def test_a_fit_begins_where_the_robot_can_be(robot, monkeypatch):
     first = given.problem.first
     monkeypatch.setattr(Problem, "fit_at", borne)
     asked = payload.term(payload.coordinates_of(np.array([300.0])))
-    begun = given.problem._begun([asked], first)
+    (begun,) = given.problem._begun([asked], first)
     assert tried == pytest.approx([300.0, 100.0, 100 / 3])
     assert begun.terms[0].effect.values["mass"] == tried[-1]
 
