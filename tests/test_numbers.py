@@ -78,3 +78,18 @@ def test_a_value_has_the_digits_that_its_deviation_leaves(value, deviation, text
 )
 def test_a_share_is_a_hundred_percent_only_where_it_is_whole(share, text):
     assert percent(share) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0, "0"),
+        (1234.5, "1234"),
+        (0.1, "0.1"),
+        (-2.5e11, "-2.5e11"),
+        (float("inf"), "infinite"),
+        (7.854e-9, "7.854e-9"),
+    ],
+)
+def test_numbers_have_four_digits_unless_more_are_asked_for(value, text):
+    assert number(value) == text

@@ -169,6 +169,25 @@ def test_a_wave_longer_than_the_travel_is_told_by_its_shape_and_predicted_beyond
     assert added[100:-100] == pytest.approx(wave(q)[100:-100], abs=0.5)
 
 
+def test_a_spring_that_leaves_structure_is_held_where_the_joint_was_not_seen(carriage):
+    """A spring that hardens is no law of the library: what is known of it ends with the travel."""
+
+    def hardening(q):
+        return 300 * q + 9000 * q**3
+
+    found = diagnose(carriage, by_position(axis(3000), hardening))
+    assert found.verdict == "unexplained"
+    assert "cogging" not in {finding.physics for finding in found.findings}
+    wider = axis(3000, noise=0.0)
+    seen = wider.positions["carriage"]
+    q = 1.6 * seen
+    wider = replace(wider, positions={"carriage": q})
+    added = simulate(carriage, wider, found.effects).efforts["carriage"] - simulate(carriage, wider).efforts["carriage"]
+    held = hardening(np.clip(q, seen.min(), seen.max()))
+    assert added[100:-100] == pytest.approx(held[100:-100], abs=3.0)
+    assert any("continued as a constant beyond the travel" in remark for remark in found.remarks)
+
+
 @pytest.mark.slow
 def test_waves_that_together_are_any_shape_are_none(carriage):
     found = diagnose(carriage, by_position(axis(3000), lambda q: 30 * np.exp(-(((q - 0.05) / 0.03) ** 2)) + 200 * q))

@@ -49,6 +49,12 @@ def test_every_kind_is_a_field_and_every_field_a_kind():
         assert all((kind.unit, kind.description))
 
 
+def test_the_typical_set_names_every_kind():
+    assert list(TYPICAL.declared) == NAMES
+    for kind in KINDS_OF_TOLERANCE:
+        assert 0 < TYPICAL.declared[kind.name] <= kind.largest / 5, kind.name
+
+
 def test_those_beside_a_recording_are_read_and_written_back(beside, tmp_path):
     path = beside({"robot": "3prup", "tolerances": {"stiffness": 0.1, "position": 5e-5, "mass": None}})
     recording = read_recording(path)

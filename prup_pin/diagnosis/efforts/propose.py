@@ -336,7 +336,7 @@ def _proposal(final: FinalState, of: _Found, before: Array, with_curve: Array) -
     values = dict(term.law.fitted(term.place, state.x[state.model.slice_of(term)], term.values))
     parameters = parameters_of(state, term, values)
     law = found.formula.with_values(values, {name: item.interval for name, item in parameters.items()})
-    effects = list(effects_of(state))
+    effects = list(effects_of(state, ()))
     # what has the same terms and some more is the same formula, not another one
     others = [one for one in of.equals if not set(found.formula.terms) <= set(one.formula.terms)]
     squares = float(before.sum())

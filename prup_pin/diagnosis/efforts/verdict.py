@@ -9,7 +9,7 @@ import numpy as np
 
 from ...dynamics import INERTIAL
 from ...laws import Effect, Place
-from ...laws.efforts import Body
+from ...laws.efforts import Body, curve_by_position
 from ...laws.efforts.deviations import effects_of_deviations
 from ...mechanism.assumed import masses_in_doubt
 from ...numbers import number
@@ -20,6 +20,7 @@ from .final_state import FinalState
 from .findings import beyond_found, gains_found, laws_found
 from .gains import law_of_gains
 from .identify import efforts_not_detectable, efforts_visible
+from .problem import EffortCandidate
 from .residuals import curves_of, residuals_of
 from .unexplained import structure_left, unexplained
 
@@ -38,6 +39,12 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
         findings += beyond
     findings.sort(key=lambda finding: -finding.heldout_gain)
     unknown = unexplained(final, residuals, structure)
+    doubtful = _doubtful(final, unknown)
+    remarks += [
+        f"the curve of {name} over its position is continued as a constant beyond the travel that was recorded: no law "
+        "explains all of it"
+        for name in dict.fromkeys(term.place.name for term in doubtful)
+    ]
     advice = _advice_of(final, findings, unknown)
     unknown += [interval.finding() for interval in final.outliers]
     # how a log may be meant is a question where something is left alone, and then it comes before all else
@@ -62,7 +69,7 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
         by_joint=residuals.by_joint,
         shares=residuals.shares,
         findings=(*findings, *unknown),
-        effects=tuple(effects_of(final)),
+        effects=tuple(effects_of(final, doubtful)),
         curves=tuple(curves_of(final)),
         verdict="unexplained" if unknown else "explained" if findings else "nothing_missing",
         not_detectable=tuple(efforts_not_detectable(final)),
@@ -74,6 +81,12 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
         sliding=tuple(name for name in driven if final.mechanism.joint(name).slides),
         premises=(*(doubt.text for doubt in doubts), *_premises_of(final)),
     )
+
+
+def _doubtful(final: FinalState, unknown: Sequence[Finding]) -> list[EffortCandidate]:
+    """Return laws by a joint's position beside which structure is left: beyond its travel they say nothing."""
+    places = {finding.location for finding in unknown} & set(final.at.driven)
+    return [term for term in final.model.terms if term.law.within_travel and term.place.name in places]
 
 
 def _advice_of(final: FinalState, findings: Sequence[Finding], unknown: Sequence[Finding]) -> str:
@@ -159,8 +172,8 @@ def _by_link(names: Sequence[str]) -> str:
     return "; ".join(told)
 
 
-def effects_of(final: FinalState) -> Iterator[Effect]:
-    """Yield all effects of the corrected model: laws, and toleranced parameters."""
+def effects_of(final: FinalState, doubtful: Sequence[EffortCandidate]) -> Iterator[Effect]:
+    """Yield all effects of the corrected model: laws, and toleranced parameters. doubtful: laws told as curves."""
     gains = [] if final.gains is None else final.efforts.gains_among(final.model)[1]
     within = [
         (final.efforts.deviations[index], amount)
@@ -170,6 +183,11 @@ def effects_of(final: FinalState) -> Iterator[Effect]:
     yield from effects_of_deviations([item for item, _ in within], np.array([amount for _, amount in within]))
     for term in final.model.terms:
         own = final.x[final.model.slice_of(term)]
+        if term in doubtful:
+            # as a curve through knots, which ends where its joint's travel does
+            efforts = term.law.efforts_per(term.place, term.values, final.at) @ own
+            yield Effect(*curve_by_position(term.place.name, efforts, final.at))
+            continue
         for law, place, values in term.law.parts(term.place, term.law.fitted(term.place, own, term.values)):
             yield final.effect(law, place, values)
     if final.gains is not None:

@@ -13,7 +13,7 @@ from .effort_filter import EffortFilter, EffortsFilter
 from .effort_law import EFFORT, Body, EffortLaw
 from .effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
 from .encoder import DelayedEncoder, DelayedEncoders, OffsetEncoder
-from .free_curve import CURVES, FINE_CURVES, ROUGH_CURVES
+from .free_curve import CURVES, FINE_CURVES, ROUGH_CURVES, curve_by_position
 from .inertial_parameters import InertialParameters, ScaledInertia
 from .joint_compliance import YieldingGear
 from .joint_coupling import FeltMotion, FeltPosition, SpringAcross
@@ -67,4 +67,4 @@ def _brought():
 
 EFFORT_LAWS: Library[EffortLaw] = Library(_OWN, _brought)
 
-__all__ = ["CURVES", "EFFORT", "EFFORT_LAWS", "FINE_CURVES", "ROUGH_CURVES", "Body", "EffortLaw"]
+__all__ = ["CURVES", "EFFORT", "EFFORT_LAWS", "FINE_CURVES", "ROUGH_CURVES", "Body", "EffortLaw", "curve_by_position"]

@@ -106,6 +106,7 @@ class CoggingOfFewPeriods(Periodic):
     family = "counterbalance"
     least_gain = _SURELY
     by_shape = True
+    within_travel = True
     fewest = 0.3
 
     def unlike(self, place: Place) -> Sequence[tuple[str, str]]:

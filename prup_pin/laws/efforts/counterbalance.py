@@ -28,6 +28,7 @@ class Counterbalance(DrivenEffortLaw):
     family = "counterbalance"
     linear = ("cosine", "sine")
     against = "position"
+    within_travel = True
     quantities = tuple(
         Quantity(
             name, "N m", f"effort in proportion to the {name} of the joint's angle", 1.0, positive=False, lower=-1e6
@@ -57,6 +58,7 @@ class CounterbalanceSpring(DrivenEffortLaw):
     variant = f"{EFFORT} of a spring"
     linear = ("stiffness", "preload")
     against = "position"
+    within_travel = True
     quantities = (
         Quantity("stiffness", "N m/rad", "effort per position", 1.0, positive=False, lower=-1e9),
         Quantity("preload", "N m", "effort at zero", 1.0, positive=False, lower=-1e6),

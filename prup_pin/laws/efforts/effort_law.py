@@ -76,6 +76,8 @@ class EffortLaw(Law):
     of_gain: ClassVar[bool] = False
     #: The one of `variables.VARIABLES` that drives it, against which it is drawn.
     against: ClassVar[str] = ""
+    #: True where it was seen within the joint's travel alone: beyond it it says nothing while structure is left.
+    within_travel: ClassVar[bool] = False
     #: True where all laws of its word at a place are one thing, told apart by their values (`is_same`).
     told_by_values: ClassVar[bool] = False
     #: True where it would pass for noise before other laws are known.

@@ -165,3 +165,14 @@ FINE_CURVES = tuple(
 )
 #: Those of friction alone, which stand for what no law explains when noise is told from it.
 ROUGH_CURVES = tuple(curve for curve in CURVES if curve.friction)
+
+
+def curve_by_position(joint: str, efforts: Array, at: InMotion) -> tuple[FreeCurve, Place, Mapping[str, float]]:
+    """Return efforts (N, k) that follow a joint's position as a curve through knots: beyond its travel it stays."""
+    law = FreeCurve("position")
+    place = Place(joint, law.variant)
+    knots = law.scanned(place, at)[0]
+    columns = law.efforts_per(place, knots, at)[:, :, : law.count]
+    heights = np.zeros(len(law.linear))
+    heights[: law.count] = np.linalg.lstsq(columns.reshape(-1, law.count), efforts.ravel(), rcond=None)[0]
+    return law, place, dict(law.fitted(place, heights, knots))
