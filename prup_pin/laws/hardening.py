@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -13,9 +12,9 @@ from ..mechanism import Mechanism
 from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import Array
-from .deeds import Along, Deed, ExtraStrain, Felt, Strain
-from .law import ASPECTS, Law, Place
-from .modules_at import stiffness_of, turns, yielding
+from .deeds import Deed, Felt
+from .law import Law, Place
+from .modules_at import of_constant_stiffness, strained_beyond, turns
 from .setup import Setup
 
 
@@ -39,8 +38,7 @@ class Hardening(Law):
     neutral: ClassVar = {"doubling_load": 1e15}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        nonlinear = {module.name for module in mechanism.modules if module.kind.nonlinear}
-        return [place for place in yielding(mechanism, ("", "radial", "axial")) if place.name not in nonlinear]
+        return of_constant_stiffness(mechanism)
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         if not turns(mechanism, place):
@@ -59,23 +57,19 @@ class Hardening(Law):
         return (of / value) ** 2
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        name = stiffness_of(setup.mechanism.module(place.name), place.aspect)
-        assert name is not None
-        stiffness = setup.module_value(place.name, name)
-        harder = partial(_harder, stiffness=stiffness, doubling=values["doubling_load"] / (2 * stiffness))
-        direction = ASPECTS[place.aspect] if place.aspect else slice(0, 1)
-        yield ExtraStrain(place.name, Strain(Along(direction, harder)))
+        yield strained_beyond(place, setup, _harder, load=values["doubling_load"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         load = quantity(values["doubling_load"], "N m" if turns(mechanism, place) else "N")
         return f"{place} hardens as it gives way: under {load} it is twice as stiff as under none"
 
 
-def _harder(force: Array, stiffness: float, doubling: float) -> tuple[Array, Array]:
-    """Return what it yields beyond its constant stiffness under a force >= 0 (N,), and the slope; doubling: e_0.
+def _harder(force: Array, stiffness: float, load: float) -> tuple[Array, Array]:
+    """Return what it yields beyond its constant stiffness under a force >= 0 (N,), and the slope; load: 2 k e_0.
 
     The cubic's one real root by hyperbolic functions; F / k - e is e^3 / e_0^2, exact for small loads too.
     """
+    doubling = load / (2 * stiffness)  # e_0
     at = 2 / np.sqrt(3) * np.sinh(np.arcsinh(1.5 * np.sqrt(3) * force / (stiffness * doubling)) / 3)  # e / e_0
     grown = 3 * at**2
     return -doubling * at**3, -grown / (1 + grown) / stiffness

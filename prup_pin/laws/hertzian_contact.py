@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -12,9 +11,9 @@ from ..mechanism import Mechanism
 from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import Array
-from .deeds import Along, Deed, ExtraStrain, Strain
-from .law import ASPECTS, Law, Place
-from .modules_at import stiffness_of, turns, yielding
+from .deeds import Deed
+from .law import Law, Place
+from .modules_at import of_constant_stiffness, strained_beyond, turns
 from .setup import Setup
 
 
@@ -37,8 +36,7 @@ class HertzianContact(Law):
     neutral: ClassVar = {"reference_load": 1e15, "preload": 1e15}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        nonlinear = {module.name for module in mechanism.modules if module.kind.nonlinear}
-        return [place for place in yielding(mechanism, ("", "radial", "axial")) if place.name not in nonlinear]
+        return of_constant_stiffness(mechanism)
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         if not turns(mechanism, place):
@@ -55,12 +53,7 @@ class HertzianContact(Law):
         return float(np.cbrt(value / of))
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        name = stiffness_of(setup.mechanism.module(place.name), place.aspect)
-        assert name is not None
-        stiffness = setup.module_value(place.name, name)
-        contact = partial(_contact, stiffness=stiffness, at=values["reference_load"], preload=values["preload"])
-        direction = ASPECTS[place.aspect] if place.aspect else slice(0, 1)
-        yield ExtraStrain(place.name, Strain(Along(direction, contact)))
+        yield strained_beyond(place, setup, _contact, at=values["reference_load"], preload=values["preload"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = next(q.unit for q in self.quantities_at(place, mechanism) if q.name == "preload")

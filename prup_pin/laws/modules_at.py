@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -11,9 +12,9 @@ from ..mechanism import Joint, Mechanism, Module
 from ..modules import DriveModule
 from ..modules.transmission import travel_per_motor_turn
 from ..spatial import Array
-from .deeds import ChangedValue, Deed
+from .deeds import Along, ChangedValue, Deed, ExtraStrain, Strain
 from .drawn import drive_turns
-from .law import Place
+from .law import ASPECTS, Place
 from .setup import Setup
 
 #: Poisson's ratio of steel: its shear modulus is E / 2 (1 + nu).
@@ -46,6 +47,24 @@ def yielding(mechanism: Mechanism, aspects: tuple[str, ...]) -> list[Place]:
         for aspect in aspects
         if stiffness_of(module, aspect) and not (aspect == "" and not isinstance(module.kind, DriveModule))
     ]
+
+
+def of_constant_stiffness(mechanism: Mechanism) -> list[Place]:
+    """Return the places of all modules that yield along themselves, but those whose stiffness follows their load."""
+    nonlinear = {module.name for module in mechanism.modules if module.kind.nonlinear}
+    return [place for place in yielding(mechanism, ("", "radial", "axial")) if place.name not in nonlinear]
+
+
+def strained_beyond(place: Place, setup: Setup, curve: Callable[..., tuple[Array, Array]], **values: float) -> Deed:
+    """Return what a module yields beyond its constant stiffness by a curve over the force on it.
+
+    curve: of the force (N,), the `stiffness` and `values`; what is yielded [m, rad], and its slope.
+    """
+    name = stiffness_of(setup.mechanism.module(place.name), place.aspect)
+    assert name is not None
+    along = partial(curve, stiffness=setup.module_value(place.name, name), **values)
+    direction = ASPECTS[place.aspect] if place.aspect else slice(0, 1)
+    return ExtraStrain(place.name, Strain(Along(direction, along)))
 
 
 def beams(mechanism: Mechanism) -> list[Module]:

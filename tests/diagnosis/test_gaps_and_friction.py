@@ -12,7 +12,7 @@ from prup_pin.diagnosis.problem import Problem
 from prup_pin.laws import Inputs, Place, law_at
 from prup_pin.simulation import Simulator
 
-from ..statics.build import RobotFile
+from ..statics.build import rubbing_block
 
 K = 2e5  # N/m
 FORCES = np.arange(-100.0, 100.0, 7.3)  # N
@@ -21,14 +21,7 @@ FORCES = np.arange(-100.0, 100.0, 7.3)  # N
 @pytest.fixture
 def block(tmp_path):
     """A block that slides on the base, and a spring beside it that holds it."""
-    file = RobotFile()
-    file.link("block")
-    file.link("ram")
-    file.joint("rubbing", "prismatic", "base", "block", axis=(1, 0, 0))
-    file.held("slide", "base", "ram", axis=(1, 0, 0))
-    file.module("spring", "joint_spring", "slide", {"stiffness": K})
-    file.loop("together", "block", "ram", free="y z rx ry rz")
-    return file.load(tmp_path, "block")
+    return rubbing_block(tmp_path, K)
 
 
 def pulled(robot, forces):

@@ -9,7 +9,7 @@ from prup_pin.laws import CoulombFriction, Inputs, Place
 from prup_pin.simulation import Simulator
 from prup_pin.views.text.diagnosis_words import parameter_texts
 
-from ..statics.build import RobotFile
+from ..statics.build import rubbing_block
 from .test_parts import problem_of
 
 LIMIT, STICK, SPRING = 6.0, 4e5, 2e5  # N, N/m, N/m
@@ -18,14 +18,7 @@ LIMIT, STICK, SPRING = 6.0, 4e5, 2e5  # N, N/m, N/m
 @pytest.fixture
 def block(tmp_path):
     """A block that rubs on the base, and a spring beside it that holds it."""
-    file = RobotFile()
-    file.link("block")
-    file.link("ram")
-    file.joint("rubbing", "prismatic", "base", "block", axis=(1, 0, 0))
-    file.held("slide", "base", "ram", axis=(1, 0, 0))
-    file.module("spring", "joint_spring", "slide", {"stiffness": SPRING})
-    file.loop("together", "block", "ram", free="y z rx ry rz")
-    return file.load(tmp_path, "block")
+    return rubbing_block(tmp_path, SPRING)
 
 
 def fitted(robot, largest):

@@ -19,7 +19,7 @@ from prup_pin.simulation import Simulator
 from prup_pin.spatial import rotation_exp, rotation_log
 from prup_pin.testing.poses import change
 
-from ..statics.build import RobotFile
+from ..statics.build import RobotFile, rubbing_block
 from .bench import NAMES, effect, nominal, robot, simulator
 
 
@@ -59,14 +59,7 @@ def spring(tmp_path):
 @pytest.fixture
 def sliding_block(tmp_path):
     """A block that rubs on the base, and a spring beside it that holds it."""
-    file = RobotFile()
-    file.link("block")
-    file.link("ram")
-    file.joint("rubbing", "prismatic", "base", "block", axis=(1, 0, 0))
-    file.held("slide", "base", "ram", axis=(1, 0, 0))
-    file.module("spring", "joint_spring", "slide", {"stiffness": K})
-    file.loop("together", "block", "ram", free="y z rx ry rz")
-    return file.load(tmp_path, "block")
+    return rubbing_block(tmp_path, K)
 
 
 LIMIT, STICK = 6.0, 4e5  # N, N/m

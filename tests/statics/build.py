@@ -94,3 +94,15 @@ class RobotFile:
 def at_rest(robot: prup_pin.Robot) -> prup_pin.Compliance:
     """Return the compliance where all actuators stand at zero."""
     return robot.compliance(robot.pose_from_actuators([0.0] * len(robot.mechanism.actuated)))
+
+
+def rubbing_block(folder: Path, stiffness: float) -> prup_pin.Robot:
+    """Return a block that may rub on the base at 'rubbing', held by a spring beside it [N/m]."""
+    file = RobotFile()
+    file.link("block")
+    file.link("ram")
+    file.joint("rubbing", "prismatic", "base", "block", axis=(1, 0, 0))
+    file.held("slide", "base", "ram", axis=(1, 0, 0))
+    file.module("spring", "joint_spring", "slide", {"stiffness": stiffness})
+    file.loop("together", "block", "ram", free="y z rx ry rz")
+    return file.load(folder, "block")
