@@ -1,7 +1,5 @@
 """The one place that moves frames, closes loops and decides ranks; everything takes leading axes."""
 
-# ruff: noqa: F401
-
 from .closure import Closure, LoopForces, LoopGaps
 from .columns import Columns
 from .compiled import Configuration, FixedFrames, LoopedTree, Passing
@@ -19,3 +17,33 @@ from .rank import (
 )
 from .regular import Factors, inverse
 from .tree import Tree
+
+__all__ = [
+    "NEGLIGIBLE",
+    "NEGLIGIBLE_ENERGY",
+    "Closure",
+    "Columns",
+    "Configuration",
+    "Expression",
+    "Factors",
+    "FixedFrames",
+    "LoopForces",
+    "LoopGaps",
+    "LoopedTree",
+    "Passing",
+    "Pipeline",
+    "Program",
+    "Rank",
+    "Tape",
+    "Tree",
+    "eliminated",
+    "equal_ranks",
+    "independent",
+    "inverse",
+    "largest",
+    "least",
+    "pseudo_inverse",
+    "rank_of",
+    "semidefinite_inverse",
+    "semidefinite_null",
+]

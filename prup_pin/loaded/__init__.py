@@ -1,7 +1,5 @@
 """The robot under load: equilibrium in the deformed position."""
 
-# ruff: noqa: F401
-
 from .chain import Chain, chain_of, with_values
 from .equilibrium import Equilibria, find_equilibria, with_torques
 from .first_order import FirstOrder, elastic_deformation
@@ -11,3 +9,25 @@ from .residual import loads_on_bodies
 from .rigid_samples import RigidSamples
 from .rod import LoadedRod, loaded_rod
 from .state import Conditions, Pull, State
+
+__all__ = [
+    "Chain",
+    "Conditions",
+    "Energy",
+    "Equilibria",
+    "FirstOrder",
+    "LoadedPose",
+    "LoadedRod",
+    "Pull",
+    "RigidSamples",
+    "State",
+    "chain_of",
+    "deformation_of_law",
+    "elastic_deformation",
+    "find_equilibria",
+    "find_loaded_pose",
+    "loaded_rod",
+    "loads_on_bodies",
+    "with_torques",
+    "with_values",
+]

@@ -285,9 +285,10 @@ class _Search:
                 # what came last may have come for what no reading explains; and signs of efforts say nothing of one
                 # another: those that are sure by themselves are told
                 first = (taken[:end] for end in range(len(taken) - 1, 0, -1))
-                signs = [item for item in taken if item.word == "reversed" and item.columns.startswith("tau.")]
-                sure = tuple(item for item in signs if self._makes_sense(begin, (item,)))
-                taken, others = next((some for some in first if self._makes_sense(begin, some)), sure), ()
+                signs = (item for item in taken if item.word == "reversed" and item.columns.startswith("tau."))
+                told = next((some for some in first if self._makes_sense(begin, some)), None)
+                taken = told or tuple(item for item in signs if self._makes_sense(begin, (item,)))
+                others = ()
                 least = self.left(read_as(begin, taken, self.drawn)) if taken else now
         written = self.left(self.written) if start else now
         conventions = merged((*start, *taken), list(self.written.positions), list(self.written.efforts))

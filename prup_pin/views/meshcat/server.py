@@ -8,6 +8,7 @@ import html
 import importlib.util
 import json
 import re
+import sys
 from pathlib import Path
 from threading import Lock, Thread
 from typing import Any
@@ -90,8 +91,9 @@ class Served:
         class Server(ThreadingTCPServer):
             daemon_threads = True
 
-            def handle_error(self, *_: Any) -> None:  # a browser that leaves is no error
-                pass
+            def handle_error(self, request: Any, client_address: Any) -> None:
+                if not isinstance(sys.exc_info()[1], ConnectionError):  # a browser that leaves is no error
+                    super().handle_error(request, client_address)
 
         try:
             self._server = Server(("127.0.0.1", port), Handler)
