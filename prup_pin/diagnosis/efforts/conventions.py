@@ -529,11 +529,8 @@ class _Search:
         most = float(np.mean(np.abs(apart) < alike)) > MOST and apart.min() > -alike
         if abs(np.log(usual)) < np.log(AS_GOOD) or not most:
             return None
-        slides = {self.mechanism.joint(name).slides for name in self.motion.driven}
-        for word in WORDS:
-            known = "tau" in word.groups and word.factor is not None and slides == {word.slide}
-            if known and abs(np.log(usual * word.factor)) < np.log(NEARLY):  # type: ignore[operator]
-                return Convention("tau", word.name)
+        if (known := known_unit(usual, self.mechanism, self.motion.driven)) is not None:
+            return known
         # of two drives a load may be so much larger as well
         if len(sizes) < FEWEST_OF_KIND or _tool_load_would_do(self.at, dict.fromkeys(self.motion.driven, usual)):
             return None
@@ -589,6 +586,14 @@ def _limit(written: float) -> float:
     if written < FAR_LESS:
         return FAR_LESS * written
     return max(MOST * min(written, 1.0), min(FAR_LESS * written, MOSTLY))
+
+
+def known_unit(gain: float, mechanism: Mechanism, driven: Sequence[str]) -> Convention | None:
+    """Return the unit in which all drives report where a gain of all is nearly that of a unit with a name."""
+    slides = {mechanism.joint(name).slides for name in driven}
+    units = (word for word in WORDS if "tau" in word.groups and (word.factor or 0.0) > 0 and slides == {word.slide})
+    near = (word for word in units if abs(np.log(gain * word.factor)) < np.log(NEARLY))  # type: ignore[operator]
+    return next((Convention("tau", word.name) for word in near), None)
 
 
 def gains_apart(gains: dict[str, float]) -> bool:
