@@ -133,8 +133,8 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
         parameters=parameters,
         heldout_gain=heldout_gain((left[good] ** 2).sum(), (recorded[good] ** 2).sum()),
         statement=(
-            f"the drives report in {'a unit' if len(conventions) == 1 else 'units'} of their own; all gains together and "
-            f"all masses together are one unknown, which the robot file's masses decide{hardly}"
+            f"the drives report in {'a unit' if len(conventions) == 1 else 'units'} of their own; all gains together "
+            f"and all masses together are one unknown, which the robot file's masses decide{hardly}"
         ),
         advice=_declared(final, sure) if sure else "",
         conventions=tuple(conventions),
