@@ -185,23 +185,28 @@ class _Search:
         """Return what is read otherwise and told: but for a gain that all drives have; None where that is all.
 
         What drives report per N m is told beside all masses, with how well it is known, which no reading has: read
-        here, it would be taken for exact, and told again as what each drive differs by. Where nothing tells gains
-        beside masses, as at rest, it is a reading.
+        here, it would be taken for exact, and told again as what each drive differs by; so would a unit with a name
+        that is nearly that of drives which differ. Where nothing tells gains beside masses, as at rest, it is a
+        reading.
         """
         found = self.found
-        gain = next((item for item in found.conventions if item.word == "gain"), None) if found else None
-        if found is None or gain is None:
+        unit = next((item for item in found.conventions if item.word in _OF_UNIT), None) if found else None
+        if found is None or unit is None:
             return found
         rest, *others = (
-            tuple(item for item in reading if item != gain) for reading in (found.conventions, *found.others)
+            tuple(item for item in reading if item != unit) for reading in (found.conventions, *found.others)
         )
-        read = read_as(self.recording, rest, self.drawn)
-        at = InMotion.of(self.mechanism, motion_of(read, self.mechanism)) if rest else self.at
-        if gains_of(at, {key: float(value) for key, value in read.tolerances.declared.items()}) is None:
+        if not self._tells_gains(rest if unit.word == "gain" else found.conventions):
             return found
         return (
-            _evidence(rest, self.left(read_as(self.written, [gain], self.drawn)), found.read, others) if rest else None
+            _evidence(rest, self.left(read_as(self.written, [unit], self.drawn)), found.read, others) if rest else None
         )
+
+    def _tells_gains(self, conventions: Sequence[Convention]) -> bool:
+        """Return whether drives report in units of their own, beside all masses, in the log as it is read."""
+        read = read_as(self.recording, conventions, self.drawn)
+        at = InMotion.of(self.mechanism, motion_of(read, self.mechanism)) if conventions else self.at
+        return gains_of(at, {key: float(value) for key, value in read.tolerances.declared.items()}) is not None
 
     def _noise(self) -> Array:
         """Return what each effort (k,) scatters by in the band in which it is compared; 0 where nothing tells that."""
