@@ -185,23 +185,28 @@ class _Search:
         """Return what is read otherwise and told: but for a gain that all drives have; None where that is all.
 
         What drives report per N m is told beside all masses, with how well it is known, which no reading has: read
-        here, it would be taken for exact, and told again as what each drive differs by. Where nothing tells gains
-        beside masses, as at rest, it is a reading.
+        here, it would be taken for exact, and told again as what each drive differs by; so would a unit with a name
+        that is nearly that of drives which differ. Where nothing tells gains beside masses, as at rest, it is a
+        reading.
         """
         found = self.found
-        gain = next((item for item in found.conventions if item.word == "gain"), None) if found else None
-        if found is None or gain is None:
+        unit = next((item for item in found.conventions if item.word in _OF_UNIT), None) if found else None
+        if found is None or unit is None:
             return found
         rest, *others = (
-            tuple(item for item in reading if item != gain) for reading in (found.conventions, *found.others)
+            tuple(item for item in reading if item != unit) for reading in (found.conventions, *found.others)
         )
-        read = read_as(self.recording, rest, self.drawn)
-        at = InMotion.of(self.mechanism, motion_of(read, self.mechanism)) if rest else self.at
-        if gains_of(at, {key: float(value) for key, value in read.tolerances.declared.items()}) is None:
+        if not self._tells_gains(rest if unit.word == "gain" else found.conventions):
             return found
         return (
-            _evidence(rest, self.left(read_as(self.written, [gain], self.drawn)), found.read, others) if rest else None
+            _evidence(rest, self.left(read_as(self.written, [unit], self.drawn)), found.read, others) if rest else None
         )
+
+    def _tells_gains(self, conventions: Sequence[Convention]) -> bool:
+        """Return whether drives report in units of their own, beside all masses, in the log as it is read."""
+        read = read_as(self.recording, conventions, self.drawn)
+        at = InMotion.of(self.mechanism, motion_of(read, self.mechanism)) if conventions else self.at
+        return gains_of(at, {key: float(value) for key, value in read.tolerances.declared.items()}) is not None
 
     def _noise(self) -> Array:
         """Return what each effort (k,) scatters by in the band in which it is compared; 0 where nothing tells that."""
@@ -529,11 +534,8 @@ class _Search:
         most = float(np.mean(np.abs(apart) < alike)) > MOST and apart.min() > -alike
         if abs(np.log(usual)) < np.log(AS_GOOD) or not most:
             return None
-        slides = {self.mechanism.joint(name).slides for name in self.motion.driven}
-        for word in WORDS:
-            known = "tau" in word.groups and word.factor is not None and slides == {word.slide}
-            if known and abs(np.log(usual * word.factor)) < np.log(NEARLY):  # type: ignore[operator]
-                return Convention("tau", word.name)
+        if (known := known_unit(usual, self.mechanism, self.motion.driven)) is not None:
+            return known
         # of two drives a load may be so much larger as well
         if len(sizes) < FEWEST_OF_KIND or _tool_load_would_do(self.at, dict.fromkeys(self.motion.driven, usual)):
             return None
@@ -589,6 +591,14 @@ def _limit(written: float) -> float:
     if written < FAR_LESS:
         return FAR_LESS * written
     return max(MOST * min(written, 1.0), min(FAR_LESS * written, MOSTLY))
+
+
+def known_unit(gain: float, mechanism: Mechanism, driven: Sequence[str]) -> Convention | None:
+    """Return the unit in which all drives report where a gain of all is nearly that of a unit with a name."""
+    slides = {mechanism.joint(name).slides for name in driven}
+    units = (word for word in WORDS if "tau" in word.groups and (word.factor or 0.0) > 0 and slides == {word.slide})
+    near = (word for word in units if abs(np.log(gain * word.factor)) < np.log(NEARLY))  # type: ignore[operator]
+    return next((Convention("tau", word.name) for word in near), None)
 
 
 def gains_apart(gains: dict[str, float]) -> bool:
