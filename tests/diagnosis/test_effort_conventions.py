@@ -7,14 +7,10 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis.conventions import read_logs
-from prup_pin.diagnosis.efforts.conventions import (
-    _Search,
-    _tool_load_would_do,
-    check_efforts,
-    conventions_of_efforts,
-    gains_of_efforts,
-)
+from prup_pin.diagnosis.efforts.belongs import check_efforts
+from prup_pin.diagnosis.efforts.conventions import _Search, conventions_of_efforts
 from prup_pin.diagnosis.efforts.gains import gains_of
+from prup_pin.diagnosis.efforts.shares import gains_of_efforts, tool_load_would_do
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.dynamics.inertial import point_mass
 from prup_pin.errors import InputError
@@ -316,12 +312,12 @@ def test_a_load_in_the_tool_is_no_other_unit_of_all_efforts(ur5, loaded_log):
     search = _Search.of(ur5, loaded_log)
     gains = gains_of_efforts(search.motion, search.efforts, search.rigid)
     assert np.median(list(gains.values())) > 1.6
-    assert _tool_load_would_do(search.at, dict.fromkeys(ur5.actuated, 1.8))
+    assert tool_load_would_do(search.at, dict.fromkeys(ur5.actuated, 1.8))
     assert told(ur5, loaded_log) == []
     assert checked(ur5, loaded_log) == []
     other = written(loaded_log, "tau=gain:0.1")
     at = InMotion.of(ur5, motion_of(other, ur5))
-    assert not _tool_load_would_do(at, dict.fromkeys(ur5.actuated, 0.15))
+    assert not tool_load_would_do(at, dict.fromkeys(ur5.actuated, 0.15))
 
 
 def test_no_unit_is_looked_for_where_one_is_declared(ur5, recording):

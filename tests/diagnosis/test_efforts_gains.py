@@ -6,7 +6,6 @@ import pytest
 from prup_pin import diagnose, load
 from prup_pin.diagnosis.chances import WITHIN_95
 from prup_pin.diagnosis.diagnosis import FittedParameter
-from prup_pin.diagnosis.efforts.conventions import gains_apart
 from prup_pin.diagnosis.efforts.gains import (
     gains_of,
     in_newtons,
@@ -14,6 +13,7 @@ from prup_pin.diagnosis.efforts.gains import (
     precision_of_gains,
     scatter_of_gains,
 )
+from prup_pin.diagnosis.efforts.shares import gains_apart
 from prup_pin.dynamics import InMotion, in_frame, motion_of
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts.effort_sensor import EffortUnit

@@ -28,7 +28,7 @@ from ..criteria import (
 from ..normal_equations import NormalEquations
 from .band import band_of, in_motion
 from .bayes_factors import with_likelier_bodies
-from .conventions import check_efforts
+from .belongs import check_efforts
 from .diagnosis import EffortDiagnosis
 from .evidence import CrossValidation, held_out, relative_gain, scores
 from .few_bodies import with_few_bodies
