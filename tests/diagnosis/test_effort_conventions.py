@@ -16,6 +16,7 @@ from prup_pin.dynamics.inertial import point_mass
 from prup_pin.errors import InputError
 from prup_pin.recordings import Recording, convention_of, joints_of, read_recording, written_as
 from prup_pin.simulation import drawn_for
+from tests.reference.concealed import efforts
 from tests.reference.concealed.elastic import draw_elastic, write
 
 
@@ -343,3 +344,16 @@ def test_a_third_of_a_second_at_one_posture_does_not_say_how_it_is_written(ur5):
 
     assert told(ur5, at_rest(0.32)) == []
     assert told(ur5, at_rest(6.0)) == ["tau.shoulder_lift_joint=reversed", "tau.elbow_joint=reversed"]
+
+
+@pytest.mark.slow
+def test_drives_in_units_of_their_own_make_more_sense_of_a_log_than_a_zero_elsewhere(tmp_path):
+    """Beside a rotor's inertia at the base, which nothing explains before laws do, a quarter of a turn was told."""
+    mechanism = load("xarm7").mechanism
+    efforts.write(
+        efforts.draw_efforts(861051, "xarm7", ["rotor_inertia"], (5.0, 40.0)), tmp_path, tmp_path / "sealed", "device"
+    )
+    log = read_recording(tmp_path / "device.csv")
+    constants = (0.083, 0.08, 0.11, 0.14, 0.12, 0.15, 0.13)
+    amperes = changed(log, "efforts", dict(zip(mechanism.actuated, constants, strict=True)))
+    assert told(mechanism, amperes) == []

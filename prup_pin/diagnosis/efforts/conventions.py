@@ -219,18 +219,19 @@ class _Search:
         first = self.left(self.written)
         signed = gains_of_efforts(self.motion, self.efforts, self.rigid)
         unit = self._unit(signed)
-        tried = [self._found((), self.written)]
+        begin, tried = self.written, [self._found((), self.written)]
         if unit is not None:
             tried.append(self._found((unit,), read_as(self.written, [unit], self.drawn)))
         elif first > FAR_LESS and gains_apart(signed):
             # each drive in a unit of its own is no sign turned round: what is read otherwise is looked for beside that
             sizes = gains_of_efforts(self.motion, self.efforts, self.rigid, follows=0.0)
             own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
-            tried.append(self._found((), replace(self.written, efforts=own)))
+            begin = replace(self.written, efforts=own)
+            tried.append(self._found((), begin))
         found = [item for item in tried if item.conventions]
         if not found and (turned := self._single_signs(signed)) is not None:
             return turned
-        if all(item.read > LITTLE for item in found) and (counted := self._counted_elsewhere(first)) is not None:
+        if all(item.read > LITTLE for item in found) and (counted := self._counted_elsewhere(begin)) is not None:
             found.append(counted)
         if not found:
             return self._before_gears(first)
@@ -294,8 +295,8 @@ class _Search:
         conventions = merged((*start, *taken), list(self.written.positions), list(self.written.efforts))
         return _evidence(conventions, written, least, [(*start, *other) for other in others])
 
-    def _counted_elsewhere(self, first: float) -> Evidence | None:
-        """Return from where joints count, and which way, where that makes sense of the log; first: what it leaves.
+    def _counted_elsewhere(self, begin: Recording) -> Evidence | None:
+        """Return from where joints count, and which way, where that makes sense of the log, and more than begin does.
 
         A joint that goes the other way round is driven the other way round.
         """
@@ -306,17 +307,27 @@ class _Search:
             return (*reading, *driven)
 
         def cost(reading: Sequence[Convention]) -> float:
-            # by how likely it is, each joint with a noise of its own: one that nothing explains hides no other
-            shares = self.shares(read_as(self.written, with_efforts(reading), self.drawn), few)
-            return float(np.exp(np.nanmean(np.log(np.maximum(shares, LITTLE**2))) / 2))
+            return self._by_likelihood(read_as(self.written, with_efforts(reading), self.drawn), few)
 
+        first = self.left(self.written)
         if not first > FAR_LESS:
             return None
         few = spaced(len(self.rows), _SCANNED)
         found = with_efforts(quarter_turns(self.mechanism, list(self.written.positions), cost))
         if not found or not self._makes_sense(self.written, found):
             return None
-        return _evidence(found, first, self.left(read_as(self.written, found, self.drawn)))
+        read = read_as(self.written, found, self.drawn)
+        if not self._by_likelihood(read) < self._by_likelihood(begin):
+            return None
+        return _evidence(found, first, self.left(read))
+
+    def _by_likelihood(self, recording: Recording, rows: np.ndarray | None = None) -> float:
+        """Return the geometric mean over the joints of what is left of each, as its noise may be any.
+
+        So one that nothing explains hides no other. rows: by those samples alone.
+        """
+        shares = self.shares(recording, rows)
+        return float(np.exp(np.nanmean(np.log(np.maximum(shares, LITTLE**2))) / 2))
 
     def _makes_sense(self, written: Recording, taken: Sequence[Convention]) -> bool:
         """Return whether a log leaves so much less as it is read, and less than where gravity may pull any way.
