@@ -155,6 +155,9 @@ def _declared(conventions: Sequence[Convention]) -> str:
 def _how_far(found: Evidence) -> str:
     what = {"positions": "measured and drawn positions are", "orientations": "measured and drawn orientations are"}
     read = _size(found.read, found.unit)
+    if found.written is None and found.what == "efforts":
+        share = f"{number(100 * found.read, 3)} %"
+        return f"the loops cannot be closed as it is written; read so, the robot file leaves {share} of the efforts"
     if found.written is None:
         return f"the robot cannot stand as it is written; {what[found.what]} {read} apart as it is read"
     if found.what in what:

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...dynamics import InMotion, Motion, could_be_gravity, motion_of
+from ...dynamics import InMotion, InverseDynamics, Motion, could_be_gravity, motion_of
 from ...errors import InputError, PrupPinError
 from ...mechanism import Mechanism
 from ...recordings import WORDS, Convention, Drawn, Recording, read_as
@@ -49,8 +49,8 @@ from .shares import (
     tool_load_would_do,
 )
 
-#: Samples of a scan of many ratios.
-_SCANNED = 80
+#: Samples of a scan of many ratios, and of one by which loops are closed.
+_SCANNED, _CLOSED = 80, 16
 #: Conventions one after the other.
 _MOST = 6
 #: Words for units of efforts.
@@ -127,6 +127,87 @@ def _rate(recording: Recording) -> float | None:
     return float(np.median(ratios)) if ratios and np.median(ratios) > 0 else None
 
 
+def _drawn(mechanism: Mechanism, motion: Motion) -> Drawn:
+    return Drawn(frozenset(name for name in motion.names if mechanism.joint(name).slides))
+
+
+def _written(recording: Recording, motion: Motion, efforts: Array, more: Array) -> Recording:
+    """Return samples of a motion, with efforts (n, k), as a recording; `more` (m, k): efforts beyond its last row."""
+    table = {name: motion.names.index(name) for name in recording.positions if name in motion.names}
+    driven = {name: motion.driven.index(name) for name in recording.efforts if name in motion.driven}
+    still = np.zeros(len(more))
+    return Recording(
+        time=np.arange(len(motion) + len(more), dtype=float),
+        positions={name: np.append(motion.position[:, k], still) for name, k in table.items()},
+        velocities={name: np.append(motion.speed[:, k], still) for name, k in table.items()},
+        accelerations={name: np.append(motion.acceleration[:, k], still) for name, k in table.items()},
+        efforts={name: np.append(efforts[:, k], more[:, k]) for name, k in driven.items()},
+    )
+
+
+def _moved(motion: Motion, recording: Recording, rows: np.ndarray) -> Motion:
+    """Return samples of a motion whose joints move as a recording has it at some of its rows."""
+    columns = (recording.positions, recording.velocities, recording.accelerations)
+    return motion.select(rows).with_motion(
+        *(np.column_stack([column[name][rows] for name in motion.names]) for column in columns)
+    )
+
+
+def _closing(mechanism: Mechanism, recording: Recording) -> tuple[Convention, ...]:
+    """Return how positions are read so that loops close that do not as they are written; nothing where none close.
+
+    Of units, gears and orders that close them, the plainest of those by which efforts follow the rigid robot's best, in
+    its unit or all in another one.
+    """
+    if not mechanism.loops:
+        return ()
+    motion = motion_of(recording, mechanism)
+    rows, dynamics = spaced(len(motion), _CLOSED), InverseDynamics(mechanism, motion.driven)
+    sample, drawn = motion.select(rows), _drawn(mechanism, motion)
+    efforts = motion.band(motion.efforts, motion.piece)[rows]
+    written = _written(recording, sample, efforts, np.zeros((0, efforts.shape[1])))
+
+    def left(steps: Sequence[Convention]) -> float:
+        read = read_as(written, steps, drawn)
+        moved = _moved(sample, read, np.arange(len(rows)))
+        tau = np.column_stack([read.efforts[name] for name in motion.driven])
+        try:
+            rigid = dynamics.efforts(dynamics.trajectory(moved), moved.wrench, moved.gravity)
+        except InputError:
+            return np.inf
+        gains = gains_of_efforts(moved, tau, rigid, follows=0.0).values()
+        usual = float(np.median(list(gains))) if gains else 1.0
+        one, other = (rms(shares_of_efforts(moved, tau, gain * rigid)) for gain in (1.0, usual))
+        return min(one, AS_GOOD * other)
+
+    for readings in _of_positions(mechanism, list(written.positions), list(written.efforts)):
+        found = [(left(steps), steps) for steps in readings]
+        best = min((item[0] for item in found), default=np.inf)
+        if best < FAR_LESS:
+            return min((item for item in found if item[0] <= (1 + GAIN) * best), key=_plainest)[1]
+    return ()
+
+
+def _of_positions(
+    mechanism: Mechanism, names: Sequence[str], driven: Sequence[str]
+) -> tuple[list[tuple[Convention, ...]], list[tuple[Convention, ...]]]:
+    """Return ways to read all positions: units, gears, and orders, with the efforts too; and units beside orders."""
+    slides = {mechanism.joint(name).slides for name in names}
+    units = [(Convention("q", word.name),) for word in POSITION_UNITS if word.slide in slides]
+    gears = [(Convention("q", "gear", (ratio,)),) for ratio in GEARS]
+    orders = [(Convention("q", "order", order),) for order in _orders(names)]
+    if list(names) == list(driven):
+        orders += [(*order, Convention("tau", "order", order[0].argument)) for order in orders]
+    return [*units, *gears, *orders], [(*unit, *order) for unit in units for order in orders]
+
+
+def _plainest(found: tuple[float, tuple[Convention, ...]]) -> tuple[int, bool, bool, bool, float]:
+    """Return by what one reading comes before another: few words, no gear or the roundest, what leaves least."""
+    left, steps = found
+    ratio = next((float(item.argument[0]) for item in steps if item.word == "gear"), 0.0)
+    return len(steps), ratio > 0, ratio % 10 > 0, ratio % 5 > 0, left
+
+
 class _Search:
     """Samples of a motion, written as a recording, so that conventions read them like any other.
 
@@ -134,31 +215,31 @@ class _Search:
     column adds in squares. `first`: what is left of the log as it is written, noise and all, a share.
     """
 
-    def __init__(self, at: InMotion, recording: Recording):
-        self.at, self.mechanism, self.recording = at, at.mechanism, recording
+    def __init__(self, at: InMotion, recording: Recording, closing: tuple[Convention, ...] = ()):
+        self.at, self.mechanism, self.recording, self.closing = at, at.mechanism, recording, closing
         self.rows, self.motion, self.efforts = sampled(at)
         self.rigid = at.rigid[self.rows]
         self.first = rms(shares_of_efforts(self.motion, self.efforts, self.rigid))
-        self.drawn = Drawn(frozenset(name for name in at.motion.names if self.mechanism.joint(name).slides))
-        table = [name for name in recording.positions if name in at.motion.names]
-        self.whole = len(table) == len(recording.positions)
-        columns = {name: at.motion.names.index(name) for name in table}
-        driven = {name: at.driven.index(name) for name in recording.efforts if name in at.driven}
-        self.all_driven = len(driven) == len(recording.efforts)
-        motion, noise = self.motion, np.diag(self._noise())
-        still = np.zeros(len(noise))
-        self.written = Recording(
-            time=np.arange(len(motion) + len(noise), dtype=float),
-            positions={name: np.append(motion.position[:, k], still) for name, k in columns.items()},
-            velocities={name: np.append(motion.speed[:, k], still) for name, k in columns.items()},
-            accelerations={name: np.append(motion.acceleration[:, k], still) for name, k in columns.items()},
-            efforts={name: np.append(self.efforts[:, k], noise[:, k]) for name, k in driven.items()},
-        )
+        self.drawn = _drawn(self.mechanism, at.motion)
+        self.whole = all(name in at.motion.names for name in recording.positions)
+        self.all_driven = all(name in at.driven for name in recording.efforts)
+        self.written = _written(recording, self.motion, self.efforts, np.diag(self._noise()))
 
     @classmethod
     def of(cls, mechanism: Mechanism, recording: Recording) -> _Search:
-        """Return the search of a recording by its own clock. Raises InputError where the motion cannot be told."""
-        return cls(InMotion.of(mechanism, motion_of(recording, mechanism)), recording)
+        """Return the search of a recording by its own clock. Raises InputError where the motion cannot be told.
+
+        Where loops cannot be closed it is that of the log as it is read so that they can.
+        """
+        try:
+            return cls(InMotion.of(mechanism, motion_of(recording, mechanism)), recording)
+        except InputError:
+            closing = _closing(mechanism, recording)
+            if not closing:
+                raise
+        motion = motion_of(recording, mechanism)
+        recording = read_as(recording, closing, _drawn(mechanism, motion))
+        return cls(InMotion.of(mechanism, motion_of(recording, mechanism)), recording, closing)
 
     @property
     def compares(self) -> bool:
@@ -177,6 +258,20 @@ class _Search:
             return 1.0
 
     def evidence(self) -> Evidence | None:
+        """Return what is read otherwise and told, with that by which loops close; None where nothing is."""
+        found = self._told()
+        if not self.closing:
+            return found
+        found = found or _evidence((), 1.0, self.first)
+        names = list(self.written.positions), list(self.written.efforts)
+        return replace(
+            found,
+            conventions=merged((*self.closing, *found.conventions), *names),
+            written=None,
+            others=tuple((*self.closing, *other) for other in found.others),
+        )
+
+    def _told(self) -> Evidence | None:
         """Return what is read otherwise and told: but for a gain that all drives have; None where that is all.
 
         What drives report per N m is told beside all masses, with how well it is known, which no reading has: read
@@ -418,13 +513,9 @@ class _Search:
     def read(self, recording: Recording, rows: np.ndarray | None = None) -> tuple[Motion, Array, Array]:
         """Return motion, efforts (n, k) and their noise (k,) of samples, or of some rows, as a recording has them."""
         rows = np.arange(len(self.motion)) if rows is None else rows
-        moved = [
-            np.column_stack([columns[name][rows] for name in self.motion.names])
-            for columns in (recording.positions, recording.velocities, recording.accelerations)
-        ]
         efforts = np.column_stack([recording.efforts[name] for name in self.motion.driven])
         noise = np.linalg.norm(efforts[len(self.motion) :], axis=0) * np.sqrt(len(rows) / len(self.motion))
-        return self.motion.select(rows).with_motion(*moved), efforts[rows], noise
+        return _moved(self.motion, recording, rows), efforts[rows], noise
 
     def _forward(
         self, begin: Recording, first: Array
@@ -498,8 +589,6 @@ class _Search:
         yield from ((Convention(f"tau.{name}", "reversed"),) for name in driven)
         if len(driven) > 1 and self.all_driven:
             yield from ((Convention("tau", "order", order),) for order in _orders(driven))
-        if self.mechanism.loops:
-            return  # whose positions would not close
         slides = {name: self.mechanism.joint(name).slides for name in names}
         if len(names) > 1:
             yield (Convention("q", "reversed"),)
