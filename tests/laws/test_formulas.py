@@ -153,6 +153,11 @@ def test_a_spring_that_slips_gives_back_what_it_took_and_no_more(at):
     steps = np.diff(at.position(JOINT), prepend=at.position(JOINT)[0])
     inside = np.abs(strain) < 0.0999
     assert np.diff(strain)[inside[1:] & inside[:-1]] == pytest.approx(steps[1:][inside[1:] & inside[:-1]])
+    held, step_by_step = 0.0, []
+    for step in steps.tolist():
+        held = min(max(held + step, -0.1), 0.1)
+        step_by_step.append(held)
+    assert strain == pytest.approx(np.array(step_by_step), abs=1e-12)
 
 
 GOOD = "return [signed_square(speed(at, self.joint))]"

@@ -133,11 +133,10 @@ class JointFormula(Proposed, EffortLaw):
         return 0.06
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        table = self._table(at, values)
-        return np.stack([at.along(place.name, column) for column in table.T], axis=-1)
+        return at.along(place.name, self.table(at, values))
 
-    def _table(self, at: InMotion, values: Mapping[str, float]) -> Array:
-        """Return the columns (N, p). Raises InputError where they are not one number a sample and coefficient."""
+    def table(self, at: InMotion, values: Mapping[str, float]) -> Array:
+        """Return all its columns (N, p). Raises InputError where they are not one number a sample and coefficient."""
         with self.blamed("columns"):
             columns = [np.asarray(column, float) for column in self.columns(at, values)]
         expected = f"expected {len(at)} samples of {len(self.linear)}, one for each of {', '.join(self.linear)}"
