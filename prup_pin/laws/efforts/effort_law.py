@@ -92,6 +92,13 @@ class EffortLaw(Law):
         if isinstance(linear, tuple) and "neutral" not in cls.__dict__:
             cls.neutral = dict.fromkeys(linear, 0.0)
 
+    def misdeclared(self) -> Iterator[str]:
+        names = [q.name for q in self.quantities]
+        for what in ("linear", "settled"):
+            own = getattr(self, what, None)
+            if not isinstance(own, tuple) or (names and not set(own) <= set(names)):
+                yield f"{what} is {own!r}; expected a tuple of names of its quantities, {', '.join(names)}"
+
     @abstractmethod
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         """Return the efforts (N, k, p) per unit of each of the p `linear` parameters; `values` holds the others."""
