@@ -282,3 +282,11 @@ def test_a_belt_that_gives_more_the_more_it_is_pulled_is_a_formula_of_its_load(t
         again = diagnose(robot, read_recording(tmp_path / "it.heldout.csv"))
     assert [item.word for item in again.judged] == ["confirmed"]
     assert word in {item.physics for item in again.findings}
+
+
+@pytest.mark.slow
+def test_of_ten_poses_no_formula_is_proposed(tmp_path, monkeypatch):
+    monkeypatch.setattr(draw, "ALIENS", {"quadratic": draw.ALIENS["quadratic"]})
+    draw.write(draw.draw(1, ["alien"], (8.0, 30.0)), tmp_path, tmp_path, "it", True)
+    few = read_recording(tmp_path / "it.csv").select(slice(10))
+    assert not diagnose(load("3prup"), few, propose=True).proposals
