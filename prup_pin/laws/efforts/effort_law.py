@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from enum import Enum
 from typing import ClassVar
@@ -91,13 +91,6 @@ class EffortLaw(Law):
         linear = cls.__dict__.get("linear")
         if isinstance(linear, tuple) and "neutral" not in cls.__dict__:
             cls.neutral = dict.fromkeys(linear, 0.0)
-
-    def misdeclared(self) -> Iterator[str]:
-        names = [q.name for q in self.quantities]
-        for what in ("linear", "settled"):
-            own = getattr(self, what, None)
-            if not isinstance(own, tuple) or (names and not set(own) <= set(names)):
-                yield f"{what} is {own!r}; expected a tuple of names of its quantities, {', '.join(names)}"
 
     @abstractmethod
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:

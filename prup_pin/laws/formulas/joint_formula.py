@@ -126,6 +126,11 @@ class JointFormula(Proposed, EffortLaw):
     def misdeclared(self) -> Iterator[str]:
         wrong = list(super().misdeclared())
         yield from wrong
+        names = [q.name for q in self.quantities]
+        for what in ("linear", "settled"):
+            own = getattr(self, what, None)
+            if not isinstance(own, tuple) or (names and not set(own) <= set(names)):
+                yield f"{what} is {own!r}; expected a tuple of names of its quantities, {', '.join(names)}"
         if not wrong and (unknown := [name for name, _ in self.recorded if name not in KNOWN]):
             yield f"recorded names {', '.join(unknown)}; variables are {', '.join(KNOWN)}"
 
