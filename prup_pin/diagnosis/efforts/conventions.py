@@ -222,7 +222,7 @@ class _Search:
         tried = [self._found((), self.written)]
         if unit is not None:
             tried.append(self._found((unit,), read_as(self.written, [unit], self.drawn)))
-        elif first > FAR_LESS and gains_apart(signed):
+        elif first > FAR_LESS and (in_any_unit(self.recording.tolerances.declared) or gains_apart(signed)):
             # each drive in a unit of its own is no sign turned round: what is read otherwise is looked for beside that
             sizes = gains_of_efforts(self.motion, self.efforts, self.rigid, follows=0.0)
             own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
