@@ -36,9 +36,9 @@ class LowPass:
 
     Beyond the ends of a piece values are those before them turned about the end itself: it is kept with all its noise,
     and bends by nothing there. of_motion: they go on as they went, along a polynomial of degree four through
-    the last two periods of the cut-off, so that accelerations there are hardly worse than elsewhere; if the piece lasts as
-    long, and if that is more samples than the polynomial has coefficients: through as few it would follow each one's noise,
-    and leave the motion by many times that.
+    the last two periods of the cut-off, so that accelerations there are hardly worse than elsewhere; if the piece lasts
+    as long, and these are more samples than the polynomial has coefficients: through as few it would follow the noise
+    of each, and leave the motion by many times that.
     """
 
     cutoff: float

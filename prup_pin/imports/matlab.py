@@ -21,16 +21,16 @@ from ..recordings.problems import shown
 from ..spatial import Array
 from .log import MAX_COLUMNS, MAX_VECTOR, Log, Stream, check_size, frozen, reading, refuse, spread
 
-#: Matrices whose columns are not orthonormal to this are no rotations.
-_RIGID = 1e-3
+#: Shapes of a rotation and of a pose; matrices whose columns are not orthonormal to so much are neither.
+_MATRICES, _RIGID = ((3, 3), (4, 4)), 1e-3
 
 
 def read(path: Path) -> Log:
     """Return the numeric variables of a .mat, .h5 or .npz file; `data.q` (N, 6) becomes data.q[1] to data.q[6].
 
     Poses as matrices (N, 4, 4) and rotations (N, 3, 3), or (4, 4, N) and (3, 3, N), become x, y, z and a quaternion.
-    Arrays with as many samples and in the same structure are one stream. Raises MissingExtraError where a file of version
-    7.3 needs h5py, RecordingFileError for a file that cannot be read.
+    Arrays with as many samples and in the same structure are one stream. Raises MissingExtraError where a file of
+    version 7.3 needs h5py, RecordingFileError for a file that cannot be read.
     """
     found: dict[str, Array] = {}
     streams: dict[tuple[str, int], dict[str, Array]] = {}
@@ -69,26 +69,24 @@ def read(path: Path) -> Log:
 def _pose_of(array: Array) -> dict[str, Array]:
     """Return the columns x, y, z (of poses) and qx, qy, qz, qw of a stack of matrices, none of what is no such stack.
 
-    A rotation that was not measured (nan, zeros) is nan.
+    A matrix that was not measured (nan, zeros) is nan.
     """
     if array.ndim != 3 or array.dtype.kind not in "fi":
         return {}
-    size = next((n for n in (4, 3) if array.shape[1:] == (n, n) or array.shape[:2] == (n, n)), 0)
-    stack = array.astype(float) if array.shape[1:] == (size, size) else np.moveaxis(array.astype(float), -1, 0)
-    turned = stack[:, :3, :3]
-    told = (
-        np.isfinite(turned).all(axis=(1, 2)) & (np.abs(turned).max(axis=(1, 2), initial=0.0) > 0)
-        if size
-        else np.zeros(0, bool)
-    )
-    gram = turned[told] @ turned[told].mT - np.eye(3)
-    rigid = told.any() and np.abs(gram).max() < _RIGID and (np.linalg.det(turned[told]) > 0).all()
-    if not rigid or (size == 4 and not np.allclose(stack[told, 3], [0.0, 0.0, 0.0, 1.0])):
+    stack = array.astype(float)
+    if stack.shape[1:] not in _MATRICES:  # a sample a page, as MATLAB has them
+        stack = np.moveaxis(stack, -1, 0)
+    if stack.shape[1:] not in _MATRICES:
         return {}
-    quaternions = np.full((len(stack), 4), np.nan)
-    quaternions[told] = Rotation.from_matrix(turned[told]).as_quat()
-    place = {axis: np.where(told, stack[:, k, 3], np.nan) for k, axis in enumerate("xyz")} if size == 4 else {}
-    return place | {f"q{axis}": quaternions[:, k] for k, axis in enumerate("xyzw")}
+    told = np.isfinite(stack).all(axis=(1, 2)) & stack.any(axis=(1, 2))
+    turned, poses = stack[told, :3, :3], stack.shape[1] == 4
+    rigid = np.abs(turned @ turned.mT - np.eye(3)).max(initial=0.0) < _RIGID and (np.linalg.det(turned) > 0).all()
+    if not (told.any() and rigid) or (poses and not np.allclose(stack[told, 3], [0.0, 0.0, 0.0, 1.0])):
+        return {}
+    columns = np.full((len(stack), 7), np.nan)
+    columns[told] = np.column_stack((stack[told, :3, -1], Rotation.from_matrix(turned).as_quat()))
+    named = dict(zip(("x", "y", "z", "qx", "qy", "qz", "qw"), columns.T, strict=True))
+    return named if poses else {name: named[name] for name in named if name.startswith("q")}
 
 
 def _joined(streams: Mapping[tuple[str, int], Mapping[str, Array]]) -> dict[str, dict[str, Array]]:

@@ -226,7 +226,10 @@ class _Search:
             # each drive in a unit of its own is no sign turned round: what is read otherwise is looked for beside that
             sizes = gains_of_efforts(self.motion, self.efforts, self.rigid, follows=0.0)
             own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
-            tried.append(self._found((), replace(self.written, efforts=own)))
+            beside = self._found((), replace(self.written, efforts=own))
+            if not beside.conventions and beside.read < FAR_LESS:
+                return None  # these units are all that is other
+            tried.append(beside)
         found = [item for item in tried if item.conventions]
         if not found and (turned := self._single_signs(signed)) is not None:
             return turned
