@@ -48,7 +48,7 @@ MOVED: dict[str, str] = {
     "diagnosis.efforts.merged": "diagnosis.efforts.with_poses",
     "diagnosis.efforts.normal": "diagnosis.efforts.problem",
     "diagnosis.efforts.outcome": "diagnosis.efforts.final_state",
-    "diagnosis.efforts.plausible": "diagnosis.efforts.conventions",
+    "diagnosis.efforts.plausible": "diagnosis.efforts.belongs",
     "diagnosis.efforts.relief": "diagnosis.efforts.search",
     "diagnosis.efforts.rivals": "diagnosis.efforts.identify",
     "diagnosis.efforts.stretches": "diagnosis.efforts.outliers",

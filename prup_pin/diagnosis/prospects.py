@@ -15,7 +15,7 @@ from .conventions import read_logs
 from .criteria import ALIKE
 from .diagnosis import Detectable
 from .efforts.band import band_of, in_motion
-from .efforts.conventions import check_efforts
+from .efforts.belongs import check_efforts
 from .efforts.evidence import gradients
 from .efforts.prepare import PreparedEfforts
 from .efforts.with_poses import check_measured, has_efforts, has_poses, unused_by_efforts, without_dead_efforts

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..dynamics import BodyMotion, body_motion
-from ..mechanism import Mechanism
+from ..mechanism import REFERENCE_TEMPERATURE, Mechanism
 from ..spatial import Array
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline, CubicSpline
 
-#: Temperature [deg C] at which lengths are nominal.
-REFERENCE_TEMPERATURE = 20.0
 #: Samples without which a run shows no motion, and the share of a sample's step by which its neighbours may miss it: a
 #: motion that is sampled finely enough is told by its neighbours to a hundredth, postures one after another are not.
 _FEWEST, _RESOLVED = 8, 0.1

@@ -7,13 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..mechanism import Mechanism
+from ..mechanism import REFERENCE_TEMPERATURE, Mechanism
 from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import Array
 from .deeds import Deed, ExtraStrain, Solved, Strain, Travel
 from .drawn import Drawn
-from .inputs import REFERENCE_TEMPERATURE
 from .law import Law, Place
 from .modules_at import beams, lengths_of, screws, travels
 from .setup import Setup

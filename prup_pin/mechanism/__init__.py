@@ -3,12 +3,13 @@
 from .changes import Changes, JointDynamics
 from .coupling import Coupling
 from .joints import Joint
-from .lengths import MovedParts
+from .lengths import REFERENCE_TEMPERATURE, MovedParts
 from .links import Link
 from .mechanism import Frame, LoopClosure, Mechanism, Module
 from .yielding import WAYS, yielding_module
 
 __all__ = [
+    "REFERENCE_TEMPERATURE",
     "WAYS",
     "Changes",
     "Coupling",

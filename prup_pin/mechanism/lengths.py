@@ -15,6 +15,8 @@ from ..spatial import Array
 from .links import links_of
 from .mechanism import Mechanism, frames_by_name, model_of
 
+#: Temperature [deg C] at which the lengths of a robot file hold, as those of drawings do (ISO 1).
+REFERENCE_TEMPERATURE = 20.0
 #: Displacements per length that are rounding.
 _ROUNDING = 1e-12
 

@@ -6,8 +6,14 @@ import pytest
 from prup_pin import diagnose, load
 from prup_pin.diagnosis.chances import WITHIN_95
 from prup_pin.diagnosis.diagnosis import FittedParameter
-from prup_pin.diagnosis.efforts.conventions import gains_apart
-from prup_pin.diagnosis.efforts.gains import gains_of, in_newtons, likeliest_logs
+from prup_pin.diagnosis.efforts.gains import (
+    gains_of,
+    in_newtons,
+    likeliest_logs,
+    precision_of_gains,
+    scatter_of_gains,
+)
+from prup_pin.diagnosis.efforts.shares import gains_apart
 from prup_pin.dynamics import InMotion, in_frame, motion_of
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts.effort_sensor import EffortUnit
@@ -211,6 +217,37 @@ def test_factors_of_gains_are_those_of_a_linear_fit_where_that_is_sure_and_never
     # what would be minus half its size is hardly anything, and what efforts hardly tell is near what is usual
     assert 0 < np.exp(log[2]) < 0.05
     assert -2 < log[3] < -1
+
+
+@pytest.mark.parametrize(("spread", "known_to"), [(0.0, 0.02), (0.3, 0.4)])
+def test_what_a_drive_that_hardly_moves_reports_in_is_told_by_how_the_others_scatter(spread, known_to):
+    """Its own efforts say half, and hardly; the others say 1.3 times, all alike or each by itself."""
+    logs = np.log(1.3) + spread * np.array([1.0, -1.2, 0.8, -0.6, 0.0])
+    sure, middle = np.diag([1e6] * 5 + [0.5]), np.zeros(6)
+    moment = sure @ np.append(np.expm1(logs), -0.5)
+    scatter = scatter_of_gains(sure, moment, 1.0, middle)
+    found, covariance = likeliest_logs(sure, moment, precision_of_gains(scatter, 1.0, 6), middle)
+    assert scatter == pytest.approx(np.std(logs), rel=0.35, abs=0.002)
+    assert found[:5] == pytest.approx(logs, abs=0.003)
+    assert abs(found[5] - np.log(1.3)) < known_to
+    assert np.sqrt(covariance[5, 5]) == pytest.approx(scatter, rel=0.3, abs=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("gain", "said"), [(0.09, "tau=gain:"), (1 / 9.80665, "tau=kgf_m")])
+def test_drives_that_are_alike_report_in_one_unit(robot, moving, gain, said):
+    found = diagnose(robot, as_drawn(moving, np.full(6, gain)))
+    (told,) = (str(item) for finding in found.findings for item in finding.conventions)
+    assert told.startswith(said)
+
+
+@pytest.mark.slow
+def test_drives_that_differ_report_in_no_unit_with_a_name(robot, moving):
+    """The middle of these is nearly a kilogram-force, in which each was told to be off."""
+    gains = np.array([0.083, 0.08, 0.11, 0.14, 0.12, 0.15])
+    found = diagnose(robot, as_drawn(moving, gains))
+    told = {item.joint: item.argument[0] for finding in found.findings for item in finding.conventions}
+    assert [told[name] for name in moving.motion.driven[:5]] == pytest.approx(gains[:5], rel=0.02)
 
 
 def test_the_scale_of_all_gains_is_what_the_masses_as_drawn_make_likeliest(moving):

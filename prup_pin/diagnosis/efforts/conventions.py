@@ -11,17 +11,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
 
 from ...dynamics import InMotion, Motion, could_be_gravity, motion_of
 from ...errors import InputError, PrupPinError
 from ...mechanism import Mechanism
-from ...numbers import number
 from ...recordings import WORDS, Convention, Drawn, Recording, read_as
-from ...recordings.columns import LARGEST_NUMBER
 from ...recordings.conventions import GEARS, POSITION_UNITS, Evidence, exchanged, merged
 from ...spatial import Array
 from ..criteria import (
@@ -33,9 +29,7 @@ from ..criteria import (
     GAIN,
     LITTLE,
     MOST,
-    MOST_LISTED,
     MOSTLY,
-    MUCH,
     NEARLY,
     ROUGHLY,
 )
@@ -43,9 +37,20 @@ from ..quarter_turns import quarter_turns
 from .gains import gains_of, in_any_unit
 from .noise import noise_of
 from .problem import kept_samples
+from .shares import (
+    common_coefficients,
+    gains_apart,
+    gains_of_efforts,
+    left_at_any_gain,
+    rms,
+    sampled,
+    shares_of_efforts,
+    spaced,
+    tool_load_would_do,
+)
 
-#: Samples that are looked at, and of a scan of many ratios.
-_SAMPLES, _SCANNED = 600, 80
+#: Samples of a scan of many ratios.
+_SCANNED = 80
 #: Conventions one after the other.
 _MOST = 6
 #: Words for units of efforts.
@@ -122,16 +127,6 @@ def _rate(recording: Recording) -> float | None:
     return float(np.median(ratios)) if ratios and np.median(ratios) > 0 else None
 
 
-def _rows(count: int, most: int = _SAMPLES) -> np.ndarray:
-    return np.unique(np.linspace(0, count - 1, most).astype(int))
-
-
-def sampled(at: InMotion) -> tuple[np.ndarray, Motion, Array]:
-    """Return the places (n,) of some samples of a motion, the motion there, and its efforts (n, k) in their band."""
-    rows = _rows(len(at))
-    return rows, at.motion.select(rows), at.motion.band(at.motion.efforts, at.motion.piece)[rows]
-
-
 class _Search:
     """Samples of a motion, written as a recording, so that conventions read them like any other.
 
@@ -143,7 +138,7 @@ class _Search:
         self.at, self.mechanism, self.recording = at, at.mechanism, recording
         self.rows, self.motion, self.efforts = sampled(at)
         self.rigid = at.rigid[self.rows]
-        self.first = _rms(shares_of_efforts(self.motion, self.efforts, self.rigid))
+        self.first = rms(shares_of_efforts(self.motion, self.efforts, self.rigid))
         self.drawn = Drawn(frozenset(name for name in at.motion.names if self.mechanism.joint(name).slides))
         table = [name for name in recording.positions if name in at.motion.names]
         self.whole = len(table) == len(recording.positions)
@@ -177,7 +172,7 @@ class _Search:
             return self.first
         moved, read, _ = self.read(read_as(self.written, self.found.conventions if self.found else (), self.drawn))
         try:
-            return _left_at_any_gain(moved, read, self.at.rigid_of(moved))
+            return left_at_any_gain(moved, read, self.at.rigid_of(moved))
         except InputError:  # loops that do not close
             return 1.0
 
@@ -185,23 +180,28 @@ class _Search:
         """Return what is read otherwise and told: but for a gain that all drives have; None where that is all.
 
         What drives report per N m is told beside all masses, with how well it is known, which no reading has: read
-        here, it would be taken for exact, and told again as what each drive differs by. Where nothing tells gains
-        beside masses, as at rest, it is a reading.
+        here, it would be taken for exact, and told again as what each drive differs by; so would a unit with a name
+        that is nearly that of drives which differ. Where nothing tells gains beside masses, as at rest, it is a
+        reading.
         """
         found = self.found
-        gain = next((item for item in found.conventions if item.word == "gain"), None) if found else None
-        if found is None or gain is None:
+        unit = next((item for item in found.conventions if item.word in _OF_UNIT), None) if found else None
+        if found is None or unit is None:
             return found
         rest, *others = (
-            tuple(item for item in reading if item != gain) for reading in (found.conventions, *found.others)
+            tuple(item for item in reading if item != unit) for reading in (found.conventions, *found.others)
         )
-        read = read_as(self.recording, rest, self.drawn)
-        at = InMotion.of(self.mechanism, motion_of(read, self.mechanism)) if rest else self.at
-        if gains_of(at, {key: float(value) for key, value in read.tolerances.declared.items()}) is None:
+        if not self._tells_gains(rest if unit.word == "gain" else found.conventions):
             return found
         return (
-            _evidence(rest, self.left(read_as(self.written, [gain], self.drawn)), found.read, others) if rest else None
+            _evidence(rest, self.left(read_as(self.written, [unit], self.drawn)), found.read, others) if rest else None
         )
+
+    def _tells_gains(self, conventions: Sequence[Convention]) -> bool:
+        """Return whether drives report in units of their own, beside all masses, in the log as it is read."""
+        read = read_as(self.recording, conventions, self.drawn)
+        at = InMotion.of(self.mechanism, motion_of(read, self.mechanism)) if conventions else self.at
+        return gains_of(at, {key: float(value) for key, value in read.tolerances.declared.items()}) is not None
 
     def _noise(self) -> Array:
         """Return what each effort (k,) scatters by in the band in which it is compared; 0 where nothing tells that."""
@@ -219,21 +219,22 @@ class _Search:
         first = self.left(self.written)
         signed = gains_of_efforts(self.motion, self.efforts, self.rigid)
         unit = self._unit(signed)
-        tried = [self._found((), self.written)]
+        begin, tried = self.written, [self._found((), self.written)]
         if unit is not None:
             tried.append(self._found((unit,), read_as(self.written, [unit], self.drawn)))
         elif first > FAR_LESS and (in_any_unit(self.recording.tolerances.declared) or gains_apart(signed)):
             # each drive in a unit of its own is no sign turned round: what is read otherwise is looked for beside that
             sizes = gains_of_efforts(self.motion, self.efforts, self.rigid, follows=0.0)
             own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
-            beside = self._found((), replace(self.written, efforts=own))
+            begin = replace(self.written, efforts=own)
+            beside = self._found((), begin)
             if not beside.conventions and beside.read < FAR_LESS:
                 return None  # these units are all that is other
             tried.append(beside)
         found = [item for item in tried if item.conventions]
         if not found and (turned := self._single_signs(signed)) is not None:
             return turned
-        if all(item.read > LITTLE for item in found) and (counted := self._counted_elsewhere(first)) is not None:
+        if all(item.read > LITTLE for item in found) and (counted := self._counted_elsewhere(begin)) is not None:
             found.append(counted)
         if not found:
             return self._before_gears(first)
@@ -279,7 +280,7 @@ class _Search:
     def _found(self, start: tuple[Convention, ...], begin: Recording) -> Evidence:
         """Return what is read otherwise beside a unit; begin: as that is read."""
         shares = self.shares(begin)
-        now = least = _rms(shares)
+        now = least = rms(shares)
         taken: tuple[Convention, ...] = ()
         others: tuple[tuple[Convention, ...], ...] = ()
         if _unexplained(shares):
@@ -297,8 +298,8 @@ class _Search:
         conventions = merged((*start, *taken), list(self.written.positions), list(self.written.efforts))
         return _evidence(conventions, written, least, [(*start, *other) for other in others])
 
-    def _counted_elsewhere(self, first: float) -> Evidence | None:
-        """Return from where joints count, and which way, where that makes sense of the log; first: what it leaves.
+    def _counted_elsewhere(self, begin: Recording) -> Evidence | None:
+        """Return from where joints count, and which way, where that makes sense of the log, and more than begin does.
 
         A joint that goes the other way round is driven the other way round.
         """
@@ -309,17 +310,27 @@ class _Search:
             return (*reading, *driven)
 
         def cost(reading: Sequence[Convention]) -> float:
-            # by how likely it is, each joint with a noise of its own: one that nothing explains hides no other
-            shares = self.shares(read_as(self.written, with_efforts(reading), self.drawn), few)
-            return float(np.exp(np.nanmean(np.log(np.maximum(shares, LITTLE**2))) / 2))
+            return self._by_likelihood(read_as(self.written, with_efforts(reading), self.drawn), few)
 
+        first = self.left(self.written)
         if not first > FAR_LESS:
             return None
-        few = _rows(len(self.rows), _SCANNED)
+        few = spaced(len(self.rows), _SCANNED)
         found = with_efforts(quarter_turns(self.mechanism, list(self.written.positions), cost))
         if not found or not self._makes_sense(self.written, found):
             return None
-        return _evidence(found, first, self.left(read_as(self.written, found, self.drawn)))
+        read = read_as(self.written, found, self.drawn)
+        if not self._by_likelihood(read) < self._by_likelihood(begin):
+            return None
+        return _evidence(found, first, self.left(read))
+
+    def _by_likelihood(self, recording: Recording, rows: np.ndarray | None = None) -> float:
+        """Return the geometric mean over the joints of what is left of each, as its noise may be any.
+
+        So one that nothing explains hides no other. rows: by those samples alone.
+        """
+        shares = self.shares(recording, rows)
+        return float(np.exp(np.nanmean(np.log(np.maximum(shares, LITTLE**2))) / 2))
 
     def _makes_sense(self, written: Recording, taken: Sequence[Convention]) -> bool:
         """Return whether a log leaves so much less as it is read, and less than where gravity may pull any way.
@@ -330,19 +341,19 @@ class _Search:
         before, hung = self.shares(written), self._under_any_gravity(written)
         after = self.shares(read_as(written, taken, self.drawn))
         together = [item for item in taken if item.word in _TOGETHER]
-        if together and _rms(after) > MOSTLY * self._left_by_motors(written, taken):
+        if together and rms(after) > MOSTLY * self._left_by_motors(written, taken):
             return False
         told = _explained_by_either(before, after)
-        if _rms(after[told]) < min(_limit(_rms(before[told])), _rms(hung[told])):
+        if rms(after[told]) < min(_limit(rms(before[told])), rms(hung[told])):
             return True
         if together:
             return False
         changed = told & _changed(before, after)
         if not changed.any():
             return False
-        left = _rms(before[changed])
+        left = rms(before[changed])
         several = changed.sum() > 1 or left > 1
-        return bool(several and _rms(after[changed]) < min(FAR_LESS * min(left, 1.0), _rms(hung[changed])))
+        return bool(several and rms(after[changed]) < min(FAR_LESS * min(left, 1.0), rms(hung[changed])))
 
     def _left_by_motors(self, written: Recording, taken: Sequence[Convention]) -> float:
         """Return what is left where only friction counts axes together, and bodies are as written: a share, RMS.
@@ -356,11 +367,11 @@ class _Search:
         own = {name: np.append(rigid[:, self.motion.driven.index(name)], still) for name in plain.efforts}
         motion, efforts, noise = self.read(read_as(plain, axes, self.drawn))
         _, bodies, _ = self.read(read_as(replace(plain, efforts=own), axes, self.drawn))
-        return _rms(shares_of_efforts(motion, efforts, bodies, noise))
+        return rms(shares_of_efforts(motion, efforts, bodies, noise))
 
     def left(self, recording: Recording, rows: np.ndarray | None = None) -> float:
         """Return what rigid efforts and friction leave of the efforts but noise: a share, RMS of the joints."""
-        return _rms(self.shares(recording, rows))
+        return rms(self.shares(recording, rows))
 
     def shares(self, recording: Recording, rows: np.ndarray | None = None) -> Array:
         """Return the same of the squares of each joint's effort (k,), beside a body that the tool may hold.
@@ -376,7 +387,7 @@ class _Search:
         # of the log as it is written as well as of each reading, or one would be told for what the other may hold too
         if not _unexplained(plain) or (held := self._tool_load(motion, efforts, rigid)) is None:
             return plain
-        return min(plain, shares_of_efforts(motion, efforts, rigid + held, noise), key=_rms)
+        return min(plain, shares_of_efforts(motion, efforts, rigid + held, noise), key=rms)
 
     def _tool_load(self, motion: Motion, efforts: Array, rigid: Array) -> Array | None:
         """Return the efforts (n, k) of the body at the tool that fits best; None where it could be none.
@@ -389,7 +400,7 @@ class _Search:
             return None
         dynamics = self.at.dynamics
         held = dynamics.regressor(dynamics.trajectory(motion), motion.gravity)[:, :, tool.joint - 1, :4]
-        mass, *moments = x = _common(motion, efforts, rigid, held)
+        mass, *moments = x = common_coefficients(motion, efforts, rigid, held)
         links = [float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements]
         reach = max(links) + float(np.linalg.norm(tool.placement[:3, 3]))
         possible = 0 < mass < sum(float(body.mass) for body in model.inertias)
@@ -428,20 +439,20 @@ class _Search:
         """
         taken: tuple[Convention, ...] = ()
         others: tuple[tuple[Convention, ...], ...] = ()
-        found = taken, _rms(first), others
+        found = taken, rms(first), others
         now, least, without = begin, first, self._left_by_friction(begin)
         while len(taken) < _MOST:
             tried = []
             for step in self._readings(now):
-                if _rms(first) <= FAR_LESS and any(item.word != "reversed" for item in step):
+                if rms(first) <= FAR_LESS and any(item.word != "reversed" for item in step):
                     continue  # where most of a log fits, a joint or two count the other way round
                 read = read_as(now, step, self.drawn)
                 tried.append((self.shares(read), step, read))
-            tried = [item for item in tried if _rms(item[0]) < np.inf]
+            tried = [item for item in tried if rms(item[0]) < np.inf]
             if not tried:
                 break
             # what takes more words must leave less for each of them
-            cost = [_rms(shares) * (1 + GAIN * len(step)) for shares, step, _ in tried]
+            cost = [rms(shares) * (1 + GAIN * len(step)) for shares, step, _ in tried]
             best = int(np.argmin(cost))
             shares, step, read = tried[best]
             least, without = (self._of_same_efforts(own, step) for own in (least, without))
@@ -454,8 +465,8 @@ class _Search:
             )
             taken, now, least = (*taken, *step), read, shares
             if _makes_more(without, shares, _changed(without, shares)):
-                found = taken, _rms(shares), others
-            without = min(without, self._left_by_friction(now), key=_rms)
+                found = taken, rms(shares), others
+            without = min(without, self._left_by_friction(now), key=rms)
         return found
 
     def _of_same_efforts(self, shares: Array, step: Sequence[Convention]) -> Array:
@@ -532,13 +543,10 @@ class _Search:
         most = float(np.mean(np.abs(apart) < alike)) > MOST and apart.min() > -alike
         if abs(np.log(usual)) < np.log(AS_GOOD) or not most:
             return None
-        slides = {self.mechanism.joint(name).slides for name in self.motion.driven}
-        for word in WORDS:
-            known = "tau" in word.groups and word.factor is not None and slides == {word.slide}
-            if known and abs(np.log(usual * word.factor)) < np.log(NEARLY):  # type: ignore[operator]
-                return Convention("tau", word.name)
+        if (known := known_unit(usual, self.mechanism, self.motion.driven)) is not None:
+            return known
         # of two drives a load may be so much larger as well
-        if len(sizes) < FEWEST_OF_KIND or _tool_load_would_do(self.at, dict.fromkeys(self.motion.driven, usual)):
+        if len(sizes) < FEWEST_OF_KIND or tool_load_would_do(self.at, dict.fromkeys(self.motion.driven, usual)):
             return None
         return Convention("tau", "gain", (float(f"{usual:.3g}"),))
 
@@ -546,12 +554,12 @@ class _Search:
         """Return that positions are the motors', before gears of one ratio; and efforts too, where these are so."""
         if self.mechanism.loops or not first > FAR_LESS or self.at.motion.standing:
             return None
-        few = _rows(len(self.rows), _SCANNED)
+        few = spaced(len(self.rows), _SCANNED)
         tried = []
         for ratio in GEARS:
             read = read_as(self.written, [Convention("q", "gear", (ratio,))], self.drawn)
             moved, efforts, _ = self.read(read, few)
-            tried.append((_left_at_any_gain(moved, efforts, self.at.rigid_of(moved)), ratio))
+            tried.append((left_at_any_gain(moved, efforts, self.at.rigid_of(moved)), ratio))
         found = []
         for _, ratio in sorted(tried)[:_RATIOS]:
             steps = [Convention("q", "gear", (ratio,))]
@@ -566,7 +574,7 @@ class _Search:
         best = min(item[0] for item in found)
         near = [item for item in found if item[0] <= 1.03 * best]
         least, _, taken = min(near, key=lambda item: (item[1] % 10 > 0, item[1] % 5 > 0, item[0]))
-        if not least < min(_limit(first), MOSTLY * _rms(self._left_by_friction(self.written))):
+        if not least < min(_limit(first), MOSTLY * rms(self._left_by_friction(self.written))):
             return None
         return _evidence(taken, first, least)
 
@@ -577,7 +585,7 @@ class _Search:
         if not self.mechanism.gravity.any():
             return never
         pulled = np.stack([self.at.rigid_under(axis)[self.rows] for axis in np.eye(3)], axis=-1)
-        more = _common(motion, efforts, self.rigid, pulled)
+        more = common_coefficients(motion, efforts, self.rigid, pulled)
         if not could_be_gravity(self.mechanism.gravity + more, self.mechanism):
             return never
         return shares_of_efforts(motion, efforts, self.rigid + pulled @ more, noise)
@@ -594,24 +602,12 @@ def _limit(written: float) -> float:
     return max(MOST * min(written, 1.0), min(FAR_LESS * written, MOSTLY))
 
 
-def gains_apart(gains: dict[str, float]) -> bool:
-    """Return whether no joint's effort is in the unit of the rigid robot's; gains: of each, whichever way it counts."""
-    apart = np.abs(np.log(np.abs(list(gains.values()))))
-    return not (len(gains) < FEWEST_OF_KIND or np.median(apart) < np.log(AS_GOOD) or apart.min() < np.log(NEARLY))
-
-
-def _tool_load_would_do(at: InMotion, gains: Mapping[str, float]) -> bool:
-    """Return whether a body that the tool holds leaves no more of the efforts of joints than gains of those."""
-    tool = at.mechanism.tool
-    if tool is None or tool.joint == 0:
-        return False
-    rows, motion, efforts = sampled(at)
-    rigid, held = at.rigid[rows], at.regressor[rows][:, :, tool.joint - 1]
-    which = [at.driven.index(name) for name in gains]
-    bodies, missed = _stacked(motion, efforts, which, held, efforts - rigid)
-    _, read = _stacked(motion, efforts, which, held, efforts - rigid * [gains.get(name, 1.0) for name in at.driven])
-    left = missed - bodies @ np.linalg.lstsq(bodies, missed, rcond=1e-9)[0]
-    return float(left @ left) < float(read @ read)
+def known_unit(gain: float, mechanism: Mechanism, driven: Sequence[str]) -> Convention | None:
+    """Return the unit in which all drives report where a gain of all is nearly that of a unit with a name."""
+    slides = {mechanism.joint(name).slides for name in driven}
+    units = (word for word in WORDS if "tau" in word.groups and (word.factor or 0.0) > 0 and slides == {word.slide})
+    near = (word for word in units if abs(np.log(gain * word.factor)) < np.log(NEARLY))  # type: ignore[operator]
+    return next((Convention("tau", word.name) for word in near), None)
 
 
 def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -635,192 +631,9 @@ def _changed(one: Array, other: Array) -> np.ndarray:
 def _makes_more(before: Array, after: Array, among: np.ndarray | bool = True) -> bool:
     """Return whether a reading makes more sense of joints than one before it; shares of squares (k,) that are left."""
     told = _explained_by_either(before, after) & among
-    return _rms(after[told]) < MOSTLY * _rms(before[told])
+    return rms(after[told]) < MOSTLY * rms(before[told])
 
 
 def _unexplained(shares: Array) -> bool:
     """Return whether of any joint more is left than a reading must come below, by shares of squares (k,)."""
     return bool(np.nanmax(shares, initial=0.0) > FAR_LESS**2)
-
-
-def _rms(shares: Array) -> float:
-    """Return the root of the mean of shares of squares (k,) that are known."""
-    known = shares[~np.isnan(shares)]
-    return float(np.sqrt(known.mean())) if len(known) else 0.0
-
-
-def shares_of_efforts(motion: Motion, efforts: Array, rigid: Array, noise: Array | float = 0.0) -> Array:
-    """Return the share of the squares of each effort (k,) that rigid ones and friction leave; NaN of one without any.
-
-    noise (k,): of a sample of each, which is not counted: a wrist whose efforts are hardly more tells nothing.
-    """
-    shares = np.full(len(motion.driven), np.nan)
-    alone = np.broadcast_to(noise, shares.shape) ** 2 * len(efforts)
-    for column, name in enumerate(motion.driven):
-        size = float(efforts[:, column] @ efforts[:, column])
-        if size > 0:
-            left = _norm_beyond_friction(motion, name, efforts[:, column] - rigid[:, column]) ** 2 - alone[column]
-            shares[column] = min(max(left, 0.0) / size, 100.0)
-    return shares
-
-
-def _products_without_friction(
-    motion: Motion, efforts: Array, rigid: Array
-) -> Iterator[tuple[str, float, float, float]]:
-    """Yield of each joint the squares of its effort and of the rigid robot's, and their product, freed of friction."""
-    for column, name in enumerate(motion.driven):
-        own = _without_friction(motion, name, np.column_stack((efforts[:, column], rigid[:, column])))
-        yield name, float(own[:, 0] @ own[:, 0]), float(own[:, 1] @ own[:, 1]), float(own[:, 0] @ own[:, 1])
-
-
-def _left_at_any_gain(motion: Motion, efforts: Array, rigid: Array) -> float:
-    """Return what is left where each joint's effort may be any multiple above 0 of the rigid robot's: a share."""
-    shares = [
-        1 - max(product, 0.0) ** 2 / max(measured * predicted, np.finfo(float).tiny)
-        for _, measured, predicted, product in _products_without_friction(motion, efforts, rigid)
-        if measured > 0
-    ]
-    return float(np.mean(shares)) if shares else 1.0
-
-
-def _norm_beyond_friction(motion: Motion, joint: str, values: Array) -> float:
-    """Return how large values (n,) are that friction leaves at a joint, which takes energy and gives none."""
-    if joint not in motion.names:
-        return float(np.linalg.norm(values))
-    return float(nnls(_friction(motion, joint), values)[1])
-
-
-def _without_friction(motion: Motion, joint: str, values: Array) -> Array:
-    """Return values (n, ...) freed of all that goes with friction at a joint, be it of either sign."""
-    if joint not in motion.names:
-        return values
-    table = _friction(motion, joint)
-    return values - table @ np.linalg.lstsq(table, values, rcond=1e-10)[0]
-
-
-def _common(motion: Motion, efforts: Array, rigid: Array, columns: Array) -> Array:
-    """Return the coefficients (c,) of columns (n, k, c) that fit best what rigid efforts leave of those (n, k).
-
-    They are those of all joints, each of which counts by the size of its efforts; friction is free.
-    """
-    table, missed = _stacked(motion, efforts, range(len(motion.driven)), columns, efforts - rigid)
-    return np.asarray(np.linalg.lstsq(table, missed, rcond=1e-8)[0], float)
-
-
-def _stacked(
-    motion: Motion, efforts: Array, which: Sequence[int], columns: Array, missed: Array
-) -> tuple[Array, Array]:
-    """Return columns (n, k, c) and what is missed (n, k) of some joints below each other, freed of friction, as shares
-    of the joint's efforts.
-    """
-    sizes = np.linalg.norm(efforts, axis=0)
-    parts = [
-        _without_friction(motion, motion.driven[k], np.column_stack((columns[:, k], missed[:, k]))) / sizes[k]
-        for k in which
-        if sizes[k] > 0
-    ]
-    whole = np.concatenate(parts)
-    return whole[:, :-1], whole[:, -1]
-
-
-def _friction(motion: Motion, joint: str) -> Array:
-    """Return dry and viscous friction of one unit at a joint (n, 2)."""
-    column = motion.names.index(joint)
-    speed = motion.speed[:, column]
-    return np.column_stack((speed / np.hypot(speed, motion.slow[column]), speed))
-
-
-def gains_of_efforts(motion: Motion, efforts: Array, rigid: Array, follows: float = MOSTLY) -> dict[str, float]:
-    """Return by how much efforts are larger than the rigid robot's, of joints where they follow them or minus them.
-
-    follows: the correlation without friction, of either sign, from which they do.
-    """
-    return {
-        name: product / predicted
-        for name, measured, predicted, product in _products_without_friction(motion, efforts, rigid)
-        if measured * predicted > 0 and abs(product) > follows * np.sqrt(measured * predicted)
-    }
-
-
-# -- does the log fit the robot at all? --------------------------------------------------------------------------------
-
-#: What to do about a log that hardly fits its robot.
-CHECK_ROBOT = (
-    "check --robot, which joint each column belongs to and which way that counts, and whether the log holds efforts "
-    "without weight"
-)
-
-
-class Doubt(NamedTuple):
-    """A suspicion of how a log is meant, in words; of_robot: whether it is another robot's, before all else."""
-
-    text: str
-    of_robot: bool = False
-
-
-def check_efforts(at: InMotion, known: Array | None = None) -> list[Doubt]:
-    """Return suspicions. Raises InputError where joints cannot be where they are said to be.
-
-    known (k,): gains of the efforts, where those are in units of their own.
-    """
-    _check_places(at)
-    rows, motion, efforts = sampled(at)
-    if len(rows) < FEWEST_NUMBERS or not np.isfinite(efforts).all() or not efforts.any():
-        return []
-    rigid = at.rigid[rows]
-    scale = np.ones(len(at.driven)) if known is None else known
-    in_units = not bool((scale == 1).all())
-    shares = shares_of_efforts(motion, efforts / scale, rigid)
-    first = _rms(shares)
-    if first > FAR_LESS:
-        _check_limits(at, motion, first)
-    gains = {name: gain for name, gain in gains_of_efforts(motion, efforts, rigid).items() if gain > 0}
-    if not in_units and gains_apart(gains) and not _tool_load_would_do(at, gains):
-        told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:MOST_LISTED])
-        text = (
-            "the efforts follow the rigid robot's, but are other multiples of them at each joint "
-            f"({told}): are they in per cent or A? Expected N m or N; where gains are not known, declare "
-            '"tolerances": {"effort_gain": 1} in the JSON file beside the log'
-        )
-        return [Doubt(text)]
-    # no robot at all would leave less, and of most drives: a few report next to nothing, or are counterbalanced
-    if first > 1.0 and 2 * np.sum(shares < 1) < np.isfinite(shares).sum():
-        text = (
-            f"this log hardly fits this robot: the residual of the robot file is {number(100 * first, 3)} % of the "
-            "recorded efforts, more than the efforts themselves, and no other way that was tried to read them makes "
-            f"sense of them. Is it another robot's log? First {CHECK_ROBOT}."
-        )
-        return [Doubt(text, of_robot=True)]
-    return []
-
-
-def _check_places(at: InMotion) -> None:
-    """Raise InputError where an effort was recorded of a joint whose place is neither recorded nor told by loops."""
-    unseen = [name for name in at.driven if name not in at.motion.names]
-    if unseen and not at.mechanism.loops:
-        raise InputError(
-            "\n".join(
-                f"tau.{name} was recorded, but no q.{name}: where {name} stood is not known. Add the column, constant "
-                f"where the joint is held, or leave tau.{name} out"
-                for name in unseen
-            )
-        )
-
-
-def _check_limits(at: InMotion, motion: Motion, first: float) -> None:
-    """Raise InputError where joints go far beyond their limits in the robot file."""
-    model = at.mechanism.model
-    for column, name in enumerate(motion.names):
-        joint = at.mechanism.joint(name)
-        low, high = (float(limit[joint.first_q]) for limit in (model.lowerPositionLimit, model.upperPositionLimit))
-        reached = float(np.abs(motion.position[:, column]).max())
-        most = max(abs(low), abs(high))
-        if joint.nq == 1 and 0 < most < LARGEST_NUMBER and reached > MUCH * most:
-            unit = "rad" if joint.turns else "m"
-            allowed = f"{number(low)} to {number(high)} {unit}"
-            share = f"{number(100 * first, 3)} %" if first < 10 else "more than 1000 %"
-            raise InputError(
-                f"column q.{name} reaches {number(reached)}, but the robot file allows {allowed}, and {share} of the "
-                "efforts are unexplained: are these positions of the motor before its gear, or in another unit? "
-                f"Expected the joint's, in {unit}"
-            )

@@ -28,7 +28,7 @@ from ..criteria import (
 from ..normal_equations import NormalEquations
 from .band import band_of, in_motion
 from .bayes_factors import with_likelier_bodies
-from .conventions import check_efforts
+from .belongs import check_efforts
 from .diagnosis import EffortDiagnosis
 from .evidence import CrossValidation, held_out, relative_gain, scores
 from .few_bodies import with_few_bodies
@@ -43,6 +43,7 @@ from .gains import (
     likeliest_logs,
     precision_of_gains,
     scale_of,
+    scatter_of_gains,
 )
 from .noise import EffortNoise, noise_of, true_roundings, true_sizes
 from .nonlinear import optimised_in_either_form, refined
@@ -180,7 +181,7 @@ def _in_own_units(
     what the drawn ones make likeliest. None: most drives are in one unit.
     """
     at, physics = in_newtons(prepared.at, gains.gains), law_of_gains().physics
-    of_gains, middle = (EFFORT_GAINS, EFFORT_GAINS), np.log(gains.gains)
+    of_gains, middle = (EFFORT_GAINS, EFFORT_GAINS), np.full(len(gains.gains), np.log(gains.gains).mean())
     known: list[EffortCandidate] = []
     for left in range(ROUNDS - 1, -1, -1):
         efforts = PreparedEfforts(at, {**tolerances, physics: of_gains[0]}, prepared.below, of_gains[1])
@@ -224,9 +225,9 @@ def _steps_of_gains(efforts: PreparedEfforts, model: EffortModel, bodies: Array,
     of_all, middle = EFFORT_GAINS, middle[drives]
     if efforts.of_all_gains is not None and efforts.of_all_gains <= UNSEEN:  # it is given
         of_all, middle = UNSEEN, middle - middle.mean()
-    prior = precision_of_gains(EFFORT_GAINS, of_all, len(drives))
-    told = per[:, None] * (whole - model.problem.precision(where)) * per
-    steps[drives], covariance[np.ix_(drives, drives)] = likeliest_logs(told, per * (whole @ x[own]), prior, middle)
+    told, moment = per[:, None] * (whole - model.problem.precision(where)) * per, per * (whole @ x[own])
+    prior = precision_of_gains(scatter_of_gains(told, moment, of_all, middle), of_all, len(drives))
+    steps[drives], covariance[np.ix_(drives, drives)] = likeliest_logs(told, moment, prior, middle)
     return steps, covariance
 
 

@@ -18,7 +18,7 @@ from ...spatial import Array
 from ..chances import hotelling_sf, student_95, student_sf
 from ..criteria import FALSE_ALARM, GAIN, LITTLE, MOST, NO_MATTER, SURE
 from ..normal_equations import NormalEquations
-from .conventions import Doubt, gains_apart
+from .belongs import Doubt
 from .evidence import CrossValidation, held_out, relative_gain
 from .gains import Gains, scale_of
 from .inertial import BaseParameters, consistent_fit
@@ -27,6 +27,7 @@ from .outliers import OutlierInterval
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, block_squares, fit
 from .search import squared_strain, without_needless_nuisances
+from .shares import gains_apart
 
 
 def shows(sizes: Array | float, noise: Array | float) -> bool:

@@ -12,10 +12,11 @@ from ...numbers import number
 from ...recordings import Convention
 from ...spatial import Array
 from ..chances import WITHIN_95, student_95
-from ..criteria import EFFORT_GAINS, EFFORT_MASSES, FALSE_ALARM, MOST, MOST_COMBINATIONS, beyond_tolerance
+from ..criteria import EFFORT_GAINS, EFFORT_MASSES, FALSE_ALARM, GAIN, MOST, MOST_COMBINATIONS, beyond_tolerance
 from ..diagnosis import Finding, FittedParameter, heldout_gain
 from ..findings import beyond_its_tolerance
 from ..normal_equations import NormalEquations
+from .conventions import known_unit
 from .evidence import held_out
 from .few_bodies import FewBodies, nearest_body
 from .final_state import FinalState
@@ -102,16 +103,19 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
         return
     factor = np.exp(WITHIN_95 * final.gain_deviations)
     gains = dict(zip(final.at.driven, map(float, final.reported), strict=True))
+    kinds = {name: final.mechanism.joint(name).effort_unit for name in gains}
     parameters = {
-        f"{name}.reported": FittedParameter(
-            g, f"per {final.mechanism.joint(name).effort_unit}", (float(g / f), float(g * f))
-        )
+        f"{name}.reported": FittedParameter(g, f"per {kinds[name]}", (float(g / f), float(g * f)))
         for (name, g), f in zip(gains.items(), factor, strict=True)
     }
     # where no drive is in N m, that is how the log is written, and no fault of any of them
-    conventions = tuple(
-        Convention(f"tau.{name}", "gain", (float(f"{g:.3g}"),)) for name, g in gains.items() if final.in_own_units
-    )
+    conventions = [Convention(f"tau.{name}", "gain", (float(f"{g:.3g}"),)) for name, g in gains.items()]
+    if len(set(kinds.values())) == 1 and max(gains.values()) < (1 + GAIN) ** 2 * min(gains.values()):
+        usual = float(np.median(list(gains.values())))
+        known = known_unit(usual, final.mechanism, final.at.driven)
+        conventions = [known or Convention("tau", "gain", (float(f"{usual:.3g}"),))]
+    if not final.in_own_units:
+        conventions = []
     # the share that gains and all that is found take away of what the efforts leave as they are recorded
     efforts, good = final.efforts, final.efforts.good
     recorded = efforts.measured[efforts.kept] - efforts.rigid[efforts.kept] / final.scale
@@ -129,11 +133,11 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
         parameters=parameters,
         heldout_gain=heldout_gain((left[good] ** 2).sum(), (recorded[good] ** 2).sum()),
         statement=(
-            "the drives report in units of their own; all gains together and all masses together are one unknown, "
-            f"which the robot file's masses decide{hardly}"
+            f"the drives report in {'a unit' if len(conventions) == 1 else 'units'} of their own; all gains together "
+            f"and all masses together are one unknown, which the robot file's masses decide{hardly}"
         ),
         advice=_declared(final, sure) if sure else "",
-        conventions=conventions,
+        conventions=tuple(conventions),
     )
 
 
@@ -143,7 +147,8 @@ def _declared(final: FinalState, conventions: Sequence[Convention]) -> str:
     They are known by the masses of the robot file, within their tolerances; so these are declared with them.
     """
     names = [convention.joint for convention in conventions]
-    known = [deviation for name, deviation in zip(final.at.driven, final.gain_deviations, strict=True) if name in names]
+    drives = zip(final.at.driven, final.gain_deviations, strict=True)
+    known = [deviation for name, deviation in drives if {name, ""} & {*names}]
     within, declared = float(f"{max(known):.2g}"), final.recording.tolerances.declared
     spreads = {law_of_gains().physics: within} | {
         kind: float(declared.get(kind, EFFORT_MASSES)) for kind in ("mass", "inertia")

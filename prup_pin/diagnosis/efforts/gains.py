@@ -34,6 +34,7 @@ from ..criteria import (
     NOTHING,
     ROUNDING,
     SURE,
+    UNSEEN,
     WIDEST_STEP,
 )
 from .problem import column_blocks, kept_samples
@@ -93,6 +94,24 @@ def precision_of_gains(of_each: float, of_all: float, count: int) -> Array:
     of_all: the standard deviation of that.
     """
     return np.asarray(np.linalg.inv(of_each**2 * (np.eye(count) - 1 / count) + of_all**2), float)
+
+
+def scatter_of_gains(normal: Array, moment: Array, of_all: float, middle: Array) -> float:
+    """Return the standard deviation of the logarithms of gains beside what they have in common that is likeliest.
+
+    normal (k, k), moment (k,), middle (k,) as in `likeliest_logs`. Most robots have drives of one kind or two: what a
+    hardly moving one reports in is told by the others.
+    """
+
+    def unlikely(log: float) -> float:
+        prior = precision_of_gains(float(np.exp(log)), of_all, len(middle))
+        found, covariance = likeliest_logs(normal, moment, prior, middle)
+        change, apart = np.expm1(found), found - middle
+        cost = float(change @ (normal @ change - 2 * moment) + apart @ prior @ apart)
+        return cost - float(np.linalg.slogdet(prior)[1] + np.linalg.slogdet(covariance)[1])
+
+    bounds = float(np.log(UNSEEN)), float(np.log(EFFORT_GAINS))
+    return float(np.exp(minimize_scalar(unlikely, bounds=bounds, method="bounded").x))
 
 
 def scale_of(gains: Gains | None, count: int) -> Array:

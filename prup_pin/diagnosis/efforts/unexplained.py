@@ -44,7 +44,7 @@ from ..criteria import (
 )
 from ..diagnosis import Finding, heldout_gain
 from ..findings import unknown_at
-from .conventions import CHECK_ROBOT
+from .belongs import CHECK_ROBOT
 from .evidence import held_out, relative_gain
 from .final_state import FinalState, shows
 from .prepare import PreparedEfforts

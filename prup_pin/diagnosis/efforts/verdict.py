@@ -14,7 +14,7 @@ from ...laws.efforts.deviations import effects_of_deviations
 from ...mechanism.assumed import masses_in_doubt
 from ...numbers import number
 from ..diagnosis import Finding
-from .conventions import CHECK_ROBOT
+from .belongs import CHECK_ROBOT
 from .diagnosis import EffortDiagnosis
 from .final_state import FinalState
 from .findings import beyond_found, gains_found, laws_found

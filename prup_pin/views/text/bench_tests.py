@@ -147,7 +147,7 @@ def _effects_told(effects: Sequence[Effect], source: str) -> list[str]:
 
 def _in_own_units(effects: Sequence[Effect]) -> frozenset[str]:
     """Return the joints whose drives report efforts in a unit of their own, where none does in N m or N."""
-    from ...diagnosis.efforts.conventions import gains_apart
+    from ...diagnosis.efforts.shares import gains_apart
 
     gains = {e.place.name: 1 + e.values["gain"] for e in effects if isinstance(e.law, EffortUnit)}
     return frozenset(gains) if gains_apart(gains) else frozenset()
