@@ -36,8 +36,9 @@ class LowPass:
 
     Beyond the ends of a piece values are those before them turned about the end itself: it is kept with all its noise,
     and bends by nothing there. of_motion: they go on as they went, along a polynomial of degree four through
-    the last two periods of the cut-off, if the piece lasts as long, so that accelerations there are hardly worse than
-    elsewhere.
+    the last two periods of the cut-off, so that accelerations there are hardly worse than elsewhere; if the piece lasts
+    as long, and these are more samples than the polynomial has coefficients: through as few it would follow the noise
+    of each, and leave the motion by many times that.
     """
 
     cutoff: float
@@ -66,7 +67,7 @@ class LowPass:
     def _beyond(self, rows: Array, many: int) -> Array:
         """Return what values (r, n) are taken to be before the first one, `many` of them, the nearest one first."""
         window = round(_CONTINUED * self.rate / self.cutoff)
-        if not self.of_motion or rows.shape[1] < max(window, _DEGREE + 2):
+        if not self.of_motion or not rows.shape[1] >= window >= _DEGREE + 2:
             return 2 * rows[:, :1] - rows[:, 1 : many + 1]
         at = np.arange(-many, window) / window
         powers = np.polynomial.legendre.legvander(2 * at - 1, _DEGREE)
