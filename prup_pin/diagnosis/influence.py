@@ -82,6 +82,11 @@ class Influence:
         """Return the columns' change per deformation of a module, (n, K, k): its wrench Jacobian, transposed."""
         return self._placed(self.stack.seen(self.first.by_strain(name)))
 
+    @property
+    def by_resistances(self) -> Array:
+        """The columns' change per torque of each joint that resists, (n, K, r)."""
+        return self._placed(self.stack.seen(self.first.by_resistance(JointResistance.joints(self.solved))))
+
     def change(self, setup: Setup) -> Array:
         """Return the columns' change (n, K) from the run's setup to another one."""
         moved = np.zeros((len(self), 6 * len(self.first.frames)))
@@ -93,13 +98,13 @@ class Influence:
         return self._placed(self.stack.change(setup, self.solved, moved))
 
     def _displaced(self, setup: Setup) -> dict[int, Array]:
-        """Return how far (n,) joints that resist are moved by what changes to another setup, by place; of none nothing."""
+        """Return how far (n,) what changes to another setup moves each joint that resists, by its place."""
         joints = JointResistance.joints(self.solved)
         if not joints:
             return {}
         changes = [kind.first_order(setup, self._of_joints) for kind in DEEDS if kind.displaces_joints]
         moved = [change for change in changes if change is not None]
-        return dict(zip(joints, sum(moved).T, strict=True)) if moved else {}
+        return dict(zip(joints, np.sum(moved, axis=0).T, strict=True)) if moved else {}
 
     @cached_property
     def _of_joints(self) -> Solved:

@@ -109,9 +109,10 @@ class FirstOrder:
         return -self.by_row[:, :, : torque.shape[1]] * torque[:, None]
 
     def of_joints(self, places: Sequence[int]) -> FirstOrder:
-        """Return the same with joints watched in the place of frames: R displacements [m, rad], among the moving joints.
+        """Return the same with joints watched in the place of frames: R displacements [m, rad].
 
-        Of what loads the robot, or gives way under load; a displaced part has joints stand elsewhere without any load, too.
+        places: among the moving joints. For what loads the robot or lets it give way; where parts are displaced joints
+        stand elsewhere without any load, too.
         """
         other = FirstOrder(self.found, ())
         other.matrix, other.by_row = self.matrix, self._joints_by_row[:, list(places)]

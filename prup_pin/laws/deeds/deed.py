@@ -47,8 +47,8 @@ class Solved:
     """A solved simulation of n samples, about which deeds tell their first-order effect.
 
     samples (n,) are the inputs' rows that were solved; `plain` is the robot without changed values, at the same
-    lengths; `lengths` are the robot file's; `histories` by kind what followed the deeds that remember. `displaced`: how far
-    (n,) what changes moves the joints that resist in `setup`, by their places, while they resist as they do there.
+    lengths; `lengths` are the robot file's; `histories` by kind what followed the deeds that remember. `displaced`: how
+    far (n,) what changes moves the joints that resist in `setup`, by their places, while they resist as they do there.
     """
 
     setup: Setup

@@ -78,7 +78,9 @@ class ExtraStrain(Deed):
             load = at.first.loads(name)
             extra = extent_of(setup, name, load, at.samples)
             extra = extra - at.first.once(("strain", name), partial(extent_of, at.setup, name, load, at.samples))
-            if not at.first.frames:  # joints: where a block begins unloaded they have moved by what is there without load
+            if (
+                not at.first.frames
+            ):  # joints: where a block begins unloaded they have moved by what is there without load
                 rest = np.zeros_like(load)
                 bare = extent_of(setup, name, rest, at.samples) - extent_of(at.setup, name, rest, at.samples)
                 extra = extra - bare[at.moment.begins]
