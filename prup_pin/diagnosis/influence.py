@@ -7,13 +7,14 @@ simulated. What each kind of deed does to first order is the deed's own (`laws/d
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from ..channels import Placing, PoseChannel, Stack
 from ..laws import Setup
-from ..laws.deeds import DEEDS, Solved
+from ..laws.deeds import DEEDS, JointResistance, Solved
 from ..loaded import Chain, Equilibria, FirstOrder
 from ..simulation import Run, Simulator
 from ..spatial import Array
@@ -81,14 +82,34 @@ class Influence:
         """Return the columns' change per deformation of a module, (n, K, k): its wrench Jacobian, transposed."""
         return self._placed(self.stack.seen(self.first.by_strain(name)))
 
+    @property
+    def by_resistances(self) -> Array:
+        """The columns' change per torque of each joint that resists, (n, K, r)."""
+        return self._placed(self.stack.seen(self.first.by_resistance(JointResistance.joints(self.solved))))
+
     def change(self, setup: Setup) -> Array:
         """Return the columns' change (n, K) from the run's setup to another one."""
         moved = np.zeros((len(self), 6 * len(self.first.frames)))
+        at = replace(self.solved, displaced=self._displaced(setup))
         for kind in DEEDS:
-            change = kind.first_order(setup, self.solved)
+            change = kind.first_order(setup, at)
             if change is not None:
                 moved += change
         return self._placed(self.stack.change(setup, self.solved, moved))
+
+    def _displaced(self, setup: Setup) -> dict[int, Array]:
+        """Return how far (n,) what changes to another setup moves each joint that resists, by its place."""
+        joints = JointResistance.joints(self.solved)
+        if not joints:
+            return {}
+        changes = [kind.first_order(setup, self._of_joints) for kind in DEEDS if kind.displaces_joints]
+        moved = [change for change in changes if change is not None]
+        return dict(zip(joints, np.sum(moved, axis=0).T, strict=True)) if moved else {}
+
+    @cached_property
+    def _of_joints(self) -> Solved:
+        """What deeds are told of the run where the joints that resist are watched."""
+        return replace(self.solved, first=self.first.of_joints(JointResistance.joints(self.solved)))
 
     @cached_property
     def _placing(self) -> Placing | None:

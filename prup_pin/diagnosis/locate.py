@@ -175,7 +175,7 @@ def least_left(problem: Problem, fit: Fit, module: str, residual: Array, nuisanc
 
     `nuisance`: what others may do with it. No law of that module alone leaves less, to first order.
     """
-    basis = problem.reach(fit, module)
+    basis = problem.reach(fit, module, resisted=True)
 
     def left(values: Array) -> Array:
         return values - basis @ (basis.mT @ values)

@@ -222,13 +222,20 @@ class Problem:
             return self.stack.seen(influence.first.by_wrench)
         return self.by_wrench[np.searchsorted(known, samples)]
 
-    def reach(self, fit: Fit, module: str) -> Array:
+    def reach(self, fit: Fit, module: str, resisted: bool = False) -> Array:
         """Return the whitened changes that a module's deformations can make, (n, K, k).
 
-        Orthonormal columns at every sample, zero where a deformation does not reach what is measured.
+        Orthonormal columns at every sample, zero where a deformation does not reach what is measured. resisted: with
+        whatever torques of joints that resist them.
         """
         influence = fit.influence
-        return fit.once(("reach", module), lambda: _basis(self.whiteners(influence) @ influence.signature(module)))
+
+        def made() -> Array:
+            moved = [influence.signature(module), *([influence.by_resistances] if resisted else [])]
+            alike = [each / max(float(np.abs(each).max(initial=0.0)), 1e-300) for each in moved]  # m beside N m
+            return _basis(self.whiteners(influence) @ np.concatenate(alike, axis=-1))
+
+        return fit.once(("reach", module, resisted), made)
 
     def fit_at(
         self, terms: Sequence[Term], start: Run | None = None, like: Fit | None = None, x=None, near: bool = False

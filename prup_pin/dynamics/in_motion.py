@@ -185,11 +185,10 @@ class InMotion:
         return bool((self.trajectory.dofs == dof).any() if spread is None else spread[:, dof].any())
 
     def along(self, joint: str, effort: Array) -> Array:
-        """Return what the drives give (N, k) for an effort (N,) needed along a joint, be it driven or not."""
-        dof = self.mechanism.joint(joint).first_v
-        if self.trajectory.spread is not None:
-            return self.trajectory.spread[:, dof] * effort[:, None]
-        return np.where(self.trajectory.dofs == dof, effort[:, None], 0.0)
+        """Return what the drives give (N, k, ...) for efforts (N, ...) needed along a joint, be it driven or not."""
+        dof, spread = self.mechanism.joint(joint).first_v, self.trajectory.spread
+        shares = self.trajectory.dofs == dof if spread is None else spread[:, dof]
+        return shares.reshape(*shares.shape, *(1,) * (effort.ndim - 1)) * effort[:, None]
 
     def effort_of(self, joint: str, efforts: Array) -> Array:
         """Return the column (N,) of one driven joint; zero of another."""

@@ -36,8 +36,9 @@ class LowPass:
 
     Beyond the ends of a piece values are those before them turned about the end itself: it is kept with all its noise,
     and bends by nothing there. of_motion: they go on as they went, along a polynomial of degree four through
-    the last two periods of the cut-off, if the piece lasts as long, so that accelerations there are hardly worse than
-    elsewhere.
+    the last two periods of the cut-off, so that accelerations there are hardly worse than elsewhere; if the piece lasts
+    as long, and these are more samples than the polynomial has coefficients: through as few it would follow the noise
+    of each, and leave the motion by many times that.
     """
 
     cutoff: float
@@ -46,11 +47,11 @@ class LowPass:
 
     def __call__(self, values: Array, piece: np.ndarray) -> Array:
         """Return values (N, ...) without what is faster than the cut-off, each piece for itself."""
-        from scipy.signal import sosfiltfilt  # heavy; not needed to load a robot
+        from scipy.signal import sosfilt  # heavy; not needed to load a robot
 
         if self.cutoff >= 0.49 * self.rate:
             return np.array(values, float)
-        sections = _butterworth(self.cutoff, self.rate)
+        sections, settled = _butterworth(self.cutoff, self.rate)
         rows = np.reshape(values, (len(values), -1)).T
         out = np.empty(rows.shape)
         longest = round(3 * self.rate / self.cutoff) + 3 * _ORDER
@@ -58,13 +59,15 @@ class LowPass:
             here, padding = rows[:, where], min(longest, where.stop - where.start - 1)
             before, after = (self._beyond(own, padding) for own in (here, here[:, ::-1]))
             padded = np.concatenate((before[:, ::-1], here, after), axis=1)
-            out[:, where] = sosfiltfilt(sections, padded, padtype=None)[:, padding : padding + here.shape[1]]
+            for _ in range(2):  # each time from a state in which the first value has lasted for ever
+                padded = sosfilt(sections, padded, zi=settled * padded[:, :1])[0][:, ::-1]
+            out[:, where] = padded[:, padding : padding + here.shape[1]]
         return out.T.reshape(np.shape(values))
 
     def _beyond(self, rows: Array, many: int) -> Array:
         """Return what values (r, n) are taken to be before the first one, `many` of them, the nearest one first."""
         window = round(_CONTINUED * self.rate / self.cutoff)
-        if not self.of_motion or rows.shape[1] < max(window, _DEGREE + 2):
+        if not self.of_motion or not rows.shape[1] >= window >= _DEGREE + 2:
             return 2 * rows[:, :1] - rows[:, 1 : many + 1]
         at = np.arange(-many, window) / window
         powers = np.polynomial.legendre.legvander(2 * at - 1, _DEGREE)
@@ -86,11 +89,12 @@ class LowPass:
 
 
 @lru_cache(maxsize=64)
-def _butterworth(cutoff: float, rate: float) -> Array:
-    """Return a filter's sections, (s, 6)."""
-    from scipy.signal import butter
+def _butterworth(cutoff: float, rate: float) -> tuple[Array, Array]:
+    """Return a filter's sections, (s, 6), and the state in which each has settled at one, (s, 1, 2)."""
+    from scipy.signal import butter, sosfilt_zi
 
-    return butter(_ORDER, cutoff, fs=rate, output="sos")
+    sections = butter(_ORDER, cutoff, fs=rate, output="sos")
+    return sections, sosfilt_zi(sections)[:, None]
 
 
 @dataclass(frozen=True)

@@ -76,13 +76,18 @@ def triples_of(stream: Stream) -> list[dict[str, str]]:
 
 def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Body]:
     """Return the bodies of a stream in the order of their columns; those that are `taken` are something else."""
-    told: dict[str, dict[str, dict[str, str]]] = {"place": {}, "turn": {}, "vector": {}, "matrix": {}}
+    told: dict[str, dict[str, dict[str, str]]] = {"place": {}, "letters": {}, "turn": {}, "vector": {}, "matrix": {}}
     numbered = numbered_places(stream)
     for name in stream.columns:
         part = None if name in taken else _part(stream, name, numbered, frames)
         if part is not None:
             what, called, axis = part
             told[what].setdefault(called, {})[axis] = name
+    for called, axes in told.pop(
+        "letters"
+    ).items():  # no name says that it is a place, but the body's orientation is told
+        if set(axes) == set("xyz") and set(told["turn"].get(called, ())) == set("xyzw"):
+            told["place"].setdefault(called, axes)
     spoken_for = {name for of in told.values() for axes in of.values() for name in axes.values()}
     for triple in triples_of(stream):  # what is left of three lengths whose names differ in x, y and z alone
         names = set(triple.values())
@@ -114,6 +119,8 @@ def _part(
 ) -> tuple[str, str, str] | None:
     """Return what a column tells by its name (place, turn, vector, matrix), of which body, and of which axis or cell.
 
+    letters: an axis and nothing that says of what, which is a place beside a quaternion of the same name.
+
     numbered: numbers of markers that have a place. None of a column that is neither.
     """
     marker = _NUMBERED.fullmatch(name)
@@ -140,7 +147,7 @@ def _part(
     if kind == "r":
         return ("turn", body, f"r{axis}") if dimension == "angle" else None
     placed = kind == "t" or dimension == "length" or spoken & {*_PLACE, "tcp"} or frame_of(body, frames) or not body
-    return ("place", body, axis) if placed and axis != "w" else None
+    return ("place" if placed else "letters", body, axis) if axis != "w" and (placed or dimension is None) else None
 
 
 def _is_neither(name: str) -> bool:

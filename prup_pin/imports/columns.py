@@ -209,19 +209,31 @@ def _doubt_rivals(lines: Sequence[Line], rivals: Sequence[Sequence[_Member]], st
 def _spoken(draft: Draft, stream: Stream) -> _Groups:
     """Return groups of as many columns of one kind as there are joints, with names of their own instead of numbers.
 
-    Controllers call joints base, shoulder, elbow, and not as the robot file does.
+    Controllers call joints base, shoulder, elbow, and not as the robot file does. Where only some joints have a column
+    of a kind, as efforts of a robot with passive ones, the names that others have with it tell whose they are.
     """
     groups: _Groups = {}
+    called: dict[str, tuple[str, ...]] = {}
     for name in stream.columns:
-        words = words_of(name)
+        words = words_of(without_unit(name))
         kinds = [KIND[word] for word in words if word in KIND]
         other = name in draft.times or {*words} & {*OF_THE_TOOL} or measured_by(draft, stream.unit_of(name)) == ""
         if not kinds or other or _joint_in(draft, name):
             continue
-        manner = " ".join(word for word in words if word in {*KIND, *WISHED, *MEASURED, *_ASIDE})
-        group = groups.setdefault((_kind(kinds), manner), [])
+        saying = {*KIND, *WISHED, *MEASURED, *_ASIDE}
+        called[name] = tuple(word for word in words if word not in saying)
+        group = groups.setdefault((_kind(kinds), " ".join(word for word in words if word in saying)), [])
         group.append((len(group), name, ""))
-    return {key: group for key, group in groups.items() if len(group) == len(draft.driven) > 1}
+    whole = {key: group for key, group in groups.items() if len(group) == len(draft.driven) > 1}
+    orders = {tuple(called[name] for _, name, _ in group) for group in whole.values()}
+    if len(orders) != 1 or len(set(*orders)) != len(draft.driven):
+        return whole
+    joint_of = dict(zip(*orders, draft.driven, strict=True))
+    for key, group in groups.items():
+        named = [(place, name, joint_of.get(called[name], "")) for place, name, _ in group]
+        if key not in whole and all(joint for _, _, joint in named):
+            whole[key] = named
+    return whole
 
 
 def _blocks(draft: Draft, stream: Stream) -> list[Line]:

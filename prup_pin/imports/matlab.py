@@ -14,20 +14,26 @@ from typing import Any
 
 import numpy as np
 from scipy.io import loadmat
+from scipy.spatial.transform import Rotation
 
 from ..errors import RecordingFileError, imported
 from ..recordings.problems import shown
 from ..spatial import Array
 from .log import MAX_COLUMNS, MAX_VECTOR, Log, Stream, check_size, frozen, reading, refuse, spread
 
+#: Shapes of a rotation and of a pose; matrices whose columns are not orthonormal to so much are neither.
+_MATRICES, _RIGID = ((3, 3), (4, 4)), 1e-3
+
 
 def read(path: Path) -> Log:
     """Return the numeric variables of a .mat, .h5 or .npz file; `data.q` (N, 6) becomes data.q[1] to data.q[6].
 
+    Poses as matrices (N, 4, 4) and rotations (N, 3, 3), or (4, 4, N) and (3, 3, N), become x, y, z and a quaternion.
     Arrays with as many samples and in the same structure are one stream. Raises MissingExtraError where a file of
     version 7.3 needs h5py, RecordingFileError for a file that cannot be read.
     """
     found: dict[str, Array] = {}
+    streams: dict[tuple[str, int], dict[str, Array]] = {}
     left_out: list[str] = []
     whole = 0
     for name, value in _variables(path):
@@ -35,13 +41,18 @@ def read(path: Path) -> Log:
             array = np.asarray(value)
         except ValueError:  # lists of several lengths
             array = np.array("lists")
-        if array.dtype.kind not in "fiub" or array.ndim > 2:
+        pose = _pose_of(array)
+        if pose:
+            check_size(path, whole + array.nbytes)
+            whole += array.nbytes
+            group = name.rpartition(".")[0], len(pose["qw"])
+            streams.setdefault(group, {}).update({f"{name}.{axis}": values for axis, values in pose.items()})
+        elif array.dtype.kind not in "fiub" or array.ndim > 2:
             left_out.append(f"{name} ({array.dtype.kind if array.dtype.kind in 'OSUV' else array.shape})")
         elif array.size > 1:
             whole += 8 * array.size
             check_size(path, whole)
             found[name] = np.atleast_2d(array).astype(float)
-    streams: dict[tuple[str, int], dict[str, Array]] = {}
     lengths = {max(array.shape) for array in found.values()}
     for name, array in found.items():
         if array.shape[0] == 1 or (array.shape[1] in lengths and array.shape[1] > MAX_VECTOR > array.shape[0]):
@@ -53,6 +64,29 @@ def read(path: Path) -> Log:
         streams.setdefault(group, {}).update(spread(name, array[:, 0] if array.shape[1] == 1 else array, first=1))
     merged = _joined(streams)
     return Log(str(path), tuple(Stream(n, frozen(columns)) for n, columns in merged.items()), tuple(left_out))
+
+
+def _pose_of(array: Array) -> dict[str, Array]:
+    """Return the columns x, y, z (of poses) and qx, qy, qz, qw of a stack of matrices, none of what is no such stack.
+
+    A matrix that was not measured (nan, zeros) is nan.
+    """
+    if array.ndim != 3 or array.dtype.kind not in "fi":
+        return {}
+    stack = array.astype(float)
+    if stack.shape[1:] not in _MATRICES:  # a sample a page, as MATLAB has them
+        stack = np.moveaxis(stack, -1, 0)
+    if stack.shape[1:] not in _MATRICES:
+        return {}
+    told = np.isfinite(stack).all(axis=(1, 2)) & stack.any(axis=(1, 2))
+    turned, poses = stack[told, :3, :3], stack.shape[1] == 4
+    rigid = np.abs(turned @ turned.mT - np.eye(3)).max(initial=0.0) < _RIGID and (np.linalg.det(turned) > 0).all()
+    if not (told.any() and rigid) or (poses and not np.allclose(stack[told, 3], [0.0, 0.0, 0.0, 1.0])):
+        return {}
+    columns = np.full((len(stack), 7), np.nan)
+    columns[told] = np.column_stack((stack[told, :3, -1], Rotation.from_matrix(turned).as_quat()))
+    named = dict(zip(("x", "y", "z", "qx", "qy", "qz", "qw"), columns.T, strict=True))
+    return named if poses else {name: named[name] for name in named if name.startswith("q")}
 
 
 def _joined(streams: Mapping[tuple[str, int], Mapping[str, Array]]) -> dict[str, dict[str, Array]]:

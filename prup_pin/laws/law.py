@@ -230,6 +230,10 @@ class Law(ABC):
         """Return what to do about it, in one short sentence; nothing where nobody knows."""
         return self.remedy.format(place=place.name)
 
+    def misdeclared(self) -> Iterator[str]:
+        """Yield in words what laws of its kind declare beside these, and it so that it cannot be used."""
+        yield from ()
+
 
 def is_untold(quantity: Quantity, interval: tuple[float, float]) -> bool:
     """Return whether an interval holds all that a quantity of either sign may be."""
@@ -322,6 +326,7 @@ def defects(law: Law) -> Iterator[str]:
         yield f"neutral is {neutral!r}; expected values at which it changes nothing, {{'name': 0.0}}"
     elif unknown := [name for name in neutral if names and name not in names]:
         yield f"neutral names {', '.join(unknown)}; its quantities are {', '.join(names)}"
+    yield from law.misdeclared()
 
 
 #: Load components of each motion of a joint module.

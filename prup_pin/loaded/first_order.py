@@ -108,6 +108,16 @@ class FirstOrder:
         torque = self.chain.by_torque(self.found.evaluation)
         return -self.by_row[:, :, : torque.shape[1]] * torque[:, None]
 
+    def of_joints(self, places: Sequence[int]) -> FirstOrder:
+        """Return the same with joints watched in the place of frames: R displacements [m, rad].
+
+        places: among the moving joints. For what loads the robot or lets it give way; where parts are displaced joints
+        stand elsewhere without any load, too.
+        """
+        other = FirstOrder(self.found, ())
+        other.matrix, other.by_row = self.matrix, self._joints_by_row[:, list(places)]
+        return other
+
     def joints_by_resistance(self, places: tuple[int, ...]) -> Array:
         """Return d(displacement)/d(resisting torque) of joints, (n, r, r)."""
 
@@ -117,10 +127,15 @@ class FirstOrder:
     def _joints_by_torque(self) -> Array:
         """d(displacement)/d(torque) of all free and driven joints, (n, j, j)."""
         torque = self.chain.by_torque(self.found.evaluation)
-        count = torque.shape[1]
+        return -self._joints_by_row[:, :, : torque.shape[1]] * torque[:, None]
+
+    @cached_property
+    def _joints_by_row(self) -> Array:
+        """Minus the displacement of all free and driven joints per residual of the equations, (n, j, m)."""
+        count = len(self.chain.moving)
         rows = np.zeros((len(self), count, self.matrix.shape[-1]))
         rows[:, np.arange(count), np.arange(count)] = 1.0
-        return -left_solved(self.matrix, self.found.rigid.border, rows)[:, :, :count] * torque[:, None]
+        return left_solved(self.matrix, self.found.rigid.border, rows)
 
     def by_joint(self, joint: int) -> Array:
         """Return what is watched per displacement of a joint's drawn place, (n, R, 6), as in `Conditions.offsets`."""

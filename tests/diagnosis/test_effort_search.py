@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.special import gammaincc
 
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.criteria import FALSE_ALARM
 from prup_pin.diagnosis.efforts import search
-from prup_pin.diagnosis.efforts.evidence import CrossValidation, relative_gain, scores
+from prup_pin.diagnosis.efforts.evidence import CrossValidation, relative_gain, savings, scores
 from prup_pin.diagnosis.efforts.final_state import FinalState
 from prup_pin.diagnosis.efforts.inertial import BaseParameters
 from prup_pin.diagnosis.efforts.noise import noise_of_efforts
@@ -48,6 +50,16 @@ def test_one_term_less_is_what_a_fit_without_it_leaves(start):
         assert left == pytest.approx(CrossValidation(model.without(term)).squares, rel=1e-6)
 
 
+def test_the_threshold_is_the_quantile_of_the_best_candidate_of_each_flip(start):
+    of = savings(start.with_term(named(start, "viscous_friction")))
+    ranked, limit = scores(of)
+    logs = np.log([gammaincc(one.freedom / 2, one.saved / 2) for one in of])
+    assert limit == np.quantile(logs[:, :-1].min(axis=0), FALSE_ALARM)
+    assert [one.log_chance for one in ranked if one.candidate.law.looked_at == 1] == pytest.approx(
+        [log for log, one in zip(logs[:, -1], of, strict=True) if one.candidate.law.looked_at == 1]
+    )
+
+
 def test_friction_of_another_size_backwards_may_follow_one_that_is_alike_both_ways():
     """Beside the latter it is only told by how the two ways differ, one up and one down: no sign that it cannot be."""
     robot, recording = load(AXIS), axis(3000, damping=200.0)
@@ -56,7 +68,7 @@ def test_friction_of_another_size_backwards_may_follow_one_that_is_alike_both_wa
     recording = recording.with_measurements(efforts={"carriage": tau})
     efforts = PreparedEfforts(InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism)), {})
     start = efforts.start()
-    ranked, _ = scores(start.with_term(named(start, "viscous_friction")))
+    ranked, _ = scores(savings(start.with_term(named(start, "viscous_friction"))))
     (directed,) = (score for score in ranked if score.candidate.place.aspect == "effort by direction")
     assert directed.possible
     assert directed.gain > 0.5 * max(score.gain for score in ranked)

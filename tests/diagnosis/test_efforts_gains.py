@@ -318,3 +318,35 @@ def test_friction_is_known_no_better_than_a_gain_within_its_tolerance(robot, mov
     for name in ("shoulder_pan_joint", "elbow_joint", "wrist_1_joint"):
         low, high = friction.parameters[f"{name}.limit"].interval
         assert low < 0.8 < high
+
+
+#: Two links that hang, of which the first alone is driven.
+PENDUBOT = """<robot name="pendubot"><link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.1 0 0"/><mass value="1.1"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+  <link name="lower"><inertial><origin xyz="0.1 0 0"/><mass value="0.3"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.002"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><origin rpy="1.5707963 0 0"/>
+    <axis xyz="0 0 1"/><limit lower="-7" upper="7" effort="9" velocity="9"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.25 0 0"/>
+    <axis xyz="0 0 1"/><limit lower="-7" upper="7" effort="9" velocity="9"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("gain", [10.0, -10.0])
+def test_a_single_drive_in_a_unit_of_its_own_is_told_by_masses_whichever_way_it_counts(tmp_path, gain):
+    (tmp_path / "pendubot.urdf").write_text(PENDUBOT)
+    robot = load(tmp_path / "pendubot.urdf")
+    rng, time = np.random.default_rng(7), 0.01 * np.arange(800)
+    moved = np.sin(np.outer(time, [2.1, 3.4])) + 0.6 * np.sin(np.outer(time, [4.7, 1.3]))
+    positions = dict(zip(("shoulder", "elbow"), (np.array([-1.6, 0.0]) + moved).T, strict=True))
+    silent = Recording(time=time, positions=positions)
+    at = InMotion.of(robot.mechanism, motion_of(silent, robot.mechanism, ["shoulder"]))
+    reported = gain * at.rigid[:, 0] + 0.2 * rng.normal(size=len(time))
+    tolerances = Tolerances(effort_gain=1.0, mass=0.1, inertia=0.1)
+    found = diagnose(
+        robot, Recording(time=time, positions=positions, efforts={"shoulder": reported}, tolerances=tolerances)
+    )
+    told = {finding.physics: finding for finding in found.findings}
+    assert set(told) == {"effort_gain", "log_convention"} if gain < 0 else {"effort_gain"}
+    (per_newton,) = told["effort_gain"].parameters.values()
+    assert per_newton.value == pytest.approx(10, rel=0.1)

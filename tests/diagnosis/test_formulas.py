@@ -9,10 +9,13 @@ from typer.testing import CliRunner
 from prup_pin import load
 from prup_pin.cli import app
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.efforts.problem import DesignMatrix
 from prup_pin.diagnosis.proposal import proposed_files
+from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.errors import InputError
 from prup_pin.laws import Effect
 from prup_pin.laws.efforts import EFFORT_LAWS
+from prup_pin.laws.formulas import library, tried
 from prup_pin.plugins import along
 from prup_pin.recordings import Recording, read_recording, write_recording
 from prup_pin.simulation import simulate
@@ -212,6 +215,14 @@ def test_of_noise_nothing_is_proposed(carriage):
         ).proposals
 
 
+def test_terms_are_compared_and_never_fitted_beside_each_other(carriage, monkeypatch):
+    recording, sizes, add = recorded(lambda q, v, t: 0.0 * q, n=1500), [], DesignMatrix.add
+    monkeypatch.setattr(DesignMatrix, "add", lambda self, parts: (add(self, parts), sizes.append(self.size))[0])
+    diagnose(carriage, recording, propose=["carriage"])
+    at = InMotion.of(carriage.mechanism, motion_of(recording, carriage.mechanism))
+    assert max(sizes) < sum(len(list(tried(term, at, "carriage"))) for term in library(at, "carriage"))
+
+
 @pytest.mark.parametrize("n", [10, 40])
 def test_a_few_samples_are_refused_in_a_sentence(carriage, n):
     with pytest.raises(InputError, match="long"):
@@ -271,3 +282,11 @@ def test_a_belt_that_gives_more_the_more_it_is_pulled_is_a_formula_of_its_load(t
         again = diagnose(robot, read_recording(tmp_path / "it.heldout.csv"))
     assert [item.word for item in again.judged] == ["confirmed"]
     assert word in {item.physics for item in again.findings}
+
+
+@pytest.mark.slow
+def test_of_ten_poses_no_formula_is_proposed(tmp_path, monkeypatch):
+    monkeypatch.setattr(draw, "ALIENS", {"quadratic": draw.ALIENS["quadratic"]})
+    draw.write(draw.draw(1, ["alien"], (8.0, 30.0)), tmp_path, tmp_path, "it", True)
+    few = read_recording(tmp_path / "it.csv").select(slice(10))
+    assert not diagnose(load("3prup"), few, propose=True).proposals

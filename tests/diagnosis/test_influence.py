@@ -106,6 +106,68 @@ def test_first_order_is_the_simulations_slope(solved, law):
             assert np.abs(found - expected)[:, columns].max() < WITHIN * size + 1e-10, place
 
 
+#: A joint that rubs, the torque or force at which it slides, and what changes beside it.
+BESIDE = [
+    (machine, rubs, limit, law, values)
+    for machine, rubs, limit, laws in (
+        (
+            platform,
+            "leg1_u2",
+            {"limit": 1000.0, "presliding_stiffness": 2e7},
+            {
+                "backlash at leg3/drive": {"half_gap": 2e-7, "closing_load": 300.0},
+                "stiffness_changed at leg1/drive": {"factor": 0.999},
+                "payload at platform": {"mass": 0.05},
+                "wrench_sensor_bias at wrench_sensor (forces)": {"fx": 0.3, "fy": -0.2, "fz": 0.5},
+                "encoder_offset at leg1_slide": {"offset": 1e-8},
+            },
+        ),
+        (
+            platform,
+            "leg4_slide",
+            {"limit": 700.0, "presliding_stiffness": 2e7},
+            {
+                "payload at platform": {"mass": 0.05},
+                "backlash at leg4/drive": {"half_gap": 2e-7, "closing_load": 300.0},
+            },
+        ),
+        (
+            three_prup,
+            "leg1/R_theta_P",
+            {"limit": 0.3, "presliding_stiffness": 2e3},
+            {
+                "thermal_growth at leg2/linear_rod": {"expansion": 1e-8},
+                "backlash at leg1/R_phi (radial)": {"half_gap": 2e-8, "closing_load": 50.0},
+                "stiffness_changed at leg1/linear_rod": {"factor": 0.9995},
+            },
+        ),
+    )
+    for law, values in laws.items()
+]
+
+
+@pytest.mark.parametrize(
+    ("machine", "rubs", "friction", "name", "sizes"), BESIDE, ids=[f"{each[3]}, {each[1]} rubs" for each in BESIDE]
+)
+def test_a_joint_that_sticks_resists_what_any_other_law_does(machine, rubs, friction, name, sizes):
+    """Its torque follows the joint, and where it slid to what was before: of both first order knows."""
+    robot, actuators, wrench = machine()
+    n = len(wrench)
+    blocks, warm = np.repeat(np.arange(2), n // 2), 20.0 + np.linspace(0, 8, n)
+    simulator = Simulator(robot, Inputs(np.arange(float(n)), actuators, wrench, blocks, warm))
+    laws = {f"{law.physics} at {place}": (law, place) for law in LAWS for place in law.places(robot.mechanism)}
+    rubbing = Effect(*laws[f"coulomb_friction at {rubs}"], friction)
+    run, (law, place) = simulator.run([rubbing]), laws[name]
+    effects = [rubbing, Effect(law, place, {**law.neutral_at(place, robot.mechanism), **sizes})]
+    found = Influence(simulator, run).change(simulator.setup(effects))
+    after = simulator.run(effects)
+    turned = rotation_log(after.rotation @ run.rotation.mT)
+    expected = np.concatenate((after.position - run.position, turned), axis=1)
+    for columns in (slice(0, 3), slice(3, 6)):
+        size = np.abs(expected[:, columns]).max()
+        assert np.abs(found - expected)[:, columns].max() < WITHIN * size
+
+
 @pytest.mark.parametrize("logarithmic", [False, True])
 def test_a_law_in_proportion_to_its_value_is_fitted_by_one_step(logarithmic):
     draw = np.random.default_rng(3)

@@ -5,7 +5,7 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis.efforts.bayes_factors import held_body, other_link
-from prup_pin.diagnosis.efforts.evidence import scores
+from prup_pin.diagnosis.efforts.evidence import savings, scores
 from prup_pin.diagnosis.efforts.prepare import PreparedEfforts
 from prup_pin.diagnosis.efforts.problem import block_squares, fit
 from prup_pin.diagnosis.efforts.search import strain
@@ -81,7 +81,7 @@ def test_a_score_counts_the_tolerances_that_a_law_takes_back():
     at = InMotion.of(robot.mechanism, motion_of(axis(1500, damping=200.0, limit=20.0), robot.mechanism))
     efforts = PreparedEfforts(at, {"mass": 0.0005})
     start = efforts.start()
-    ranked, _ = scores(start)
+    ranked, _ = scores(savings(start))
 
     def lost(model):
         x, _ = fit(model)

@@ -101,6 +101,16 @@ def test_no_law_of_a_module_beats_its_bound(simulator, library):
     assert own < 0.8 * other
 
 
+def test_no_law_of_a_module_beats_its_bound_beside_a_joint_that_resists_it(simulator, library):
+    rubs = term(library, "coulomb_friction at leg2/R_theta_P", 2.0, 2e4)
+    soft = term(library, "stiffness_changed at leg2/linear_rod", 0.7)
+    problem = problem_of(simulator, [rubs.effect, soft.effect], scatter=0.1)
+    fit = problem.fit_at([rubs])
+    bound = least_left(problem, fit, "leg2/linear_rod", fit.residual)
+    chi2, _, _ = problem.first_order_fit(fit, fit.terms, soft.candidate)
+    assert bound * (1 - 1e-9) <= chi2 < 10.0 < fit.chi2
+
+
 def test_a_gap_may_close_at_twice_the_load_that_its_module_sees(simulator, library):
     """A bearing's by the resultant across it, one along each axis by the larger of both, like places by the largest."""
     truth = replace(

@@ -60,3 +60,11 @@ def test_a_polynomial_goes_through_the_filter_of_motions_as_it_is():
     turned = LowPass(12.0, RATE)(curve, piece)
     assert passed[570:] == pytest.approx(turned[570:])  # too short to tell how it goes on
     assert np.abs(turned - curve)[:570].max() > 8e-4
+
+
+@pytest.mark.parametrize("rate", [2.25, 2.3, 2.5, 2.7, 3.0, 5.0, 20.0])
+def test_no_end_grows_where_few_samples_come_in_a_period_of_the_cutoff(rate):
+    """Through as few samples as a polynomial has coefficients it follows the noise, and goes on by many times that."""
+    noise, piece = np.random.default_rng(6).normal(size=(400, 200)), np.zeros(400, int)
+    passed = LowPass(1.0, rate, of_motion=True)(noise, piece)
+    assert np.sqrt(np.mean(passed**2, axis=1)).max() < 1.4

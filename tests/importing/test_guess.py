@@ -471,6 +471,34 @@ def test_three_columns_x_y_z_beside_joints_are_the_tool_where_they_move_as_it_do
     assert "p.x: {from: x, unit: m}" in made.text
 
 
+def test_letters_beside_a_quaternion_of_the_same_name_are_where_that_body_is(scara):
+    mechanism, _, q, table = scara
+    half = q[:, [0, 1, 3]].sum(axis=1) / 2
+    turn = {"camera_qz": np.sin(half), "camera_qw": np.cos(half), "camera_qx": 0 * half, "camera_qy": 0 * half}
+    place = dict(zip(("camera_x", "camera_y", "camera_z"), 1e-3 * table["p"].T, strict=True))
+    made = guess(log_of(dict(zip(AXES, q.T, strict=True)) | place | turn), mechanism)
+    assert made.doubts == ()
+    assert [yaml.safe_load(made.text)["columns"][f"p.{axis}"]["from"] for axis in "xyz"] == list(place)
+    assert "r: {from: [camera_qx, camera_qy, camera_qz, camera_qw]" in made.text
+    without = guess(log_of(dict(zip(AXES, q.T, strict=True)) | dict.fromkeys(("a_x", "a_y", "a_z"), half)), mechanism)
+    assert "p." not in str(yaml.safe_load(without.text)["columns"])  # three letters alone may be anything
+
+
+def test_an_effort_of_some_joints_alone_goes_where_positions_of_the_same_names_go():
+    robot = prup_pin.load("3prup")
+    values = np.linspace(0, 0.3, 50)
+    joints = {
+        f"{name}_{what}": k + values
+        for what in ("position", "velocity")
+        for k, name in enumerate(("left", "right", "rear"))
+    }
+    read = yaml.safe_load(guess(log_of({"t [s]": values, **joints, "rear_effort": values}), robot.mechanism).text)
+    assert read["columns"]["tau.leg3_slide"]["from"] == "rear_effort"
+    assert read["columns"]["q.leg3_slide"]["from"] == "rear_position"
+    text = guess(log_of({"t [s]": values, **joints, "other_effort": values}), robot.mechanism).text
+    assert "tau." not in text.partition("# Not used")[0]
+
+
 @pytest.mark.parametrize(
     "called",
     [

@@ -8,6 +8,7 @@ import pyarrow
 import pytest
 import scipy.io
 from pyarrow import parquet
+from scipy.spatial.transform import Rotation
 
 from prup_pin.errors import RecordingFileError
 from prup_pin.imports import read_log
@@ -139,6 +140,30 @@ def test_parquet_with_lists_and_stamps(tmp_path):
     assert np.array_equal(columns["q[2]"], Q[:, 2])
     assert np.array_equal(columns["tau1"], TAU[:, 0])
     assert log.left_out == ("state (string)",)
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat"])
+def test_stacks_of_matrices_are_poses_or_rotations(tmp_path, ending):
+    turned = Rotation.from_rotvec(np.column_stack([0.3 + 0.1 * logs.T, 0.2 * logs.T, -0.1 * logs.T]))
+    poses = np.tile(np.eye(4), (len(logs.T), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = turned.as_matrix(), Q[:, :3]
+    poses[7, :3, :3] = np.nan
+    arrays = {"q": Q, "camera": poses, "body": turned.as_matrix(), "gains": np.ones((len(logs.T), 4, 4))}
+    if ending == "npz":
+        np.savez(tmp_path / "log.npz", **arrays)
+    else:  # a sample a page
+        scipy.io.savemat(
+            tmp_path / "log.mat", {n: v if v.ndim < 3 else np.moveaxis(v, 0, -1) for n, v in arrays.items()}
+        )
+    log = read_log(tmp_path / f"log.{ending}")
+    columns = only(log).columns
+    seen = np.delete(np.arange(len(logs.T)), 7)
+    assert np.column_stack([columns[f"camera.{axis}"] for axis in "xyz"])[seen] == pytest.approx(Q[seen, :3])
+    for name, rows in (("camera", seen), ("body", slice(None))):
+        found = Rotation.from_quat(np.column_stack([columns[f"{name}.q{axis}"] for axis in "xyzw"])[rows])
+        assert np.abs((found * turned[rows].inv()).magnitude()).max() < 1e-9
+    assert np.isnan([columns[name][7] for name in columns if name.startswith("camera")]).all()
+    assert [name.partition(" ")[0] for name in log.left_out] == ["gains"]
 
 
 def test_matlab_structures(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prup_pin import load
-from prup_pin.errors import InputError
+from prup_pin.errors import InputError, PluginError
 from prup_pin.laws import LAWS, Place
 from prup_pin.laws.efforts import EFFORT_LAWS, FINE_CURVES
 from prup_pin.laws.formulas import (
@@ -153,6 +153,11 @@ def test_a_spring_that_slips_gives_back_what_it_took_and_no_more(at):
     steps = np.diff(at.position(JOINT), prepend=at.position(JOINT)[0])
     inside = np.abs(strain) < 0.0999
     assert np.diff(strain)[inside[1:] & inside[:-1]] == pytest.approx(steps[1:][inside[1:] & inside[:-1]])
+    held, step_by_step = 0.0, []
+    for step in steps.tolist():
+        held = min(max(held + step, -0.1), 0.1)
+        step_by_step.append(held)
+    assert strain == pytest.approx(np.array(step_by_step), abs=1e-12)
 
 
 GOOD = "return [signed_square(speed(at, self.joint))]"
@@ -178,6 +183,54 @@ def test_a_formula_edited_into_nonsense_is_told_in_a_sentence(at, tmp_path, inst
         (own,) = (item for item in EFFORT_LAWS if isinstance(item, JointFormula))
         with pytest.raises(InputError, match=f"joint3_by_speed: 'columns' .*{said}"):
             own.efforts(own.places(at.mechanism)[0], {"coefficient": 1.0}, at)
+
+
+@pytest.mark.parametrize(
+    ("before", "instead", "said"),
+    [
+        ('("speed", "joint3")', '("sped", "joint3")', "recorded names sped; variables are position, speed"),
+        ('("speed", "joint3")', '"speed"', "expected a variable and where it is for each"),
+        ("found = {", "found = 3 or {", "found is 3; expected two ends each"),
+        ('linear = ("coefficient",)', 'linear = "coefficient"', "linear is 'coefficient'; expected a tuple of names"),
+        ("settled = ()", 'settled = ("width",)', r"settled is \('width',\); expected a tuple of names"),
+        ('equation = "', 'equation = 3 or "', "equation is 3; expected a text"),
+    ],
+)
+def test_so_is_what_it_declares(at, tmp_path, before, instead, said):
+    text = law_file(fitted(Term("signed_square", Factor("speed", JOINT)), at), "bench.csv")
+    assert before in text
+    path = tmp_path / "law.py"
+    path.write_text(text.replace(before, instead))
+    with along(path), pytest.raises(PluginError, match=said):
+        list(EFFORT_LAWS)
+
+
+@pytest.mark.parametrize(
+    ("before", "instead", "said"),
+    [
+        ("signed_square(load)", 'signed_square(load["fz"])', "'deformation' fails: IndexError"),
+        ("signed_square(load)", "signed_square(load) / 0.0", "'deformation' fails: ValueError: it is no number"),
+        ("    of = 2", "    of = 20", "'deformation' fails: IndexError"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_and_a_formula_of_a_module(tmp_path, before, instead, said):
+    robot, loads = load("3prup"), np.linspace(-45.0, 45.0, 101)[:, None] * np.eye(6)[2]
+    laws = strain_library("leg3/R_lambda", 2, loads, ("fx", "fy", "fz", "mx", "my", "mz"), robot.mechanism, 1e-5)
+    (square,) = (law for law in laws if law.shape == "signed_square")
+    text = law_file(square.with_values({"coefficient": 2e-7}, {"coefficient": (1e-7, 3e-7)}), "bench.csv")
+    assert before in text
+    path = tmp_path / "law.py"
+    path.write_text(text.replace(before, instead))
+    with along(path):
+        (law,) = (item for item in LAWS if isinstance(item, StrainFormula))
+        (deed,) = law.deeds(law.places(robot.mechanism)[0], {"coefficient": 2e-7}, None)
+        with pytest.raises(InputError, match=said):
+            deed.strain(loads)
+    path = tmp_path / "other.py"
+    path.write_text(text.replace("recorded = {", "recorded = {} or 3 or {"))
+    with along(path), pytest.raises(PluginError, match="recorded is 3; expected two ends each"):
+        list(LAWS)
 
 
 def test_where_a_motion_leaves_what_was_seen_is_told(at):

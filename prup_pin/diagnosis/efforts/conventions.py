@@ -317,12 +317,15 @@ class _Search:
         begin, tried = self.written, [self._found((), self.written)]
         if unit is not None:
             tried.append(self._found((unit,), read_as(self.written, [unit], self.drawn)))
-        elif first > FAR_LESS and gains_apart(signed):
+        elif first > FAR_LESS and (in_any_unit(self.recording.tolerances.declared) or gains_apart(signed)):
             # each drive in a unit of its own is no sign turned round: what is read otherwise is looked for beside that
             sizes = gains_of_efforts(self.motion, self.efforts, self.rigid, follows=0.0)
             own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
             begin = replace(self.written, efforts=own)
-            tried.append(self._found((), begin))
+            beside = self._found((), begin)
+            if not beside.conventions and beside.read < FAR_LESS:
+                return None  # these units are all that is other
+            tried.append(beside)
         found = [item for item in tried if item.conventions]
         if not found and (turned := self._single_signs(signed)) is not None:
             return turned

@@ -30,7 +30,7 @@ from .band import band_of, in_motion
 from .bayes_factors import with_likelier_bodies
 from .belongs import check_efforts
 from .diagnosis import EffortDiagnosis
-from .evidence import CrossValidation, held_out, relative_gain, scores
+from .evidence import CrossValidation, held_out, relative_gain, savings, scores
 from .few_bodies import with_few_bodies
 from .final_state import FinalState, shows
 from .gains import (
@@ -284,7 +284,7 @@ def _with_curves(
     began = CrossValidation(model.with_terms(()))
     for _ in range(3):
         model, curves = efforts.with_curves(model)
-        ranked, limit = scores(model.in_problem(model.problem.only(curves)))
+        ranked, limit = scores(savings(model.in_problem(model.problem.only(curves))))
         validation = CrossValidation(model)
         tried = []
         for score in sorted(ranked, key=lambda item: -item.gain)[:8]:

@@ -195,14 +195,25 @@ def block_scatter(model: EffortModel, x: Array, normal: Array, own: slice = slic
     return max(float(np.trace(NormalEquations.of(white).solve(whole))) / max(len(white), 1), 1.0)
 
 
-def scores(model: EffortModel, evenly: bool = False) -> tuple[list[Score], float]:
-    """Return a score of each candidate beside a model, and the logarithm of chance below which one of them counts.
+@dataclass(frozen=True)
+class Saving:
+    """What a candidate saves, and what it would save of residuals with the signs of their blocks turned.
+
+    saved (FLIPS + 1,): of each of these, and of the residual itself, as it were chi squared of so many degrees of
+    `freedom`; gain: of the residual, in squares.
+    """
+
+    candidate: EffortCandidate
+    saved: Array
+    freedom: float
+    gain: float
+    possible: bool
+
+
+def savings(model: EffortModel, evenly: bool = False) -> list[Saving]:
+    """Return what the candidates of a model's problem save beside it, and would by chance.
 
     evenly: blocks count alike, whatever they have left; else what shows in most of them may hide behind a few.
-
-    A candidate's score is the squares that it would save, as a multiple of what it saves of sign-flipped residuals;
-    those follow a chi squared with as many degrees of freedom as their mean and scatter tell. The threshold is a
-    quantile of the best candidate of each flip.
     """
     problem = model.problem
     gradient, rest, true = gradients(model)
@@ -213,8 +224,7 @@ def scores(model: EffortModel, evenly: bool = False) -> tuple[list[Score], float
     flipped, total = sign_flipped(gradient), problem.columns.total
     longest = float(np.diag(total).max(initial=0.0))
     taken = {term.where.start for term in model.terms}
-    found: list[tuple[EffortCandidate, float, bool]] = []
-    chances, freedoms = [], []
+    found: list[Saving] = []
     for candidate in problem.candidates:
         if candidate.where.start in taken:
             continue
@@ -236,24 +246,39 @@ def scores(model: EffortModel, evenly: bool = False) -> tuple[list[Score], float
         if possible and not candidate.law.one_sided:
             values_here = candidate.law.fitted(candidate.place, coefficients, candidate.values)
             possible = candidate.law.plausible(candidate.place, values_here, problem.mechanism)
-        found.append((candidate, gain, possible and candidate.law.agrees(coefficients, candidate.values)))
-        freedoms.append(2 * mean**2 / spread)
-        chances.append(np.append(chance, gain) * freedoms[-1] / mean)
-    if not found:
+        possible = possible and candidate.law.agrees(coefficients, candidate.values)
+        freedom = 2 * mean**2 / spread
+        found.append(Saving(candidate, np.append(chance, gain) * freedom / mean, freedom, gain, possible))
+    return found
+
+
+def scores(of: Sequence[Saving]) -> tuple[list[Score], float]:
+    """Return a score of each candidate, and the logarithm of chance below which one of them counts.
+
+    A candidate's score is the squares that it would save, as a multiple of what it saves of sign-flipped residuals;
+    those follow a chi squared with as many degrees of freedom as their mean and scatter tell. The threshold is a
+    quantile of the best candidate of each flip.
+    """
+    if not of:
         return [], 0.0
-    # chi squared's tail, of all candidates at once
-    with np.errstate(divide="ignore"):
-        logs = np.log(gammaincc(np.array(freedoms)[:, None] / 2, np.array(chances) / 2))
-    limit = float(np.quantile(np.minimum(0.0, logs[:, :-1].min(axis=0)), FALSE_ALARM))
+    freedoms, saved = np.array([[one.freedom] for one in of]), np.array([one.saved for one in of])
+    flips = saved.shape[1] - 1
+    # what is not among the largest that a candidate saves is among the least of no quantile so near to the end
+    most = np.argsort(-saved[:, :-1], axis=1)[:, : int(FALSE_ALARM * flips) + 2]
+    with np.errstate(divide="ignore"):  # chi squared's tail, of all candidates at once
+        by_chance, logs = (
+            np.log(gammaincc(freedoms / 2, own / 2)) for own in (np.take_along_axis(saved, most, 1), saved[:, -1:])
+        )
+    best = np.zeros(flips)
+    np.minimum.at(best, most, by_chance)
+    limit = float(np.quantile(best, FALSE_ALARM))
     # what was named before had one go, and not as many as the library has terms
     named = min(limit - float(np.log(FALSE_ALARM)), 0.0)
-    scored = [
-        Score(
-            candidate, min(0.0, float(chance + (named if law.named_before else np.log(law.looked_at)))), gain, possible
-        )
-        for (candidate, gain, possible), chance in zip(found, logs[:, -1], strict=True)
-        for law in (candidate.law,)
-    ]
+    scored = []
+    for one, chance in zip(of, logs[:, 0], strict=True):
+        law = one.candidate.law
+        log_chance = min(0.0, float(chance + (named if law.named_before else np.log(law.looked_at))))
+        scored.append(Score(one.candidate, log_chance, one.gain, one.possible))
     return scored, limit
 
 

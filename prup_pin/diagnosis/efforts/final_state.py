@@ -183,7 +183,7 @@ class FinalState:
         if self.gains is not None:
             common = np.zeros(len(white))
             common[self.efforts.gains_among(self.model)[1]] = 1.0
-            white, whole = (of - np.outer(of @ common, of @ common) / (common @ of @ common) for of in (white, whole))
+            white, whole = (_where_given(of, common) for of in (white, whole))
         return white, whole, degrees
 
     @cached_property
@@ -349,3 +349,10 @@ class FinalState:
     def effect(self, law: Law, place: Place, values: Mapping[str, float]) -> Effect:
         """Return a law at a place with its own parameters among some values, for a simulation."""
         return Effect(law, place, {q.name: float(values[q.name]) for q in law.quantities_at(place, self.mechanism)})
+
+
+def _where_given(covariance: Array, direction: Array) -> Array:
+    """Return a covariance (c, c) where what lies along a direction (c,) is given: of one number alone none is left."""
+    along = covariance @ direction
+    rest = np.eye(len(direction)) - np.outer(along, direction) / (direction @ along)
+    return np.asarray(rest @ covariance @ rest.T, float)

@@ -154,8 +154,13 @@ def in_newtons(at: InMotion, gains: Array) -> InMotion:
 
 
 def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
-    """Return the gains of the drives' efforts, where several are surely others; None where they are as told."""
-    if at.motion.standing or len(at.driven) < 2 or not at.rigid.any():
+    """Return the gains of the drives' efforts, where several are surely others; None where they are as told.
+
+    Declared to be in any unit, they are whatever the efforts are beside the robot file's masses, be it of one drive: of
+    that alone free bodies would leave as little, many times as heavy.
+    """
+    declared = in_any_unit(tolerances)
+    if at.motion.standing or len(at.driven) < (1 if declared else 2) or not at.rigid.any():
         return None
     products = _products(at)
     if products is None:
@@ -182,7 +187,7 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     light, right = (float(x @ drawn) / float(drawn @ drawn) for x in (_inertial(whole, drawn, 1.0, alike)[0], found))
     unlikely = not 1 / AS_GOOD < light < AS_GOOD and 1 / AS_GOOD < right < AS_GOOD
     unit = len(log) >= FEWEST_OF_KIND and abs(np.median(log)) > np.log(AS_GOOD) and _several(log, covariance)
-    if not (much and are_apart(log, covariance)) and not (unlikely and unit):
+    if not (declared or (much and are_apart(log, covariance)) or (unlikely and unit)):
         return None
     common = float(np.sqrt(covariance.mean()))
     return Gains(np.exp(log), common, covariance, _Bodies(whole, drawn), unlikely and unit)

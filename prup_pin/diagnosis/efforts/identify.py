@@ -12,7 +12,7 @@ from ..chances import chi2_isf
 from ..criteria import GAIN, INDISTINCT, MOST, ROUNDING, SURE, TRIED
 from ..diagnosis import Detectable, Seen
 from .bayes_factors import log_evidence_of_bodies
-from .evidence import CrossValidation, gradients, held_out, scores, standard_error
+from .evidence import CrossValidation, gradients, held_out, savings, scores, standard_error
 from .final_state import FinalState
 from .nonlinear import optimised
 from .problem import EffortCandidate, EffortModel
@@ -27,7 +27,7 @@ def alternatives_to(final: FinalState, term: EffortCandidate, without: Array) ->
     rest = final.model.without(term)
     places, laws = list(term.law.same_places(term.place, final.mechanism)), []
     gain = float((without - final.held_out).sum()) + squared_strain(rest) - final.squared_strain
-    ranked, _ = scores(rest.in_problem(final.problem.without_curves()))
+    ranked, _ = scores(savings(rest.in_problem(final.problem.without_curves())))
     ranked = sorted(ranked, key=lambda score: -score.gain)[:TRIED]
     near = [score.candidate for score in ranked if score.possible and score.candidate.size <= term.size]
     # bodies are compared by the probability of such bodies
@@ -77,7 +77,7 @@ def efforts_not_detectable(final: FinalState) -> Iterator[Detectable]:
 def efforts_visible(final: FinalState) -> Iterator[Seen]:
     """Yield the smallest size of each law of one parameter that data do not ask for, from which they would."""
     model = final.model.in_problem(final.problem.without_curves())
-    ranked, limit = scores(model)
+    ranked, limit = scores(savings(model))
     seen = {term.name for term in final.model.terms}  # of which more would be no other thing
     gradient, products, _ = gradients(model)
     sizes = np.diag(products - model.problem.precision())  # of what shows in the data, whatever is known beforehand

@@ -72,9 +72,11 @@ def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]
     """
     which = range(len(model.terms)) if which is None else which
     columns, cost = model.problem.columns, _cost(model)
+    # the last: no step, with what is known now
+    shares = (1.0, 0.5, 0.25, 0.0) if any(model.terms[i].law.of_what_is_known for i in which) else (1.0, 0.5, 0.25)
     for _ in range(ROUNDS):
         steps = _steps_together(efforts, model, which)
-        for share in (1.0, 0.5, 0.25, 0.0):  # the last: with what is known now, and no step
+        for share in shares:
             size = columns.size
             tried = _with_factors(efforts, model, {index: np.exp(share * step) for index, step in steps.items()})
             if (now := _cost(tried)) < cost - LEAD:

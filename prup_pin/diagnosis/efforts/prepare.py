@@ -201,16 +201,9 @@ class PreparedEfforts:
 
     def _alone(self, model: EffortModel, whitening: Whitening, left: float = 1.0) -> EffortModel:
         """Return a model of its own columns alone, whitened; left: the mean square that a prior counts beside."""
-        problem, columns = model.problem, DesignMatrix(whitening.target(np.nan_to_num(self.target)), self.blocks)
+        columns = DesignMatrix(whitening.target(np.nan_to_num(self.target)), self.blocks)
         columns.add([whitening(SparseColumns.of(self.columns_of(model)))])
-        new = {old: index for index, old in enumerate(model.where)}
-        terms = tuple(
-            replace(term, where=slice(new[term.where.start], new[term.where.start] + term.size)) for term in model.terms
-        )
-        blocks = {new[first]: left * block for first, block in problem.blocks.items() if first in new}
-        prior = left * problem.prior[list(model.where)]
-        alone = EffortProblem(problem.mechanism, columns, terms, prior, blocks)
-        return replace(model, problem=alone, toleranced=tuple(range(len(model.toleranced))), terms=terms)
+        return model.alone_in(columns, left)
 
     def held_out_unwhitened(self, model: EffortModel) -> Array:
         """Return the held-out squares of all blocks (B,), each joint weighed by its size and not whitened."""

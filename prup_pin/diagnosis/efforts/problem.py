@@ -269,6 +269,12 @@ class DesignMatrix:
         self._total[first:size, :first] = self._total[:first, first:size].T
         self._moment[:, first:size] = self.gradients(self.target, np.arange(first, size))
 
+    def only(self, where: Sequence[int]) -> DesignMatrix:
+        """Return a matrix of these columns alone, in this order."""
+        out = DesignMatrix(self.target, self.blocks)
+        out.add([SparseColumns(len(where), tuple((at, table.T) for at, table in self.some(where)))])
+        return out
+
     def pick(self, where: Sequence[int]) -> None:
         """Keep these columns alone, in this order."""
         kept, size = np.asarray(where, int), len(where)
@@ -384,6 +390,21 @@ class EffortModel:
     def in_problem(self, problem: EffortProblem) -> EffortModel:
         """Return the model in another problem of the same columns."""
         return replace(self, problem=problem)
+
+    def alone(self) -> EffortModel:
+        """Return the same model of its own columns alone."""
+        return self.alone_in(self.problem.columns.only(self.where))
+
+    def alone_in(self, columns: DesignMatrix, left: float = 1.0) -> EffortModel:
+        """Return the same model where its columns are all that there is; left: as in `PreparedEfforts.unwhitened`."""
+        problem, new = self.problem, {old: index for index, old in enumerate(self.where)}
+        terms = tuple(
+            replace(term, where=slice(new[term.where.start], new[term.where.start] + term.size)) for term in self.terms
+        )
+        blocks = {new[first]: left * block for first, block in problem.blocks.items() if first in new}
+        prior = left * problem.prior[self.where]
+        alone = EffortProblem(problem.mechanism, columns, terms, prior, blocks)
+        return replace(self, problem=alone, toleranced=tuple(range(len(self.toleranced))), terms=terms)
 
     @property
     def where(self) -> list[int]:

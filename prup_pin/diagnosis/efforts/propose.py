@@ -27,19 +27,23 @@ from ..chances import WITHIN_95, student_95
 from ..criteria import FEW_ROUNDS, FEWEST_BLOCKS, GAIN, INDISTINCT, LITTLE, MOST_LISTED, SURE, TRIED, UNSEEN, WIDER
 from ..diagnosis import Finding
 from ..proposal import EqualFormula, Judged, Proposal
-from .evidence import CrossValidation, held_out, relative_gain, scores, standard_error
+from .evidence import CrossValidation, held_out, relative_gain, savings, scores, standard_error
 from .final_state import FinalState, shows
 from .findings import parameters_of
 from .nonlinear import optimised
 from .nuisance import learned_precisions
 from .prepare import PreparedEfforts
-from .problem import EffortCandidate, EffortModel, fit
+from .problem import EffortCandidate, EffortModel, SparseColumns, fit
 from .residuals import curves_of, rms_of
 from .search import pruned
 from .verdict import effects_of, effort_diagnosis_of
 
 #: A law, its place, and the values of its nonlinear parameters.
 _LawAt = tuple[EffortLaw, Place, Mapping[str, float]]
+#: Laws that compete, how many columns each has, and these side by side.
+_Part = tuple[Sequence[_LawAt], Sequence[int], SparseColumns]
+#: How many terms have columns that are made and compared at once.
+_AT_ONCE = 64
 #: Terms of a formula: with more it is a curve by another name.
 _MOST_TERMS = 3
 #: Formulas that the data cannot tell apart to which a further term is added, the best ones: each costs as much.
@@ -109,14 +113,14 @@ def _found(final: FinalState, efforts: PreparedEfforts, model: EffortModel, join
     curves = [term for term in model.terms if term.law.is_curve and term.place.name == joint]
     imitating = [term for term in final.impossible if final.joint_of(term.place.name) == joint]
     plain = model.without(*curves, *imitating)
-    base, instead = _with_everyday(final, efforts, plain, joint), ""
+    base, instead, parts = _with_everyday(final, efforts, plain, joint).alone(), "", list(_library(efforts, joint))
     # a curve, or a body that cannot be, was no chance: something is there
-    best, equals = _searched(efforts, base, joint, 0 if curves or imitating else places)
+    best, equals = _searched(efforts, base, joint, parts, 0 if curves or imitating else places)
     if laws := [term for term in plain.terms if _is_of_joint(final, term, joint)]:
         nothing = _Tried(Formula.of(joint, (), efforts.at), base, held_out(base))
-        other = _with_everyday(final, efforts, plain.without(*laws), joint)
+        other = _with_everyday(final, efforts, plain.without(*laws), joint).alone()
         beside = _with_remainder(efforts, best) if best else nothing
-        best, instead = _in_place_of(efforts, other, joint, beside, laws) or (best, "")
+        best, instead = _in_place_of(efforts, other, joint, parts, beside, laws) or (best, "")
     for _ in range(FEW_ROUNDS):
         if best is None:
             return None
@@ -125,7 +129,7 @@ def _found(final: FinalState, efforts: PreparedEfforts, model: EffortModel, join
         whole = efforts.alone(whole)
         ours = [term for term in whole.terms if term.place.name == joint]
         base = whole.without(*(term for term in ours if term.law is before.formula or term.law.is_curve))
-        best, equals = _searched(efforts, base, joint, 0)
+        best, equals = _searched(efforts, base, joint, parts, 0)
         if best is not None and best.formula.terms == before.formula.terms:
             break
     if best is None:
@@ -140,7 +144,12 @@ def _found(final: FinalState, efforts: PreparedEfforts, model: EffortModel, join
 
 
 def _in_place_of(
-    efforts: PreparedEfforts, base: EffortModel, joint: str, beside: _Tried, laws: Sequence[EffortCandidate]
+    efforts: PreparedEfforts,
+    base: EffortModel,
+    joint: str,
+    parts: Sequence[_Part],
+    beside: _Tried,
+    laws: Sequence[EffortCandidate],
 ) -> tuple[_Tried, str] | None:
     """Return the formula that has the place of laws of the library, and that in words; None where none has.
 
@@ -152,7 +161,7 @@ def _in_place_of(
     """
     goes = 2 * float(np.log(len(list(library(efforts.at, joint)))))
     names = " and ".join(dict.fromkeys(term.law.physics.replace("_", " ") for term in laws))
-    for one in _searched(efforts, base, joint, 0)[1]:
+    for one in _searched(efforts, base, joint, parts, 0)[1]:
         whole = _with_remainder(efforts, one)
         worse = whole.total - beside.total + goes * (len(one.formula.terms) - len(beside.formula.terms))
         fewer = beside.numbers - whole.numbers
@@ -231,36 +240,29 @@ def _with_remainder(efforts: PreparedEfforts, found: _Tried) -> _Tried:
 
 
 def _searched(
-    efforts: PreparedEfforts, base: EffortModel, joint: str, places: int
+    efforts: PreparedEfforts, base: EffortModel, joint: str, parts: Sequence[_Part], places: int
 ) -> tuple[_Tried | None, list[_Tried]]:
     """Return the formula that stands for what is left at a joint, and all that the data cannot tell from it.
 
     places: where formulas are looked for: chance has so many goes; none where it is known that something is there.
     """
-    at, columns = efforts.at, base.problem.columns
-    place = Formula(joint, ()).places(at.mechanism)[0]
-    singles: list[_LawAt] = []
-    for term in library(at, joint):
-        one = Formula.of(joint, (term,), at)
-        singles += [(one, place, dict(zip(one.settled, values, strict=True))) for values in tried(term, at, joint)]
-    wider = _with_columns(efforts, base, singles)
-    terms = wider.problem.candidates[-len(singles) :]
+    at, before = efforts.at, held_out(base)
     pool: list[_Tried] = []
-    best = beside = _Tried(Formula.of(joint, (), at), base, held_out(base))
+    best = beside = _Tried(Formula.of(joint, (), at), base, before)
     begun = [beside]
     while len(best.formula.terms) < _MOST_TERMS:
         # a further term is none that a curve beside the others would do for
-        further = [one for own in begun for one in _extended(efforts, own, base, terms, places)]
+        further = [one for own in begun for one in _extended(efforts, own, base, parts, places)]
         if not further:
             break
         rivals = list({frozenset(one.formula.terms): one for one in reversed(_by_squares(further))}.values())[::-1]
-        gained = float((held_out(base) - rivals[0].left).sum())
+        gained = float((before - rivals[0].left).sum())
         good = [one for one in rivals if _is_as_good(one, rivals[0], gained)][:_MOST_BEGUN]
         begun = _by_squares([_with_remainder(efforts, one) for one in good])
         saved, least = float((beside.left - begun[0].left).sum()), 0.0
         if any(term.law.is_curve and term.place.name == joint for term in beside.model.terms):
             # what takes next to nothing of what those before it took is left to the curve
-            least = float((held_out(base) - beside.left).sum())
+            least = float((before - beside.left).sum())
         here = CrossValidation(beside.model).squares_at(begun[0].term_of(begun[0].model))
         if not (relative_gain(beside.left, begun[0].left)[1] > SURE and saved > GAIN * max(here, least)):
             break
@@ -268,9 +270,8 @@ def _searched(
         best = next(one for one in good if one.formula is beside.formula)
         pool += rivals
     if not pool:
-        columns.cut(len(base.problem.prior))
         return None, []
-    pool = [one for one in pool if _is_as_good(one, best, float((held_out(base) - best.left).sum()))]
+    pool = [one for one in pool if _is_as_good(one, best, float((before - best.left).sum()))]
     # where the data do not ask for it, a joint has no memory of when this recording began
     pool.sort(key=lambda one: (one.formula.since_begun, one.formula.size, len(one.formula.terms), one.total))
     return pool[0], pool
@@ -286,20 +287,57 @@ def _is_as_good(one: _Tried, best: _Tried, saved: float) -> bool:
     return float(apart.sum()) < max(INDISTINCT, min(SURE * standard_error(apart), LITTLE * saved))
 
 
+def _library(efforts: PreparedEfforts, joint: str) -> Iterator[_Part]:
+    """Yield the terms that compete at a joint, each at all its tried values, part by part, with filtered columns."""
+    at, laws = efforts.at, []
+    (place,) = Formula(joint, ()).places(at.mechanism)
+    for term in library(at, joint):
+        one = Formula.of(joint, (term,), at)
+        laws += [(one, place, dict(zip(one.settled, values, strict=True))) for values in tried(term, at, joint)]
+    for first in range(0, len(laws), _AT_ONCE):
+        own = laws[first : first + _AT_ONCE]
+        tables = [law.table(at, values) for law, _, values in own]
+        columns = efforts.as_columns(at.along(joint, np.concatenate(tables, axis=1)))
+        yield own, [table.shape[1] for table in tables], columns
+
+
+def _beside(efforts: PreparedEfforts, model: EffortModel, parts: Sequence[_Part]) -> Iterator[EffortModel]:
+    """Yield the model with the terms of one part after the other as all that competes beside it.
+
+    Terms are compared, and never fitted beside each other: products of all with all would be most of the work.
+    """
+    columns, size = model.problem.columns, model.problem.columns.size
+    prior = _resized(model.problem.prior, size)
+    for laws, sizes, table in parts:
+        (where,) = columns.add([efforts.whitening(table)])
+        ends = (where.start + np.cumsum(sizes)).tolist()
+        own = [slice(end - count, end) for end, count in zip(ends, sizes, strict=True)]
+        terms = tuple(EffortCandidate(*law, here) for law, here in zip(laws, own, strict=True))
+        yield model.in_problem(replace(model.problem, candidates=terms, prior=_resized(prior, columns.size)))
+        columns.cut(size)
+
+
+def _resized(prior: Array, size: int) -> Array:
+    """Return the inverse variances (size,) of the first columns, nothing where they are not known."""
+    return np.append(prior, np.zeros(size))[:size]
+
+
 def _extended(
-    efforts: PreparedEfforts, best: _Tried, base: EffortModel, terms: Sequence[EffortCandidate], places: int
+    efforts: PreparedEfforts, best: _Tried, base: EffortModel, parts: Sequence[_Part], places: int
 ) -> Iterator[_Tried]:
     """Yield formulas of one more term that save most, if chance would save less, each with its best parameters."""
-    model = _with_columns(efforts, best.model, [])
-    ranked, limit = scores(model.in_problem(model.problem.only(terms)), evenly=True)
     certain = not places and not best.formula.terms
-    if not certain and not min((one.log_chance for one in ranked), default=0.0) < limit - np.log(max(places, 1)):
-        return  # chance alone would do as well with one of so many terms
-    left = CrossValidation(model).with_each(terms).sum(axis=1).tolist()
+    if not certain:
+        beside = _beside(efforts, best.model, parts)
+        ranked, limit = scores([each for model in beside for each in savings(model, evenly=True)])
+        if not min((one.log_chance for one in ranked), default=0.0) < limit - np.log(max(places, 1)):
+            return  # chance alone would do as well with one of so many terms
     kinds: dict[Term, tuple[float, tuple[float, ...]]] = {}
-    for candidate, total in zip(terms, left, strict=True):
-        term, values = cast(Formula, candidate.law).terms[0], tuple(candidate.values.values())
-        kinds[term] = min(kinds.get(term, (np.inf, ())), (total, values), key=lambda item: item[0])
+    for model in _beside(efforts, best.model, parts):
+        terms = model.problem.candidates
+        for candidate, left in zip(terms, CrossValidation(model).with_each(terms), strict=True):
+            term, values = cast(Formula, candidate.law).terms[0], tuple(candidate.values.values())
+            kinds[term] = min(kinds.get(term, (np.inf, ())), (float(left.sum()), values), key=lambda item: item[0])
     for term, (_, values) in sorted(kinds.items(), key=lambda item: item[1][0])[:TRIED]:
         yield _fitted(efforts, best, base, term, values)
 
@@ -319,12 +357,10 @@ def _fitted(efforts: PreparedEfforts, best: _Tried, base: EffortModel, term: Ter
 def _with_columns(efforts: PreparedEfforts, model: EffortModel, laws: Sequence[_LawAt]) -> EffortModel:
     """Return the model in a problem with further laws at values among its candidates, the last ones."""
     problem, columns = model.problem, model.problem.columns
+    known = _resized(problem.prior, columns.size)
     where = columns.add(efforts.whitened(law.efforts_per(place, values, efforts.at)) for law, place, values in laws)
     new = [EffortCandidate(*law, own) for law, own in zip(laws, where, strict=True)]
-    prior = np.zeros(columns.size)
-    prior[: len(problem.prior)] = problem.prior[: columns.size]
-    for candidate in new:
-        prior[candidate.where] = efforts.prior_of(candidate.law, candidate.place)
+    prior = np.concatenate([known, *(efforts.prior_of(law, place) for law, place, _ in laws)])
     return model.in_problem(efforts.with_candidates(columns, (*problem.candidates, *new), prior))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...spatial import Array
 from ..criteria import AS_GOOD, FEWEST_OF_KIND, GAIN, MOST, MOST_FITS, NO_MATTER, SURE, TRIED, beyond_tolerance
-from .evidence import CrossValidation, held_out, no_worse, relative_gain, scores, standard_error
+from .evidence import CrossValidation, held_out, no_worse, relative_gain, savings, scores, standard_error
 from .nonlinear import optimised_in_either_form, refined
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
@@ -82,7 +82,7 @@ def _forward(
 
 def _entering(model: EffortModel, validation: CrossValidation, refused: Mapping[_Key, int]) -> list[EffortCandidate]:
     """Return the terms that enter next: the best one, and the best of other joints that nothing wider explains."""
-    ranked, limit = scores(model)
+    ranked, limit = scores(savings(model))
     columns = model.problem.columns
     joints_of = {
         score.candidate: columns.joints_of(score.candidate)

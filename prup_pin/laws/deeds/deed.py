@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -36,13 +36,19 @@ class Moment:
     blocks: np.ndarray
     runs: np.ndarray
 
+    @property
+    def begins(self) -> np.ndarray:
+        """Which sample is the first of each one's block, (n,)."""
+        return np.maximum.accumulate(np.where(np.diff(self.blocks, prepend=-1) != 0, np.arange(len(self.blocks)), 0))
+
 
 @dataclass(frozen=True)
 class Solved:
     """A solved simulation of n samples, about which deeds tell their first-order effect.
 
     samples (n,) are the inputs' rows that were solved; `plain` is the robot without changed values, at the same
-    lengths; `lengths` are the robot file's; `histories` by kind what followed the deeds that remember.
+    lengths; `lengths` are the robot file's; `histories` by kind what followed the deeds that remember. `displaced`: how
+    far (n,) what changes moves the joints that resist in `setup`, by their places, while they resist as they do there.
     """
 
     setup: Setup
@@ -52,6 +58,7 @@ class Solved:
     plain: Chain
     lengths: Mapping[str, float]
     histories: Mapping[type[Deed], History]
+    displaced: Mapping[int, Array] = field(default_factory=dict)
 
 
 class Felt(NamedTuple):
@@ -97,6 +104,8 @@ class Deed(ABC):
 
     #: BLOCK, RUN, or nothing.
     memory: ClassVar[str] = ""
+    #: True where it loads the robot or lets it give way: joints move by it from where they stand unloaded.
+    displaces_joints: ClassVar[bool] = False
 
     @property
     def only_module(self) -> str | None:

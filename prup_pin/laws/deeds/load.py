@@ -27,6 +27,8 @@ class WrenchReading(Deed):
     Several act in their order.
     """
 
+    displaces_joints = True
+
     true: Callable[[Array], Array]
 
     def within(self, rows: np.ndarray) -> WrenchReading:
@@ -52,6 +54,8 @@ class ToolLoad(Deed):
     body: where it is the weight of a body in the tool's hand, the tool's joint by its id and what that body adds to
     the joint's inertial parameters (10,).
     """
+
+    displaces_joints = True
 
     wrench: Array
     body: tuple[int, Array] | None = None
@@ -110,6 +114,8 @@ def _by_wrench(new: Array, old: Array, at: Solved) -> Iterator[Array]:
 class Weight(Deed):
     """The links weigh `share` of what the robot file says; `spread`: beams along their length."""
 
+    displaces_joints = True
+
     share: float
     spread: bool = False
 
@@ -140,6 +146,8 @@ class Weight(Deed):
 @dataclass(frozen=True)
 class ScaledMass(Deed):
     """A link weighs `factor` times what the robot file says, where weight acts."""
+
+    displaces_joints = True
 
     link: str
     factor: float

@@ -49,6 +49,12 @@ class JointResistance(Deed):
     def resisted_joint(self) -> str | None:
         return self.joint
 
+    @classmethod
+    def joints(cls, at: Solved) -> tuple[int, ...]:
+        """Return the joints that resist in a solved simulation, by their places among the moving joints."""
+        solved = at.histories.get(cls)
+        return tuple(dict.fromkeys(solved.places)) if isinstance(solved, _Resisting) else ()
+
     def felt(self, at: Solved) -> Felt:
         """Return what would hold the joint where it stands unloaded, and how stiff the rest of the robot holds it."""
         chain, found, blocks = at.first.chain, at.first.found, at.moment.blocks
@@ -77,28 +83,17 @@ class JointResistance(Deed):
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
-        if setup.resistances == at.setup.resistances:
+        alike = setup.resistances == at.setup.resistances
+        if alike and not at.displaced:
             return
-        first, chain = at.first, at.first.chain
-        before = np.zeros((len(at.samples), len(chain.moving)))
+        before = np.zeros((len(at.samples), len(at.first.chain.moving)))
         solved = at.histories.get(cls)
         if isinstance(solved, _Resisting):
             before = solved.on_joints(solved.torques)
-        after = np.zeros_like(before)
-        if setup.resistances:
-            new = _Resisting(setup, at.samples, chain, None)
-            places = tuple(new.places)
-            torques, *_ = resisted(
-                setup.resistances,
-                first.found.state.travel[:, new.dofs],
-                before[:, new.places],
-                first.joints_by_resistance(places),
-                at.moment.blocks,
-                at.moment.time,
-                first.once("relaxed", lambda: _relaxed(first.found, at.moment.blocks))[:, new.dofs],
-            )
-            after = new.on_joints(torques)
-        yield (first.by_torque @ (after - before)[..., None])[..., 0]
+        after = _torques_at(setup, at, before)
+        if alike:  # rounding aside
+            before = at.first.once("resisted", lambda: _torques_at(setup, replace(at, displaced={}), before))
+        yield (at.first.by_torque @ (after - before)[..., None])[..., 0]
 
 
 class Slid(NamedTuple):
@@ -199,6 +194,29 @@ class _Resisting(History):
     @property
     def after(self) -> Slid | None:
         return self._after
+
+
+def _torques_at(setup: Setup, at: Solved, before: Array) -> Array:
+    """Return the torques (n, j) of all joints where those of a setup resist, in a simulation solved with `before`.
+
+    Each is displaced by what else changes: a joint that sticks resists that as well.
+    """
+    if not setup.resistances:
+        return np.zeros_like(before)
+    first, new = at.first, _Resisting(setup, at.samples, at.first.chain, None)
+    travel = first.found.state.travel[:, new.dofs]
+    for column, place in enumerate(new.places):
+        travel[:, column] += at.displaced.get(place, 0.0)
+    torques, *_ = resisted(
+        setup.resistances,
+        travel,
+        before[:, new.places],
+        first.joints_by_resistance(tuple(new.places)),
+        at.moment.blocks,
+        at.moment.time,
+        first.once("relaxed", lambda: _relaxed(first.found, at.moment.blocks))[:, new.dofs],
+    )
+    return new.on_joints(torques)
 
 
 def _starts(blocks: np.ndarray) -> np.ndarray:

@@ -51,6 +51,8 @@ class Strains(tuple):
 class ExtraStrain(Deed):
     """A module deforms by `strain` beyond its own law."""
 
+    displaces_joints = True
+
     module: str
     strain: Strain
 
@@ -76,6 +78,12 @@ class ExtraStrain(Deed):
             load = at.first.loads(name)
             extra = extent_of(setup, name, load, at.samples)
             extra = extra - at.first.once(("strain", name), partial(extent_of, at.setup, name, load, at.samples))
+            if (
+                not at.first.frames
+            ):  # joints: where a block begins unloaded they have moved by what is there without load
+                rest = np.zeros_like(load)
+                bare = extent_of(setup, name, rest, at.samples) - extent_of(at.setup, name, rest, at.samples)
+                extra = extra - bare[at.moment.begins]
             if np.any(extra):
                 yield (at.first.by_strain(name) @ extra[..., None])[..., 0]
 

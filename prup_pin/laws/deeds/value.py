@@ -26,6 +26,8 @@ _STEP = 1e-5
 class ChangedValue(Deed):
     """A module's quantity has another value; quantities derived from it keep theirs."""
 
+    displaces_joints = True
+
     module: str
     quantity: str
     value: float

@@ -276,7 +276,7 @@ def joint_unit(unit: str, joint: str, mechanism: Mechanism) -> str:
 
 def columns_along(at: InMotion, joint: str, *parts: Array) -> Array:
     """Return efforts (N,) along a joint as columns (N, k, p) of the drives' efforts."""
-    return np.stack([at.along(joint, part) for part in parts], axis=-1)
+    return at.along(joint, np.stack(parts, axis=-1))
 
 
 class OneJointLaw(EffortLaw):
@@ -344,8 +344,8 @@ class TwoJointLaw(EffortLaw):
 
     def along_both(self, at: InMotion, place: Place, ratio: float, parts: Sequence[Array]) -> Array:
         """Return efforts (N,) along the joint, and `ratio` times as large along the other one, as columns (N, k, p)."""
-        other = self.other(place)
-        return np.stack([at.along(place.name, part) + at.along(other, ratio * part) for part in parts], axis=-1)
+        whole = np.stack(parts, axis=-1)
+        return at.along(place.name, whole) + at.along(self.other(place), ratio * whole)
 
 
 class FrictionThatTurns(EffortLaw):

@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -67,6 +67,20 @@ class Proposed(Law):
         quantities = tuple(replace(q, default=values[q.name]) for q in self.quantities)
         return replace(self, quantities=quantities, found=found)  # type: ignore[type-var]
 
+    def misdeclared(self) -> Iterator[str]:
+        yield from super().misdeclared()
+        if not isinstance(getattr(self, "equation", None), str):
+            yield f"equation is {getattr(self, 'equation', None)!r}; expected a text"
+        for what, expected in (
+            ("found", "{'coefficient': (1.0, 2.0)}"),
+            ("recorded", "{('position', 'x'): (0.0, 1.0)}"),
+        ):
+            own = getattr(self, what, None)
+            if not isinstance(own, Mapping) or not all(map(_are_ends, own.values())):
+                yield f"{what} is {own!r}; expected two ends each, as in {expected}"
+            elif what == "recorded" and not all(isinstance(key, tuple) and len(key) == 2 for key in own):
+                yield f"{what} is {own!r}; expected a variable and where it is for each, as in {expected}"
+
     @contextmanager
     def blamed(self, name: str) -> Iterator[None]:
         """Turn what goes wrong in a function of the formula, which people edit, into an InputError that names both."""
@@ -76,6 +90,10 @@ class Proposed(Law):
             raise InputError(
                 f"{self.physics}: '{name}' fails: {type(error).__name__}: {error}; correct the formula"
             ) from error
+
+
+def _are_ends(ends: Any) -> bool:
+    return isinstance(ends, tuple) and len(ends) == 2 and all(isinstance(end, float | int) for end in ends)
 
 
 class JointFormula(Proposed, EffortLaw):
@@ -105,6 +123,17 @@ class JointFormula(Proposed, EffortLaw):
         """The first variable of its own joint against which efforts are drawn."""
         return next((name for name, joint in self.recorded if joint == self.joint and name in VARIABLES), "")
 
+    def misdeclared(self) -> Iterator[str]:
+        wrong = list(super().misdeclared())
+        yield from wrong
+        names = [q.name for q in self.quantities]
+        for what in ("linear", "settled"):
+            own = getattr(self, what, None)
+            if not isinstance(own, tuple) or (names and not set(own) <= set(names)):
+                yield f"{what} is {own!r}; expected a tuple of names of its quantities, {', '.join(names)}"
+        if not wrong and (unknown := [name for name, _ in self.recorded if name not in KNOWN]):
+            yield f"recorded names {', '.join(unknown)}; variables are {', '.join(KNOWN)}"
+
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(self.joint, EFFORT)] if self.joint in mechanism.actuated else []
 
@@ -133,11 +162,10 @@ class JointFormula(Proposed, EffortLaw):
         return 0.06
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        table = self._table(at, values)
-        return np.stack([at.along(place.name, column) for column in table.T], axis=-1)
+        return at.along(place.name, self.table(at, values))
 
-    def _table(self, at: InMotion, values: Mapping[str, float]) -> Array:
-        """Return the columns (N, p). Raises InputError where they are not one number a sample and coefficient."""
+    def table(self, at: InMotion, values: Mapping[str, float]) -> Array:
+        """Return all its columns (N, p). Raises InputError where they are not one number a sample and coefficient."""
         with self.blamed("columns"):
             columns = [np.asarray(column, float) for column in self.columns(at, values)]
         expected = f"expected {len(at)} samples of {len(self.linear)}, one for each of {', '.join(self.linear)}"

@@ -36,13 +36,19 @@ def yielding(at: InMotion, joint: str, reach: float) -> Array:
 
     Prandtl's stop operator (Visintin, Differential Models of Hysteresis, ch. 3); a piece begins unstrained.
     """
-    out = np.zeros(len(at))
+    out, position = np.zeros(len(at)), at.position(joint)
     for where in pieces(at.motion.piece):
-        strain, held = [], 0.0
-        for step in np.diff(at.position(joint)[where], prepend=at.position(joint)[where][:1]).tolist():
-            held = min(max(held + step, -reach), reach)
-            strain.append(held)
-        out[where] = strain
+        steps = np.diff(position[where], prepend=position[where][:1])
+        moved = np.maximum.accumulate(np.where(steps != 0, np.arange(len(steps)), 0))
+        towards, gone = np.sign(steps)[moved], np.append(0.0, np.cumsum(np.abs(steps)))
+        first = np.flatnonzero(np.diff(towards, prepend=np.nan))  # of each stretch of one direction
+        ends = np.append(first[1:], len(steps))
+        held, begun = 0.0, []
+        for sign, way in zip(towards[first].tolist(), (gone[ends] - gone[first]).tolist(), strict=True):
+            begun.append(held)
+            held = sign * min(sign * held + way, reach)
+        before, from_there = (np.repeat(own, ends - first) for own in (begun, gone[first]))
+        out[where] = towards * np.minimum(towards * before + gone[1:] - from_there, reach)
     return out
 
 

@@ -42,6 +42,11 @@ class StrainFormula(Proposed):
     def deformation(self, load: Array, values: Mapping[str, float]) -> Array:
         """Return the deformation (N,) [m or rad] under a load (N,) [N or N m], but for a constant."""
 
+    def misdeclared(self) -> Iterator[str]:
+        yield from super().misdeclared()
+        if not isinstance(self.recorded, Mapping) or len(self.recorded) != 1:
+            yield f"recorded is {self.recorded!r}; expected the one load that it follows"
+
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         there = any(module.name == self.module for module in mechanism.modules)
         return [Place(self.module)] if there else []
@@ -65,10 +70,10 @@ class _Following:
     values: Mapping[str, float]
 
     def __call__(self, load: Array) -> tuple[Array, Array]:
-        x, law = load[:, self.law.of], self.law
-        step = _STEP * max(float(np.abs(x).max(initial=0.0)), 1.0)
-        strain, slope = np.zeros_like(load), np.zeros((*load.shape, load.shape[1]))
+        law, strain, slope = self.law, np.zeros_like(load), np.zeros((*load.shape, load.shape[1]))
         with law.blamed("deformation"):
+            x = load[:, law.of]
+            step = _STEP * max(float(np.abs(x).max(initial=0.0)), 1.0)
             nothing = law.deformation(np.zeros(1), self.values)
             strain[:, law.component] = law.deformation(x, self.values) - nothing
             if not np.isfinite(strain).all():
