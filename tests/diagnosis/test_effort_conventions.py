@@ -14,7 +14,7 @@ from prup_pin.diagnosis.efforts.shares import gains_of_efforts, tool_load_would_
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.dynamics.inertial import point_mass
 from prup_pin.errors import InputError
-from prup_pin.recordings import Recording, convention_of, joints_of, read_recording, written_as
+from prup_pin.recordings import Drawn, Recording, convention_of, joints_of, read_recording, written_as
 from prup_pin.simulation import drawn_for
 from tests.reference.concealed import efforts
 from tests.reference.concealed.elastic import draw_elastic, write
@@ -357,3 +357,30 @@ def test_drives_in_units_of_their_own_make_more_sense_of_a_log_than_a_zero_elsew
     constants = (0.083, 0.08, 0.11, 0.14, 0.12, 0.15, 0.13)
     amperes = changed(log, "efforts", dict(zip(mechanism.actuated, constants, strict=True)))
     assert told(mechanism, amperes) == []
+
+
+@pytest.fixture(scope="module")
+def five_bar(tmp_path_factory):
+    """A loop in a vertical plane with a faultless log of its motion, and its robot."""
+    out = tmp_path_factory.mktemp("five_bar")
+    efforts.write(efforts.draw_efforts(4, "five_bar", [], (5.0, 40.0)), out, out / "sealed", "device")
+    return load(efforts.ROBOTS / "weighty_five_bar" / "weighty_five_bar.urdf").mechanism, read_recording(
+        out / "device.csv"
+    )
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        (),
+        ("q=deg",),
+        ("q=gear:50",),
+        ("q=order:{1},{0}", "tau=order:{1},{0}"),
+        ("q.{1}=reversed", "tau.{1}=reversed"),
+    ],
+)
+def test_a_loop_that_closes_otherwise_or_not_at_all_is_read_so_that_it_does(five_bar, said):
+    mechanism, log = five_bar
+    said = [text.format(*mechanism.actuated) for text in said]
+    changed_log = written_as(log, [convention_of(*text.split("=", 1), joints_of(log)) for text in said], Drawn())
+    assert sorted(told(mechanism, changed_log)) == sorted(said)
