@@ -195,7 +195,7 @@ def _of_positions(
     slides = {mechanism.joint(name).slides for name in names}
     units = [(Convention("q", word.name),) for word in POSITION_UNITS if word.slide in slides]
     gears = [(Convention("q", "gear", (ratio,)),) for ratio in GEARS]
-    orders = [(Convention("q", "order", order),) for order in _orders(names)]
+    orders: list[tuple[Convention, ...]] = [(Convention("q", "order", order),) for order in _orders(names)]
     if list(names) == list(driven):
         orders += [(*order, Convention("tau", "order", order[0].argument)) for order in orders]
     return [*units, *gears, *orders], [(*unit, *order) for unit in units for order in orders]
