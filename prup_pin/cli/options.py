@@ -65,7 +65,8 @@ ConventionOption = Annotated[
     typer.Option(
         "--convention",
         metavar="COLUMNS=WORD",
-        help="How the log is written (wrench=reaction), not as it declares; docs/recording_file.md. Repeatable.",
+        help="How the log is written (wrench=reaction; force=as_written: as the format has it, not to be read "
+        "otherwise), not as it declares; docs/recording_file.md. Repeatable.",
     ),
 ]
 ModelOption = Annotated[

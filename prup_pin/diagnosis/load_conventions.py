@@ -2,19 +2,22 @@
 
 What changes while the actuators stand still, against the drawn compliance with each module as soft as suits best, which
 no bench knows better. A convention is told where it leaves a third of what the log leaves as it is written, on blocks
-that were held out too.
+that were held out too; and clearly less than that where one place, the base or a module, yields besides in proportion
+to its load: what lies in series with all else does what another unit of forces does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from ..laws import Inputs
 from ..recordings import WORDS, Convention, Drawn, Recording, read_as
-from ..recordings.conventions import AXES, Evidence
+from ..recordings.conventions import AXES, Evidence, may_be_read
 from ..robot import Robot
 from ..simulation import Simulator
 from ..spatial import Array, cross, rotation_exp, turn_between
@@ -31,6 +34,7 @@ from .criteria import (
     MUCH,
     ROUNDS,
     SURE,
+    UNSEEN,
     trusted,
 )
 from .rigid_fit import rigid_fit
@@ -43,11 +47,14 @@ _BLOCKS, _SAMPLES = 24, 400
 class _Loaded:
     """Samples (n) of a loaded tool: what moves it, by module, and how it moved (n, 6) while the actuators stood still.
 
-    parts (m, n, 6, 6): compliance of each module; free: takes away what stands still, or what frames could do; noise:
-    squares of what is moved that declared noise makes.
+    parts (m, n, 6, 6): compliance of each module; places: what carries a load on the tool to each module (k, n, 6), and
+    to the base; seen (n, 6, 6): how the sensor shows what moves the tool; free: takes away what stands still, or what
+    frames could do; noise: squares of what is moved that declared noise makes.
     """
 
     parts: Array
+    places: tuple[Array, ...]
+    seen: Array
     moved: Array
     wrench: Array
     tool: Array
@@ -69,7 +76,8 @@ class _Loaded:
 
     def select(self, rows: np.ndarray) -> _Loaded:
         return replace(
-            self, parts=self.parts[:, rows], moved=self.moved[rows], wrench=self.wrench[rows], tool=self.tool[rows],
+            self, parts=self.parts[:, rows], places=tuple(each[:, rows] for each in self.places), seen=self.seen[rows],
+            moved=self.moved[rows], wrench=self.wrench[rows], tool=self.tool[rows],
             blocks=self.blocks[rows], free=_freed(self.blocks[rows]),
             noise=self.noise * len(self.wrench[rows]) / len(self.wrench),
         )  # fmt: skip
@@ -78,6 +86,20 @@ class _Loaded:
         """Return how far each module moves the tool (6 n, m) under wrenches (n, 6)."""
         moved = self.free((self.parts @ wrench[None, :, :, None])[..., 0].transpose(1, 2, 0))
         return moved.reshape(-1, len(self.parts))
+
+    def motions(self, wrench: Array, place: int | None) -> Array:
+        """Return how far each module, and a place, move the tool (6 n, m + k) under wrenches (n, 6)."""
+        modules = self.by_module(wrench)
+        return modules if place is None else np.concatenate((modules, self.by_place(wrench, place)), axis=1)
+
+    def by_place(self, wrench: Array, place: int) -> Array:
+        """Return how a place moves the tool that yields along each of its loads in proportion to it (6 n, k)."""
+        carried = self.places[place]
+        deformed = (carried * wrench).sum(axis=2)[..., None] * carried
+        moved = (self.seen @ deformed[..., None])[..., 0]
+        if place < len(self.parts):  # coupled as it is drawn
+            moved = np.concatenate((moved, (self.parts[place] @ wrench[..., None])[None, ..., 0]))
+        return self.free(moved.transpose(1, 2, 0)).reshape(-1, len(moved))
 
 
 def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
@@ -94,9 +116,8 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
     drawn = Drawn(tool=lambda _: loaded.tool)
     now = Recording(time=np.arange(len(loaded.wrench), dtype=float), wrench=loaded.wrench)
     size = float(target @ target)
-    first = least = _softened(loaded, loaded.wrench)
-    shown = loaded.shown
-    if first < shown:
+    first = least = _left(loaded, loaded.wrench)
+    if first.yielding < loaded.shown:
         return None
     alike = loaded.by_chance
     taken: list[Convention] = []
@@ -105,20 +126,23 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
         tried = []
         for readings in (_of_wrench(), _of_wrench_axes(), _of_wrench_point(loaded, now.wrench)):
             for reading in readings:
+                if not may_be_read(recording, reading):
+                    continue
                 other = read_as(now, reading, drawn)
-                tried.append((_softened(loaded, other.wrench), reading, other))
-            if min(item[0] for item in tried) < min(alike, FAR_LESS**2 * least):
+                tried.append((_left(loaded, other.wrench), reading, other))
+            best = min((item[0] for item in tried), key=lambda left: left.yielding, default=least)
+            if best.yielding < alike and best.tells_against(least):
                 break  # a commoner word does
         # what is nearly as good is told by the commoner word
-        near = max(AS_GOOD * min(item[0] for item in tried), alike)
-        good = [item for item in tried if item[0] <= near and item[0] < FAR_LESS**2 * least]
+        near = max(AS_GOOD * best.yielding, alike)
+        good = [item for item in tried if item[0].yielding <= near and item[0].tells_against(least)]
         if not good:
             break
         left, reading, other = good[0]
         others = [
             (*taken, *item[1])
             for item in tried
-            if item[0] <= max(AS_GOOD**2 * left, alike)
+            if item[0].yielding <= max(AS_GOOD**2 * left.yielding, alike)
             and not item[1][0].argument
             and not np.array_equal(item[2].wrench, other.wrench)  # no other reading: of forces alone, say
         ]
@@ -128,13 +152,13 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
     half = np.unique(loaded.blocks, return_inverse=True)[1] % 2 == 0
     if half.all() or (~half).sum() < FEWEST_IN_BLOCK or half.sum() < FEWEST_IN_BLOCK:
         half = np.arange(len(half)) % 2 == 0
-    held = [_softened(loaded, item, half) for item in (loaded.wrench, now.wrench)]
+    written, read = (_left(loaded, item, half) for item in (loaded.wrench, now.wrench))
     judged = loaded.select(~half)
-    if not (held[1] < FAR_LESS**2 * held[0] or held[1] < judged.by_chance < judged.shown < held[0]):
+    if not (read.tells_against(written) or read.yielding < judged.by_chance < judged.shown < written.yielding):
         return None
     return Evidence(
-        tuple(taken), "what loads move", "", float(np.sqrt(first / size)), float(np.sqrt(least / size)),
-        1 - held[1] / held[0], tuple(others),
+        tuple(taken), "what loads move", "", float(np.sqrt(first.yielding / size)),
+        float(np.sqrt(least.yielding / size)), 1 - read.yielding / written.yielding, tuple(others),
     )  # fmt: skip
 
 
@@ -160,10 +184,11 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     rows = rows[:: max(1, len(rows) // _SAMPLES)]
     inputs = Inputs(recording.time[rows], actuators[rows], recording.wrench[rows], blocks[rows])
     simulator = Simulator(robot, inputs)
-    geometry, run = simulator.geometry({}), simulator.run(())
+    geometry = simulator.geometry({})
     there = np.flatnonzero(geometry.reachable)
     if len(there) < FEWEST_IN_BLOCK:
         return None
+    run = simulator.run(())
     rows, at = rows[there], geometry.rows[there]
     used, which = np.unique(at, return_inverse=True)
     each = [robot.compliance(geometry.poses[pose]) for pose in used]
@@ -171,6 +196,7 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     if not names:
         return None
     parts = np.array([[item.parts[name] for item in each] for name in names])[:, which]
+    places = [np.array([item.wrench_jacobians[name] for item in each])[which].swapaxes(0, 1) for name in names]
     tool = np.array([geometry.poses[pose].base_from_tool for pose in used])[which]
     wrench = recording.wrench[rows]
     exists = seen[rows]
@@ -182,13 +208,16 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     parts, bent = along @ parts, bent @ along.T
     turned = turn_between(tool[:, :3, :3], turn.T @ rotation_exp(np.nan_to_num(vector[rows]))) @ turn.T
     moved = np.concatenate((position[rows] - shift - tool[:, :3, 3] @ turn.T, turned), axis=1)
+    places.append(_to_base(tool).swapaxes(0, 1))
     parts = parts * weight[None, :, :, None]
     noise = _noise_of(recording, parts.sum(axis=0), weight, exists) * (1 - len(np.unique(blocks[rows])) / len(rows))
     moved, bent = (np.where(exists, values, 0.0) * weight for values in (moved, np.nan_to_num(bent)))
-    loaded = _Loaded(parts, moved, wrench, tool, blocks[rows], _freed(blocks[rows]), noise)
+    loaded = _Loaded(
+        parts, tuple(places), weight[:, :, None] * along, moved, wrench, tool, blocks[rows], _freed(blocks[rows]), noise
+    )
     # what large deflections add to C w is much the same however the wrench is read, unless it is read far too large
     other = replace(loaded, moved=moved - bent)
-    return min(loaded, other, key=lambda item: _softened(item, wrench))
+    return min(loaded, other, key=lambda item: _left(item, wrench).yielding)
 
 
 def _stands(tool: Array, position: Array) -> tuple[Array, Array]:
@@ -213,6 +242,13 @@ def _stands(tool: Array, position: Array) -> tuple[Array, Array]:
             return here
         turn, shift = fit.turn, fit.shift
     return turn, shift
+
+
+def _to_base(tool: Array) -> Array:
+    """Return what carries a wrench at drawn tools (n, 4, 4) to the base's origin, (n, 6, 6)."""
+    carried = np.tile(np.eye(6), (len(tool), 1, 1))
+    carried[:, 3:, :3] = np.cross(tool[:, None, :3, 3], np.eye(3)).swapaxes(1, 2)
+    return carried
 
 
 def _moved(tool: Array, position: Array, rotation: Array) -> Array:
@@ -242,47 +278,98 @@ def _freed(blocks: np.ndarray) -> Callable[[Array], Array]:
     return free
 
 
-def _softened(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) -> float:
-    """Return the squares beyond noise that the drawn modules leave, each as much softer or stiffer as suits.
+class _Left(NamedTuple):
+    """Squares beyond noise that a wrench leaves: modules as soft as suits, and one place yielding besides."""
 
-    fitted (n,): samples by which that is found; the squares are then those of the others.
+    softened: float
+    yielding: float
+
+    def tells_against(self, other: _Left) -> bool:
+        """Return whether another wrench leaves drastically more than this, and is not as good where a place yields."""
+        return self.yielding < FAR_LESS**2 * other.softened and AS_GOOD * self.yielding < other.yielding
+
+
+def _left(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) -> _Left:
+    """Return what a wrench leaves. fitted (n,): samples by which softness is found, of all but which that is left."""
+    fit, judged = (loaded, loaded) if fitted is None else (loaded.select(fitted), loaded.select(~fitted))
+    load, other = (wrench, wrench) if fitted is None else (wrench[fitted], wrench[~fitted])
+    target, squares = judged.free(judged.moved).ravel(), []
+    for suits in _likeliest(fit, load):
+        rest = target - judged.motions(other, suits.place) @ suits.softness
+        squares.append(max(float(rest @ rest) - judged.noise, 0.0))
+    return _Left(squares[0], min(squares))
+
+
+@dataclass(frozen=True, eq=False)
+class _Suits:
+    """What suits a wrench best: softness (m + k,) of modules and of a place, and about which point (c,) moments are.
+
+    left: what is left of what moved (6 n,). trust: how much what is known of each module's softness weighs (m,).
     """
-    if fitted is None:
-        fit, judged = loaded, loaded
-        load, other = wrench, wrench
-    else:
-        fit, judged = loaded.select(fitted), loaded.select(~fitted)
-        load, other = wrench[fitted], wrench[~fitted]
-    scale, _ = _likeliest(fit, load)
-    rest = judged.free(judged.moved).ravel() - judged.by_module(other) @ scale
-    return max(float(rest @ rest) - judged.noise, 0.0)
+
+    place: int | None
+    softness: Array
+    point: Array
+    left: Array
+    trust: Array
 
 
-def _likeliest(loaded: _Loaded, wrench: Array, levers: Array | None = None) -> tuple[Array, Array]:
-    """Return by how much softer each module is (m,), and about which point moments are told (k,), where all suit best.
+def _likeliest(loaded: _Loaded, wrench: Array, levers: Array | None = None) -> tuple[_Suits, _Suits]:
+    """Return what suits a wrench best: each module softer or stiffer; and the place that takes most yielding besides.
 
-    levers (k, n, 6): what a wrench changes per unit of the point's place [m].
+    A unit of all forces is imitated by what lies in series with everything: a drive, the base. levers (c, n, 6): what
+    a wrench changes per unit of the place of the point about which moments are told [m].
     """
-    columns, target = loaded.by_module(wrench), loaded.free(loaded.moved).ravel()
-    by_lever = np.zeros((*columns.shape, 0))
-    if levers is not None:
-        by_lever = np.stack([loaded.by_module(each) for each in levers], axis=-1)
-    size, count = columns.shape[1], by_lever.shape[2]
-    scale, point = np.ones(size), np.zeros(count)
+    levers = np.zeros((0, *wrench.shape)) if levers is None else levers
+    plain = _suiting(loaded, wrench, levers, None)
+    read = wrench + np.tensordot(plain.point, levers, 1)
+    modules = np.concatenate((loaded.motions(read, None), np.diag(plain.trust)))
+    base = np.linalg.qr(modules)[0]
+    known = plain.trust * (1 - plain.softness)
+    rest = _beside(base, np.append(plain.left, known))
+    taken = []
+    for place in range(len(loaded.places)):
+        columns = loaded.by_place(read, place)
+        columns = _beside(base, np.concatenate((columns, np.zeros((len(known), columns.shape[1])))))
+        basis = np.linalg.qr(columns)[0]
+        taken.append(float(((basis.T @ rest) ** 2).sum()))
+    return plain, _suiting(loaded, wrench, levers, int(np.argmax(taken)))
+
+
+def _beside(basis: Array, values: Array) -> Array:
+    return values - basis @ (basis.T @ values)
+
+
+def _suiting(loaded: _Loaded, wrench: Array, levers: Array, place: int | None) -> _Suits:
+    """Return what suits best where one place yields, or none does."""
+    whole = np.stack([loaded.motions(each, place) for each in (wrench, *levers)], axis=-1)
+    full, target = whole[..., 0], loaded.free(loaded.moved).ravel()
+    small = np.asarray(np.linalg.qr(np.column_stack((whole.reshape(len(target), -1), target)), mode="r"))
+    columns = small[:, :-1].reshape(len(small), *whole.shape[1:])
+    goal, scale = small[:, -1], np.maximum(np.linalg.norm(columns[..., 0], axis=0), 1e-30)
+    modules, count, points = len(loaded.parts), whole.shape[1], len(levers)
+    scale[:modules] = 1.0
+    columns = columns / scale[:, None]
+    bounds = (
+        np.concatenate((np.full(modules, 1 / MUCH), np.zeros(count - modules), np.full(points, -np.inf))),
+        np.concatenate((np.full(modules, MUCH), np.full(count - modules + points, np.inf))),
+    )
+    softness, point = np.concatenate((np.ones(modules), np.zeros(count - modules))), np.zeros(points)
+    start = np.concatenate((softness, point))
+    trust = np.zeros(count + points)
     for _ in range(ROUNDS):
-        now = columns + by_lever @ point
-        rest = target - now @ scale
-        noise2 = max(float(rest @ rest) / len(target), 1e-6)
-        known = np.append(trusted(((scale - 1) / ANYHOW) ** 2) / ANYHOW**2, np.full(count, LEVER**-2))
-        table = np.concatenate((now, np.einsum("nmk,m->nk", by_lever, scale)), axis=1)
-        right = table.T @ (target - now.sum(axis=1)) / noise2
-        right[size:] -= known[size:] * point
-        step = np.linalg.solve(table.T @ table / noise2 + np.diag(known), right)
-        found, point = 1 + step[:size], point + step[size:]
-        scale = np.clip(found, 1 / MUCH, MUCH)
-        far = int(np.argmax(np.abs(found - scale)))  # one of them may be off by far, but not all
-        scale[far] = max(found[far], 1 / MUCH)
-    return scale, point
+        now = columns[..., 0] + columns[..., 1:] @ point
+        slopes = np.einsum("nmk,m->nk", columns[..., 1:], softness)
+        noise2 = max(float(((goal - now @ softness) ** 2).sum()) / len(target), 1e-6)
+        trust[:modules] = np.sqrt(noise2 * trusted(((softness[:modules] - 1) / ANYHOW) ** 2)) / ANYHOW
+        trust[count:] = np.sqrt(noise2) / LEVER
+        table = np.concatenate((np.concatenate((now, slopes), axis=1), np.diag(trust)))
+        found = lsq_linear(table, np.append(goal + slopes @ point, trust * start), bounds, method="bvls").x
+        softness, point, before = found[:count], found[count:], np.append(softness, point)
+        if np.abs(found - before).max() < UNSEEN:
+            break
+    left = target - (full + whole[..., 1:] @ point) @ (softness / scale)
+    return _Suits(place, softness / scale, point, left, trust[:modules])
 
 
 def _of_wrench() -> Iterator[tuple[Convention, ...]]:
@@ -304,5 +391,5 @@ def _of_wrench_point(loaded: _Loaded, wrench: Array) -> Iterator[tuple[Conventio
     for lever, axis in zip(levers, np.eye(3), strict=True):
         lever[:, 3:] = cross(loaded.tool[:, :3, :3] @ axis, wrench[:, :3])
     if any(loaded.by_module(lever).any() for lever in levers):
-        point = _likeliest(loaded, wrench, levers)[1]
+        point = _likeliest(loaded, wrench, levers)[1].point
         yield (Convention("wrench", "about", tuple(float(round(value, 5)) for value in point)),)

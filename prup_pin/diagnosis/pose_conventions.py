@@ -19,7 +19,7 @@ from ..errors import PrupPinError
 from ..kinematics import ClosedPose
 from ..mechanism import Mechanism
 from ..recordings import WORDS, Convention, Recording, read_as
-from ..recordings.conventions import AXES, GEARS, POSITION_UNITS, Evidence, exchanged
+from ..recordings.conventions import AXES, GEARS, POSITION_UNITS, Evidence, exchanged, may_be_read
 from ..robot import Robot
 from ..simulation import drawn_for
 from ..spatial import Array, rigid_motion, rotation_exp, turn_between
@@ -344,6 +344,8 @@ def _forward(postures: _Postures, written: Recording, start: _Misfit, near: bool
         for readings, of_joints in ((_of_measured(read), False), (_of_joints(postures.mechanism, read), True)):
             asked: list[tuple[Convention, Recording]] = []
             for convention in readings:
+                if not may_be_read(written, [convention]):
+                    continue
                 with suppress(PrupPinError):
                     asked.append((convention, read_as(read, [convention], postures.drawn)))
             alike = [[other] for _, other in asked] if of_joints else [[other for _, other in asked]]
@@ -392,6 +394,7 @@ def _with_quarter_turns(postures: _Postures, written: Recording, found: _Found, 
         return other, postures.misfit(other, near)
 
     names = [name for name in written.positions if name in postures.mechanism.actuated]
+    names = [name for name in names if may_be_read(written, [Convention(f"q.{name}", "reversed")])]
     few = written.select(np.unique(np.linspace(0, len(written) - 1, _POSTURES).astype(int)))
     turns = quarter_turns(postures.mechanism, names, lambda item: float(np.exp(postures.cost(seen(item, few)[1]))))
     read, misfit = seen(turns)

@@ -199,8 +199,11 @@ _EULER = tuple(
         *(("angles", name) for name in ("XZY", "YXZ", "YZX", "ZXY")),
     )
 )
+#: The word of columns that are as this format has them, whatever they look like.
+AS_WRITTEN = "as_written"
 #: Every way to write a group of columns.
 WORDS: tuple[Word, ...] = (
+    Word(AS_WRITTEN, tuple(GROUPS), "as they say, and in no other way", factor=1.0),
     Word("reversed", ("q", "tau", "p", "wrench", "force", "moment", "g"), "with the opposite sign", factor=-1.0),
     Word("reaction", ("wrench",), "what the robot exerts, not what acts on it", factor=-1.0),
     Word("ms", ("time",), "in milliseconds", factor=1e-3),
@@ -341,6 +344,31 @@ def _argument(word: Word, colon: str, text: str, said: str, joints: Sequence[str
     if word.takes == "joints" and len(set(parts)) < max(len(parts), 2):
         raise InputError(f"{said}: expected the joints of all columns, each once, in the order of the table")
     return tuple(parts)
+
+
+def declared_as_written(conventions: Sequence[Convention]) -> tuple[Convention, ...]:
+    """Return those of them that say of columns that they are as they say."""
+    return tuple(item for item in conventions if item.word == AS_WRITTEN)
+
+
+def may_be_read(recording: Recording, reading: Sequence[Convention]) -> bool:
+    """Return whether a log does not declare of any column that a reading changes that it is as it says."""
+    declared = declared_as_written(recording.conventions)
+    return not any(item.word == AS_WRITTEN or any(_alike(item, own) for own in declared) for item in reading)
+
+
+def _alike(one: Convention, other: Convention) -> bool:
+    """Return whether two conventions are of the same columns, or of some."""
+    if one.group in _OF_JOINTS:
+        return one.group == other.group and (not one.joint or not other.joint or one.joint == other.joint)
+    return bool(_halves(one) & _halves(other))
+
+
+def _halves(convention: Convention) -> set[str]:
+    """Return the columns of a group, of wrenches by forces and moments; another point leaves forces as they are."""
+    if convention.group != "wrench":
+        return {convention.group}
+    return {"moment"} if convention.word in ("about", "about_base") else {"force", "moment"}
 
 
 def as_json(conventions: Sequence[Convention]) -> dict[str, str | list[str]]:
@@ -484,7 +512,9 @@ AXES = [
 GEARS = tuple(map(float, (*range(2, 201), 224, 240, 250, 256, 300, 320, 360, 400, 500)))
 #: Words for units of joints' positions.
 POSITION_UNITS = tuple(
-    word for word in WORDS if "q" in word.groups and word.factor is not None and word.name != "reversed"
+    word
+    for word in WORDS
+    if "q" in word.groups and word.factor is not None and word.name not in ("reversed", AS_WRITTEN)
 )
 
 

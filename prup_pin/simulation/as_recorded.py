@@ -15,6 +15,7 @@ from ..loading import Reading
 from ..mechanism import Joint, Mechanism
 from ..numbers import number, some
 from ..recordings import Drawn, Recording, read_as
+from ..recordings.conventions import declared_as_written
 from ..robot import Robot
 from ..spatial import Array, rotation_exp, turn_between
 from .simulator import Simulator
@@ -89,11 +90,14 @@ def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> As
 def in_format(robot: Robot, recordings: Recording | Sequence[Recording]) -> list[Recording]:
     """Return recordings in the format's own conventions, read as the conventions say that they declare.
 
+    What they declare to be as it says they go on declaring.
     Raises InputError where one needs what the robot or the recording lacks.
     """
     given = [recordings] if isinstance(recordings, Recording) else list(recordings)
     return [
-        replace(read_as(item, item.conventions, drawn_for(robot)), conventions=()) if item.conventions else item
+        replace(read_as(item, item.conventions, drawn_for(robot)), conventions=declared_as_written(item.conventions))
+        if item.conventions
+        else item
         for item in given
     ]
 

@@ -15,6 +15,7 @@ from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.dynamics.inertial import point_mass
 from prup_pin.errors import InputError
 from prup_pin.recordings import Drawn, Recording, convention_of, joints_of, read_recording, written_as
+from prup_pin.recordings.conventions import may_be_read
 from prup_pin.simulation import drawn_for
 from tests.reference.concealed import efforts
 from tests.reference.concealed.elastic import draw_elastic, write
@@ -65,6 +66,15 @@ def changed(recording, group, factors):
 def test_efforts_of_the_robot_raise_no_doubt(ur5, recording):
     assert told(ur5, recording) == []
     assert checked(ur5, recording) == []
+
+
+def test_efforts_and_positions_that_are_declared_to_be_as_written_are_read_in_no_other_way(ur5, recording):
+    table = joints_of(recording)
+    for said in ("tau=N_mm", "q=deg"):
+        group = said.partition("=")[0]
+        log = replace(written(recording, said), conventions=(convention_of(group, "as_written", table),))
+        found = conventions_of_efforts(ur5, log)
+        assert found is None or may_be_read(log, found.conventions)
 
 
 EXCHANGED = "shoulder_pan_joint,elbow_joint,shoulder_lift_joint,wrist_1_joint,wrist_2_joint,wrist_3_joint"

@@ -1,5 +1,6 @@
 """Logs of poses that are written otherwise than they say are told so, before any physics, and others are not."""
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,13 +8,13 @@ import numpy as np
 import pytest
 
 from prup_pin import load
-from prup_pin.diagnosis import conventions, diagnose
+from prup_pin.diagnosis import conventions, diagnose, load_conventions
 from prup_pin.diagnosis.conventions import read_logs
 from prup_pin.diagnosis.load_conventions import conventions_of_loads
 from prup_pin.errors import InputError
-from prup_pin.recordings import Convention, Recording, read_recording
-from prup_pin.recordings.conventions import Drawn, Evidence, convention_of, written_as
-from prup_pin.spatial import rotation_log
+from prup_pin.recordings import Convention, Noise, Recording, joints_of, read_recording
+from prup_pin.recordings.conventions import Drawn, Evidence, convention_of, may_be_read, written_as
+from prup_pin.spatial import rotation_exp, rotation_log
 from tests.reference.concealed import draw, misread
 from tests.reference.concealed.scattered import draw_scattered
 from tests.reference.concealed.scattered import write as write_scattered
@@ -59,6 +60,71 @@ def test_a_leg_that_is_soft_is_no_other_unit_of_force(tmp_path):
     drawn = draw_scattered(9100, "six_ups", ["stiffness_changed"], sensors=1.316857008588989)
     write_scattered(drawn, tmp_path, tmp_path / "sealed", "device", file)
     assert conventions_of_loads(load(file), read_recording(tmp_path / "device.csv")) is None
+
+
+def standing_on(robot, turning, moving):
+    """Return a log of a robot whose base turns by moment / turning [N m/rad] and moves by force / moving [N/m]."""
+    rng, names = np.random.default_rng(3), list(robot.mechanism.actuated)
+    home = np.array(list(robot.home.actuators.values()))
+    each = np.diag([300.0, 300.0, 600.0, 60.0, 60.0, 60.0])
+    q, wrench, seen, turns = [], [], [], []
+    for row in home + rng.uniform(-0.06, 0.06, (8, len(names))):
+        pose = robot.pose_from_actuators(row)
+        compliance, at = robot.compliance(pose), pose.base_from_tool
+        for load_ in np.concatenate((np.zeros((1, 6)), each, -each)):
+            moved = compliance.deflection(load_)
+            force, moment = load_[:3], load_[3:] + np.cross(at[:3, 3], load_[:3])
+            turn = rotation_exp(moment / turning)
+            q, wrench = [*q, row], [*wrench, load_]
+            seen.append(turn @ (at[:3, 3] + moved[:3]) + force / moving + rng.normal(0, 2e-6, 3))
+            turns.append(rotation_log(turn @ rotation_exp(moved[3:]) @ at[:3, :3]) + rng.normal(0, 1e-5, 3))
+    return Recording(
+        time=np.arange(len(q), dtype=float),
+        positions=dict(zip(names, np.array(q).T, strict=True)),
+        wrench=np.array(wrench),
+        position=np.array(seen),
+        rotation=np.array(turns),
+        noise=Noise(position=2e-6, rotation=1e-5),
+    )
+
+
+@pytest.mark.parametrize("turning", [1e4, 3e3])
+def test_pounds_force_are_told_beside_a_base_that_yields_and_only_where_they_are(robot, turning):
+    log = standing_on(robot, turning, 300 * turning)
+    assert conventions_of_loads(robot, log) is None
+    told = conventions_of_loads(robot, written_as(log, [Convention("force", "lbf")], Drawn()))
+    assert [str(item) for item in told.conventions] == ["force=lbf"]
+
+
+def test_what_a_base_does_that_yields_is_left_to_no_unit_of_forces(robot):
+    """Modules alone, each as soft as suits, leave much of it, of which a unit takes most on one platform."""
+    loaded = load_conventions._loaded(robot, standing_on(robot, 3e3, 1e6))
+    written = load_conventions._left(loaded, loaded.wrench)
+    assert written.yielding < 0.01 * written.softened
+    pounds = load_conventions._left(loaded, loaded.wrench * [*3 * (4.4482216152605,), 1, 1, 1])
+    assert not pounds.tells_against(written)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("forces in kN", "force=as_written"),
+        ("forces in kN", "wrench=as_written"),
+        ("positions in mm", "p=as_written"),
+        ("inverse rotation", "r=as_written"),
+        ("all joints in mm", "q=as_written"),
+        ("two joints exchanged", f"q.{SLIDES[0]}=as_written"),
+    ],
+)
+def test_what_is_declared_to_be_as_written_is_read_in_no_other_way(robot, bench, tmp_path, name, said):
+    log = rewritten(bench, tmp_path, name)
+    columns, _, word = said.partition("=")
+    declared = convention_of(columns, word, joints_of(log))
+    told = ()
+    with suppress(InputError):  # two other readings that are as good
+        told = read_logs(robot, replace(log, conventions=(declared,))).conventions[0]
+    assert WAYS[name].said not in map(str, told)
+    assert may_be_read(replace(log, conventions=(declared,)), told)
 
 
 @pytest.mark.parametrize(

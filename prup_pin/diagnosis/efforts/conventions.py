@@ -18,7 +18,7 @@ from ...dynamics import InMotion, InverseDynamics, Motion, could_be_gravity, mot
 from ...errors import InputError, PrupPinError
 from ...mechanism import Mechanism
 from ...recordings import WORDS, Convention, Drawn, Recording, read_as
-from ...recordings.conventions import GEARS, POSITION_UNITS, Evidence, exchanged, merged
+from ...recordings.conventions import GEARS, POSITION_UNITS, Evidence, exchanged, may_be_read, merged
 from ...spatial import Array
 from ..criteria import (
     ALIKE,
@@ -54,7 +54,7 @@ _SCANNED, _CLOSED = 80, 16
 #: Conventions one after the other.
 _MOST = 6
 #: Words for units of efforts.
-_OF_UNIT = ("gain", *(word.name for word in WORDS if "tau" in word.groups and word.factor not in (None, -1.0)))
+_OF_UNIT = ("gain", *(word.name for word in WORDS if "tau" in word.groups and word.factor not in (None, 1.0, -1.0)))
 #: Words for axes that count together.
 _TOGETHER = ("plus", "minus")
 #: Ratios that come nearest, which are looked at more closely.
@@ -106,7 +106,7 @@ def _clock(mechanism: Mechanism, recording: Recording) -> Convention | None:
     unit = next((word for low, high, word in _CLOCKS if low < step <= high), None)
     known = [q[np.isfinite(q)] for name, q in recording.positions.items() if name in mechanism.actuated]
     moving = [q for q in known if len(q) > FEWEST_NUMBERS and np.ptp(q) > 0]
-    if unit is None or not moving:
+    if unit is None or not moving or not may_be_read(recording, [Convention("time", unit)]):
         return None
     ways = [float(np.median(np.abs(np.diff(q)))) / float(np.ptp(q)) for q in moving]
     convention, rate = Convention("time", unit), _rate(recording)
@@ -142,6 +142,7 @@ def _written(recording: Recording, motion: Motion, efforts: Array, more: Array) 
         velocities={name: np.append(motion.speed[:, k], still) for name, k in table.items()},
         accelerations={name: np.append(motion.acceleration[:, k], still) for name, k in table.items()},
         efforts={name: np.append(efforts[:, k], more[:, k]) for name, k in driven.items()},
+        conventions=recording.conventions,
     )
 
 
@@ -181,7 +182,7 @@ def _closing(mechanism: Mechanism, recording: Recording) -> tuple[Convention, ..
         return min(one, AS_GOOD * other)
 
     for readings in _of_positions(mechanism, list(written.positions), list(written.efforts)):
-        found = [(left(steps), steps) for steps in readings]
+        found = [(left(steps), steps) for steps in readings if may_be_read(written, steps)]
         best = min((item[0] for item in found), default=np.inf)
         if best < FAR_LESS:
             return min((item for item in found if item[0] <= (1 + GAIN) * best), key=_plainest)[1]
@@ -346,7 +347,9 @@ class _Search:
         which = [
             name
             for name, written, read in zip(motion.driven, *both, strict=True)
-            if not signed.get(name, 0.0) > 0 and read < FAR_LESS**2 < MOST * written
+            if may_be_read(self.written, [Convention(f"tau.{name}", "reversed")])
+            and not signed.get(name, 0.0) > 0
+            and read < FAR_LESS**2 < MOST * written
         ]
         if not which or set(which) >= set(signed) or np.isfinite(self._under_any_gravity(self.written)).any():
             return None  # or gravity pulls another way
@@ -412,7 +415,7 @@ class _Search:
             return None
         few = spaced(len(self.rows), _SCANNED)
         found = with_efforts(quarter_turns(self.mechanism, list(self.written.positions), cost))
-        if not found or not self._makes_sense(self.written, found):
+        if not found or not may_be_read(self.written, found) or not self._makes_sense(self.written, found):
             return None
         read = read_as(self.written, found, self.drawn)
         if not self._by_likelihood(read) < self._by_likelihood(begin):
@@ -535,6 +538,8 @@ class _Search:
         while len(taken) < _MOST:
             tried = []
             for step in self._readings(now):
+                if not may_be_read(self.written, step):
+                    continue
                 if rms(first) <= FAR_LESS and any(item.word != "reversed" for item in step):
                     continue  # where most of a log fits, a joint or two count the other way round
                 read = read_as(now, step, self.drawn)
@@ -622,6 +627,8 @@ class _Search:
         sizes = np.abs(list(signed.values()))
         if in_any_unit(self.recording.tolerances.declared):
             return None  # which is declared to be anything
+        if not may_be_read(self.written, [Convention("tau", "gain", (1.0,))]):
+            return None  # which is declared to be what it says
         if any(item.columns == "tau" and item.word in _OF_UNIT for item in self.recording.conventions):
             return None  # which is declared
         if len(sizes) < min(2, len(self.motion.driven)) or 2 * len(sizes) < len(self.motion.driven):
@@ -642,6 +649,8 @@ class _Search:
     def _before_gears(self, first: float) -> Evidence | None:
         """Return that positions are the motors', before gears of one ratio; and efforts too, where these are so."""
         if self.mechanism.loops or not first > FAR_LESS or self.at.motion.standing:
+            return None
+        if not may_be_read(self.written, [Convention("q", "reversed")]):
             return None
         few = spaced(len(self.rows), _SCANNED)
         tried = []
