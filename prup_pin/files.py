@@ -45,6 +45,16 @@ def writable(path: Path) -> Path:
     return target
 
 
+def check_takes_files(folder: Path) -> None:
+    """Raise InputError where no file can be made in a folder: one is made, for there are folders that only look so."""
+    probe = folder / f".{secrets.token_hex(6)}.part"
+    try:
+        probe.touch(exist_ok=False)
+        probe.unlink()
+    except OSError as error:
+        raise InputError(f"cannot write to '{folder}': {error.strerror or error}") from error
+
+
 def write_whole(files: Mapping[Path, Iterable[str | bytes]]) -> None:
     """Write files so that each is there as a whole or as it was before; text as UTF-8.
 

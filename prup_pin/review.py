@@ -52,16 +52,18 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
         return
     with suppress(MissingExtraError):  # a second reader is an opinion more, no condition
         yield from second_opinion(mechanism)
+    if mechanism.tool is None:
+        yield 'no tool is given, so that nothing can be loaded: load(..., tool="frame")'
     found = robot.mobility(home)
     yield from _drives_and_freedoms(mechanism, found)
-    yield from _fixed_coordinates(robot)
+    if mechanism.tool is not None:  # without, they are those of any link
+        yield from _fixed_coordinates(robot)
     yield from _odd_modules(robot)
     if found.idle_joints:
         yield f"joints that turn idly, holding nothing: {', '.join(found.idle_joints)}"
     if found.redundant:
         yield f"overconstrained by {redundancy_text(found)}: loads depend on how exactly its parts are made"
     if mechanism.tool is None:
-        yield 'no tool is given, so that nothing can be loaded: load(..., tool="frame")'
         return
     yield from _tool_of_a_walker(robot)
     idle = [str(mechanism.model.names[joint]) for joint in sorted(mechanism.load_paths.idle)]

@@ -7,6 +7,8 @@ import pytest
 
 from prup_pin import load, robots
 
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
 
 def told(done):
     assert done.exit_code == 0, done.output
@@ -102,6 +104,22 @@ def test_a_file_in_millimetres_or_without_masses_is_to_look_at_and_not_assumed(r
 
 def test_without_a_tool_nothing_can_be_loaded(run):
     assert "no tool is given" in told(run("check", "solo12"))
+
+
+def test_a_missing_tool_is_told_and_not_what_comes_of_it(run, tmp_path):
+    text = (EXAMPLES / "six_ups.urdf").read_text()
+    (tmp_path / "robot.urdf").write_text(re.sub("<tool [^>]*/>", "", text))
+    said = told(run("check", tmp_path / "robot.urdf")).partition("To look at")[2]
+    assert said.startswith(" - no tool is given")
+    assert "cannot be changed alone" not in said
+
+
+def test_a_link_without_mass_at_the_end_of_a_chain_that_a_hinge_closes_is_named(run, tmp_path):
+    """Not so the piece of a body that a loop is cut through."""
+    start, name, end = (EXAMPLES / "five_bar.urdf").read_text().partition('<link name="right_rod">')
+    (tmp_path / "robot.urdf").write_text(start + name + re.sub("<inertial>.*?</inertial>", "", end, count=1))
+    assert "without mass: right_rod -" in told(run("check", tmp_path / "robot.urdf"))
+    assert "without mass" not in told(run("check", "3prup"))
 
 
 @pytest.mark.parametrize("name", ["bench.csv", "model.json"])

@@ -95,6 +95,29 @@ def test_a_pipe_where_the_json_beside_goes_is_refused_before_anything_is_compute
     assert not os.path.exists("bench.csv")
 
 
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs a folder in which nobody can make a file")
+@pytest.mark.parametrize(
+    "line",
+    [
+        "diagnose no.csv --robot 3prup --out /proc/x",
+        "diagnose no.csv --robot 3prup --out out --propose /proc/x",
+        "follow no.csv --out /proc/x",
+        "calibrate no.csv --out /proc/x.json",
+        "predict no.json no.csv --out /proc/x.csv",
+        "export no.json --to /proc/x.urdf",
+        "import no.log --out /proc/x.csv",
+        "sweep no.urdf --out /proc/x.csv",
+        "view no.urdf --html /proc/x.html",
+        "report no.urdf --out /proc/x.html",
+        "stiffness no.urdf --json /proc/x.json",
+        "stiffness no.urdf --pictures /proc/x",
+    ],
+)
+def test_a_folder_that_takes_no_files_is_told_before_anything_is_read(run, line):
+    """It says that it may be written to, and root may write everywhere: only trying tells."""
+    refused(run(*line.split()), "cannot write to '/proc'")
+
+
 def test_names_longer_than_any_file_are_refused(run):
     long = "a" * 300
     write_plan(plan(), "plan.json")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import webbrowser
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from ..errors import InputError
-from ..files import writable, write_whole
+from ..files import check_takes_files, writable, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,8 +34,8 @@ def check_folder(path: Path | None, option: str, whole: bool = False) -> None:
             raise InputError(f"'{path}' is a folder; give a file in it")
         if not path.parent.is_dir():
             raise InputError(f"cannot write '{path}': there is no folder '{path.parent}'")
-        if whole:
-            writable(path)
+        if whole or path.is_file() or not path.exists():
+            check_takes_files(writable(path).parent)
     except (InputError, ValueError) as error:  # a NUL character
         raise InputError(f"{option}: {error}") from error
     except OSError as error:
@@ -78,8 +77,10 @@ def folder_for(folder: Path | None, option: str) -> None:
         ) from error
     if not there.is_dir():
         raise InputError(f"{option}: '{there}' is a file; give a folder")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise InputError(f"{option}: cannot write to '{there}': permission denied")
+    try:
+        check_takes_files(there)
+    except InputError as error:
+        raise InputError(f"{option}: {error}") from error
 
 
 def write_figures(

@@ -34,8 +34,9 @@ def stiffness(
     ] = False,
 ) -> None:
     """K, C, deflection and each module's share at one pose."""
-    case = question.understood(frame)
     folder_for(pictures, "--pictures")
+    check_folder(None if as_json in (None, "-") else Path(as_json), "--json")
+    case = question.understood(frame)
     answer = Answer(case.compliance(), case.wrench, frame)
     slopes = case.robot.sensitivity(case.pose, answer.load.wrench) if sensitivity else None
     written = [] if pictures is None else _draw(pictures, case.robot, answer)

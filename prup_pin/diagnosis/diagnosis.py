@@ -221,6 +221,7 @@ class Diagnosis:
     premises: tuple[str, ...] = ()  # what was taken for granted where nothing was recorded, and everything rests on it
     proposals: tuple[Proposal, ...] = ()  # formulas for what is unknown, where they were asked for
     judged: tuple[Judged, ...] = ()  # what this recording says of formulas that were proposed from another one
+    stand_ins: tuple[Effect, ...] = ()  # those of `effects` that no finding names: they may imitate what is unknown
 
     @property
     def explained(self) -> bool:

@@ -9,7 +9,7 @@ whose coefficients follow by linear least squares.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -327,11 +327,17 @@ def residuals(problem: Problem, fit: Fit, before: Array, after: Array) -> Residu
 
 
 def recovered(
-    problem: Problem, fit: Fit, after: Array, effect: Effect | None, curve: LocalCurve | None
+    problem: Problem,
+    fit: Fit,
+    after: Array,
+    effect: Effect | None,
+    curve: LocalCurve | None,
+    stand_ins: Sequence[Effect] = (),
 ) -> Recovered | Agreement | None:
     """Return what the recording shows of a finding: of an effect that the fit holds, or of an unknown one's curve.
 
-    after (n, K): measured less simulated poses of the fit [m, rad]. None where neither is known.
+    after (n, K): measured less simulated poses of the fit [m, rad]; stand_ins: effects of the fit that may imitate what
+    is unknown, which stands for them too. None where neither is known.
     """
     influence = fit.influence
     white, exists = _whitening(problem, fit)
@@ -343,6 +349,8 @@ def recovered(
         drawn = effect.law.drawn(effect.place, influence.solved)
     elif curve is not None:
         drawn = against_component(influence.solved, curve.module, curve.component)
+        named = [term.effect for term in fit.terms if term.effect not in stand_ins]
+        asked = asked - influence.change(problem.setup_at(fit, named)) if stand_ins else asked
     if drawn is not None:
         given = None if law is None else (white @ law[..., None])[..., 0]
         blocks = problem.simulator.inputs.blocks[fit.samples]

@@ -102,7 +102,10 @@ def verdict_of(
     raw_after = problem.stack.residual(fit.run)[samples]
     if count:
         findings = [
-            replace(finding, recovered=recovered(problem, fit, raw_after, finding.effect, finding.curve))
+            replace(
+                finding,
+                recovered=recovered(problem, fit, raw_after, finding.effect, finding.curve, final.stand_ins),
+            )
             for finding in findings
         ]
     since = None
@@ -134,6 +137,7 @@ def verdict_of(
         final=fit.run,
         posterior=known,
         since=since,
+        stand_ins=final.stand_ins,
     )
 
 

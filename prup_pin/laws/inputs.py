@@ -31,7 +31,8 @@ class Trajectory:
     def of(cls, time: Array, actuators: Array, runs: np.ndarray) -> Trajectory | None:
         """Return the motion through positions (N, a) at times (N,) [s], runs (N,); None where samples are postures.
 
-        A motion is one whose samples are foretold by their neighbours.
+        A motion is one whose samples are foretold by their neighbours, as far as they lie between these: rows of a
+        posture that is held tell nothing of the way to the next.
         """
         from scipy.interpolate import CubicSpline  # heavy: only motions need it
 
@@ -42,7 +43,8 @@ class Trajectory:
                 return None
             others = CubicSpline(t[::2], q[::2])(t[1:-1:2])
             missed += float(((others - q[1:-1:2]) ** 2).sum())
-            moved += float(((q[2::2] - q[:-2:2]) ** 2).sum())
+            steps = (np.diff(q, axis=0) ** 2).sum(axis=1)[: 2 * ((len(t) - 1) // 2)]
+            moved += 4 * float(steps.reshape(-1, 2).min(axis=1).sum())
             found[int(run)] = CubicSpline(t, q)
         return cls(found) if found and missed < _RESOLVED**2 * moved else None
 

@@ -34,9 +34,10 @@ def assumed(mechanism: Mechanism) -> Iterator[str]:
             "coupled joints (<mimic>) whose leader does not move by one freedom carry no load and move on their own "
             f"here: {_listed(item.joint for item in mechanism.loose)}"
         )
-    ends = {end.joint for loop in mechanism.loops for end in (loop.first, loop.second)}
+    # an end that its loop holds in every direction is a piece of the body at the other end
+    pieces = {end.joint for loop in mechanism.loops if not loop.free for end in (loop.first, loop.second)}
     light = [mechanism.bodies[joint.id] for joint in mechanism.joints if not model.inertias[joint.id].mass > 0]
-    named = [name for name in light if name not in {mechanism.bodies[end] for end in ends}]
+    named = [name for name in light if name not in {mechanism.bodies[piece] for piece in pieces}]
     if description.gravity is None and len(light) < len(mechanism.joints):
         pull = " ".join(number(value, 6) for value in mechanism.gravity)
         yield f"no gravity is given: it is that of Pinocchio's models, ({pull}) m/s^2 in base axes"

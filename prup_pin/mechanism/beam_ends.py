@@ -69,12 +69,12 @@ def _astray(
     if not length:
         return
     if passed:
-        seat = _of_edge(mechanism, placements, passed, end.joint, passed)
+        seat = _of_edge(mechanism, placements, passed, end.joint, line, passed)
         if seat is None or np.linalg.norm(seat - stop) < _BEFORE * length:
             return  # the beam begins where the joint sits: no part of it lies on this body
     near: dict[int, float] = {}
     for edge in edges:
-        place = _of_edge(mechanism, placements, edge, end.joint, module.joint)
+        place = _of_edge(mechanism, placements, edge, end.joint, line, module.joint)
         if place is None:
             continue
         share = float((place - start) @ line) / length**2
@@ -90,18 +90,23 @@ def _astray(
         yield AtOtherEnd(module, what, mechanism.bodies[end.joint], end, share, length, instead)
 
 
-def _of_edge(mechanism: Mechanism, placements: Array, edge: int, body: int, loaded_through: int = 0) -> Array | None:
+def _of_edge(
+    mechanism: Mechanism, placements: Array, edge: int, body: int, line: Array, loaded_through: int = 0
+) -> Array | None:
     """Return where a joint (its id), a loop (-1 - its place) or the tool's load (0) acts on a body, base axes (3,).
 
     Where another beam on that body carries a joint's load, not that of `loaded_through`, it is where that beam begins.
-    None for a slide, which has no one place.
+    None for a slide, which has no one place, and for a loop that slides along the beam's `line` (3,).
     """
     paths = mechanism.load_paths
     if edge == 0:
         return _place(placements, mechanism.need_tool())
     if edge < 0:
         loop = mechanism.loops[-1 - edge]
-        if loop.free & {"x", "y", "z"}:
+        slides = (placements[loop.first.joint] @ loop.first.placement)[
+            :3, ["xyz".index(x) for x in loop.free & set("xyz")]
+        ]
+        if (np.abs(line @ slides) > _BEFORE * np.linalg.norm(line)).any():
             return None
         return _place(placements, loop.first if paths.same(loop.first.joint, body) else loop.second)
     for module in mechanism.modules:

@@ -62,6 +62,9 @@ def parse(content: bytes, path: Path) -> etree._Element:
     loaded and nothing fetched: a document that declares a DOCTYPE is refused before it is parsed.
     """
     doctype = _doctype(content)
+    if re.match(rb"(?:\xef\xbb\xbf)?\s*(?:<!doctype\s+html|<html)\b", content[doctype or 0 :], re.I):
+        message = "is a page of HTML, as a server sends in place of a file; expected a robot file (URDF or MJCF)"
+        raise RobotFileError(path, [Problem(message, 1)])
     if doctype is not None:
         line = content.count(b"\n", 0, doctype) + 1
         message = "declares a DOCTYPE; entities and external definitions are not read. Remove it"

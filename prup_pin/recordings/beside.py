@@ -29,6 +29,7 @@ def said_beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> t
     values = read_json_object(beside, "a JSON object", problems)
     keys = ValueReader(problems, beside.name)
     noise = {}
+    misspelt = []
     for key, value in values.items():
         if key in NOISE_KEYS:
             noise[NOISE_KEYS[key]] = noise_value(keys, key, value)
@@ -58,7 +59,10 @@ def said_beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> t
             told = near or nearest_names(shown(key), KEYS)
             remarks.append(f"{beside.name}: the unknown key '{shown(key)}' is ignored. {told}")
             if near:
+                misspelt.append((key, near))
                 found["misspelt"] = (*found.get("misspelt", ()), remarks[-1])
+    for key, near in misspelt if problems else ():  # what is wrong is mended at once, and then nothing else is told
+        keys.wrong(shown(key), f"unknown key. {near}")
     if named := found.get("robot"):
         found["robot"] = named_beside(named, path)
         if is_path(named) and is_file(as_path(named)) and not is_file(path.parent / as_path(named)):

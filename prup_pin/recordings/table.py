@@ -174,6 +174,8 @@ def text_of(content: bytes, problems: Problems, form: Form, first: int) -> bytes
         )
     elif start == b"<":
         whole = f"looks like XML or HTML; expected {EXPECTED}"
+    elif _is_binary(content[:4096]):
+        whole = f"is not text (its first bytes are no characters); expected {EXPECTED}"
     elif b"\0" in content[:4096].partition(b"\n")[0]:
         whole = f"is not text (its first line holds zero bytes); expected {EXPECTED}"
         form.advise_import(problems)
@@ -203,6 +205,12 @@ def text_of(content: bytes, problems: Problems, form: Form, first: int) -> bytes
                 problems.cells(column, kind, [(line + (first - 2) * (line > 1), kind)])
         problems.raise_all()
     return content
+
+
+def _is_binary(head: bytes) -> bool:
+    """Return whether bytes are those of no text: not of UTF-8, and with controls that no other text holds either."""
+    letters = head.decode("utf-8", "ignore").encode()
+    return len(head) - len(letters) > 3 and len(re.findall(rb"[\0-\x08\x0e-\x1f\x7f]", head)) > len(head) // 100
 
 
 def _lines_with(content: bytes, pattern: bytes) -> list[tuple[int, int]]:

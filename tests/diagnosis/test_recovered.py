@@ -107,6 +107,18 @@ def test_what_is_unknown_is_shown_against_its_load(simulator, library):
     assert recovered(problem, fit, after, None, None) is None
 
 
+def test_what_is_unknown_is_shown_with_what_laws_take_that_nobody_names(simulator, library):
+    """The curve is beyond the findings alone; beyond a law that imitates it nothing would be left of it."""
+    truth = term(library, BACKLASH, 3e-5, 1.0)
+    problem = problem_of(simulator, [truth.effect])
+    curve = local_curve(problem, problem.fit_at(()), "leg2/ball_nut", 0)
+    fit = problem.fit_at([truth])
+    after = problem.stack.residual(fit.run)[fit.samples]
+    whole, rest = (recovered(problem, fit, after, None, curve, ins) for ins in ([truth.effect], []))
+    assert whole.curve.max() == pytest.approx(3e-5, rel=0.1)
+    assert rest is None or np.abs(rest.curve).max() < 1e-5
+
+
 def test_a_diagnosis_can_be_kept(diagnosed):
     """Pickled and copied with all that is drawn of it; what was simulated is not needed again."""
     _, _, diagnosis = diagnosed

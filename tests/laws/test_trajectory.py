@@ -40,3 +40,13 @@ def test_where_only_speeds_are_known_a_delay_is_of_first_order():
     still = Inputs(TIME, TURN, np.zeros((200, 6)), ONE)
     assert not still.moves
     assert still.later(1, 2e-3) is None
+
+
+@pytest.mark.parametrize("jitter", [0.0, 1e-7])
+def test_postures_that_are_held_for_some_samples_are_no_motion(jitter):
+    """Long after one another, so that the first row of a posture is foretold by the second, which is like it."""
+    generator = np.random.default_rng(4)
+    time = (300.0 * np.arange(12)[:, None] + 2.0 * np.arange(9)).ravel()
+    held = np.repeat(generator.uniform(0.5, 0.8, (12, 3)), 9, axis=0)
+    assert Trajectory.of(time, held + jitter * generator.standard_normal(held.shape), np.zeros(len(time), int)) is None
+    assert Trajectory.of(time, np.sin(1e-3 * time)[:, None], np.zeros(len(time), int)) is not None

@@ -191,6 +191,12 @@ def test_a_misspelt_key_is_told_with_the_one_that_was_meant(write):
     assert any("the unknown key 'weather' is ignored" in text for text in recording.remarks)
 
 
+def test_a_misspelt_key_is_told_with_what_else_is_wrong(write):
+    first, second = refused(write(beside={"force_nois": "a", "position_noise": 0, "weather": "fine"}))
+    assert "position_noise" in str(first[2]) or "above 0" in first[2]
+    assert second[2] == "unknown key. Did you mean 'force_noise'?"
+
+
 @pytest.mark.parametrize("name", ["torque.slide", "Effort.slide [N]"])
 def test_a_joints_column_in_a_programs_words_is_told_its_own_name(write, name):
     recording = read_recording(write(TABLE.replace("tau.slide", name)))
@@ -396,6 +402,8 @@ def test_header_only(write, end):
         (b"PK\x03\x04" + bytes(range(200)), "is a spreadsheet or an archive"),
         (TABLE.encode("utf-16"), "is UTF-16 text; save it as UTF-8"),
         (bytes(range(256)) * 4 + bytes(1000), "is not text"),
+        (np.random.default_rng(1).bytes(5000), "is not text"),
+        (b"time," + np.random.default_rng(2).bytes(5000), "is not text"),
         (b'{"robot": "3prup"}', "looks like JSON"),
         (b"<robot name='a'/>", "looks like XML"),
     ],

@@ -7,6 +7,7 @@ beams, rigid links and hinges by `reference.frame_fe`, which shares nothing with
 # ruff: noqa: E741  (I is the second moment of area, as in every textbook)
 from __future__ import annotations
 
+import re
 from math import inf, pi
 from pathlib import Path
 
@@ -333,6 +334,17 @@ def test_what_acts_behind_a_beam_and_loads_it_is_remarked(tmp_path):
     assert "'fore_tube' is loaded with all that joint 'elbow' carries" in remark
     assert "what loop 'parallelogram' brings to 'fore' 754 mm before its end 'wrist'" in remark
     assert "load it through joint 'roll', with its root and its tip on 'fore'" in remark
+
+
+def test_a_loop_that_slides_across_a_beam_acts_in_one_place_of_it(tmp_path):
+    """As planar loops are written that are not to be overconstrained: free along the axis of their hinge."""
+    text = palletizer("elbow").text("tool")
+    across = re.sub(r'(name="parallelogram"[^>]*free=")[^"]*"', r'\1y rx ry rz"', text)
+    (tmp_path / "robot.urdf").write_text(across)
+    found = [remark for remark in robot_remarks(prup_pin.load(tmp_path / "robot.urdf")) if remark.startswith("beam ")]
+    assert across != text
+    assert len(found) == 1
+    assert "what loop 'parallelogram' brings to 'fore' 754 mm before its end 'wrist'" in found[0]
 
 
 def test_a_tool_on_the_link_itself_needs_a_joint(tmp_path):

@@ -159,6 +159,27 @@ def test_the_deformed_robot_stays_together(robot, compliance):
         assert np.linalg.norm(np.cross(yoke[:3, 2], along)) < 0.12 * np.linalg.norm(along)
 
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.mark.parametrize(
+    ("name", "load"),
+    [("five_bar", [2000, 0, 0, 0, 0, 0]), ("delta", [200, 0, 0, 0, 0, 0]), ("three_rrr", [200.0] + 5 * [0])],
+)
+def test_beams_on_hinges_are_drawn_from_joint_to_joint(name, load):
+    """Hinges turn with the robot's deflection: what meets at a joint still meets where the deflection is enlarged."""
+    robot = prup_pin.load(EXAMPLES / f"{name}.urdf")
+    found, scale = robot.compliance(robot.home), 30.0
+    scene = pose_scene(robot, None, load, scale)
+    for module in robot.mechanism.modules:
+        if not module.kind.spans_frames:
+            continue
+        line = line_of(scene.part(f"robot/deformed/beams/{module.name}"))
+        for end, frame in ((line[0], module.root.name), (line[-1], module.frame.name)):
+            moved = robot.home.placement(frame)[:3, 3] + scale * found.deflection(load, frame=frame)[:3]
+            np.testing.assert_allclose(end, moved, atol=1e-9)
+
+
 def test_ghost_is_the_pose_itself(robot, compliance, scene):
     plain = pose_scene(robot, compliance.pose, compliance=compliance)
     ghosts = [part for part in scene.parts if part.path.startswith("robot/ghost/")]

@@ -148,6 +148,21 @@ def test_a_fault_is_told_before_what_every_robot_has(diagnosed):
     assert replace(diagnosis, findings=(weight, little)).told == (weight, little)
 
 
+def test_what_is_unknown_is_looked_at_before_what_every_robot_has(diagnosed):
+    """Nor is what laws take that nobody names put down to those that are findings."""
+    robot, _, diagnosis = diagnosed
+    fault = diagnosis.findings[0]
+    law = next(law for law in LAWS if law.weighs)
+    effect = Effect(law, law.places(robot.mechanism)[0], {"scale": 1.0})
+    weight = replace(fault, physics=law.physics, location="robot", candidates=("robot", "tool"), effect=effect)
+    unknown = Finding("unknown", "leg2/drive", ("leg2/drive",), {}, 0.0, "a part of it is explained by no law")
+    found = replace(diagnosis, findings=(weight, unknown), verdict="unexplained", stand_ins=(fault.effect,) * 2)
+    assert f"To do first: {unknown.remedy}." in summary_text(found)
+    assert f"To do first: {fault.remedy}" in summary_text(replace(found, findings=(weight, fault, unknown)))
+    assert " and 2 laws that are no findings the residual falls" in verdict_text(found)
+    assert "With it and 2 laws that are no findings in the model" in summary_text(found)
+
+
 def test_why_not_all_samples_were_used_is_told(diagnosed):
     _, _, diagnosis = diagnosed
     used = len(diagnosis.samples)

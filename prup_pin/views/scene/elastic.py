@@ -102,10 +102,22 @@ class Deflections:
                 last = moved[-1]
         return segment.start + s * (segment.end - segment.start) + moved + s * (last - moved[-1])
 
-    def bent(self, module: Module, pose: ClosedPose, scale: float) -> BentLine:
-        """Return the scaled elastic line of a beam."""
+    def bent(self, module: Module, pose: ClosedPose, scale: float, *, stretched: bool) -> BentLine:
+        """Return the scaled elastic line of a beam, as a whole turned to where its tip goes, by hinges at its root too.
+
+        A beam slides on a slide, or is `stretched` to its tip as in `curve`.
+        """
         line = self._lines[module.name]
-        return BentLine(*beam_frame(module, pose), scale * line.displacement, scale * line.rotation)
+        frame, length = beam_frame(module, pose)
+        root, tip, along = module.root, module.frame, frame[:3, 2]
+        assert root is not None
+        gap = np.zeros(3)
+        if root.joint != tip.joint:
+            gap = self.shift(tip.joint, frame[:3, 3] + length * along, 1.0) - line.displacement[-1]
+        turn = np.cross(along, gap) / max(length, 1e-12)
+        gap = gap if stretched else gap - (gap @ along) * along
+        displacement = line.displacement + np.linspace(0, 1, SECTIONS)[:, None] * gap
+        return BentLine(frame, length, scale * displacement, scale * (line.rotation + turn))
 
 
 def _shapes(pose: ClosedPose, origins: Array) -> Array:

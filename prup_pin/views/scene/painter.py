@@ -186,7 +186,7 @@ class Painter:
         if moved is None:
             return shape, at
         frame, length = beam_frame(beam, pose)
-        own, line = np.linalg.inv(frame) @ at, moved.bent(beam, pose, scale)
+        own, line = np.linalg.inv(frame) @ at, moved.bent(beam, pose, scale, stretched=beam in self.bare_beams)
         if isinstance(shape, Solid) and shape.kind == "cylinder" and abs(own[2, 2]) > 1 - 1e-6:
             low, high = own[2, 3] - shape.size[2] / 2, own[2, 3] + shape.size[2] / 2
             stations = np.clip(np.concatenate(([low], np.linspace(0, length, SECTIONS), [high])), low, high)

@@ -71,7 +71,7 @@ def verdict_text(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "nothing_missing":
         return _nothing_missing(diagnosis, left)
     named = [item for item in diagnosis.told if item.physics != "unknown" and not item.conventions]
-    told = _joined(_all_told(named))
+    told = _joined([*_all_told(named), *_unnamed(diagnosis)])
     efforts = None if diagnosis.columns else diagnosis.efforts
     if efforts is not None and not efforts.declared and math.isfinite(after):
         takes, left = _of_efforts(efforts.shares["all"], after, diagnosis.verdict == "explained"), ""
@@ -183,6 +183,12 @@ def _all_told(named: Sequence[Finding]) -> list[str]:
     for finding in named:
         kinds.setdefault(finding.physics, []).append(finding)
     return [f"{finding_text(first)}{f' and {len(others)} more' if others else ''}" for first, *others in kinds.values()]
+
+
+def _unnamed(diagnosis: Diagnosis) -> list[str]:
+    """Return how many laws take something away that no finding names, in words; none where there are none."""
+    count = len(diagnosis.stand_ins)
+    return [f"{counted(count, 'law')} that {'are no findings' if count > 1 else 'is no finding'}"] if count else []
 
 
 def _or_else(finding: Finding) -> str:
@@ -313,14 +319,17 @@ def summary_text(diagnosis: Diagnosis) -> str:
     elif untold := [finding.statement for finding in diagnosis.findings if finding.untold]:
         texts.append(f"{_capital(untold[0])}.")
     else:
-        texts.append(f"With {them} in the model {last}" if causes else "No law of the library explains it")
+        model = _joined([them, *_unnamed(diagnosis)])
+        texts.append(f"With {model} in the model {last}" if causes else "No law of the library explains it")
         places = dict.fromkeys(item.location for item in diagnosis.findings if item.physics == "unknown")
         where = _joined([place for place in places if place != "robot"])
         texts[-1] += (
             f": something is missing{where and f' at {where}'} that no law describes, and the corrected model is "
             "valid only near these data."
         )
-    doubted = [finding for finding in diagnosis.findings if finding.physics == "unknown" and finding.advice]
+    doubted = [finding for finding in diagnosis.findings if finding.physics == "unknown"]
+    if any(finding.is_fault for finding in named):  # which is repaired first
+        doubted = [finding for finding in doubted if finding.advice]
     # how a log is written is one thing, and what the machine needs another
     firsts = [next((item for item in items if item.remedy), None) for items in (logs, (*doubted, *named))]
     for word, to_do in zip(("To do first", "Then" if firsts[0] else "To do first"), firsts, strict=True):
