@@ -324,7 +324,7 @@ class _Search:
             own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
             begin = replace(self.written, efforts=own)
             beside = self._found((), begin)
-            if not beside.conventions and beside.read < FAR_LESS:
+            if not beside.conventions and beside.read < FAR_LESS and tried[0].read > FAR_LESS * beside.read:
                 return None  # these units are all that is other
             tried.append(beside)
         found = [item for item in tried if item.conventions]
