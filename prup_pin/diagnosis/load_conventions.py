@@ -20,7 +20,7 @@ from ..recordings import WORDS, Convention, Drawn, Recording, read_as
 from ..recordings.conventions import AXES, Evidence, may_be_read
 from ..robot import Robot
 from ..simulation import Simulator
-from ..spatial import Array, cross, rotation_exp, turn_between
+from ..spatial import Array, base_wrench_from_point, cross, rotation_exp, turn_between
 from .criteria import (
     ANYHOW,
     AS_GOOD,
@@ -38,6 +38,7 @@ from .criteria import (
     trusted,
 )
 from .rigid_fit import rigid_fit
+from .thinning import evenly_spaced
 
 #: Blocks and samples by which loads are judged.
 _BLOCKS, _SAMPLES = 24, 400
@@ -179,7 +180,7 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     if good.sum() < FEWEST_IN_BLOCK:
         return None
     several = np.unique(blocks[good])
-    chosen = several[np.unique(np.linspace(0, len(several) - 1, _BLOCKS).astype(int))]
+    chosen = several[evenly_spaced(len(several), _BLOCKS)]
     rows = np.flatnonzero(good & np.isin(blocks, chosen))
     rows = rows[:: max(1, len(rows) // _SAMPLES)]
     inputs = Inputs(recording.time[rows], actuators[rows], recording.wrench[rows], blocks[rows])
@@ -208,7 +209,7 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     parts, bent = along @ parts, bent @ along.T
     turned = turn_between(tool[:, :3, :3], turn.T @ rotation_exp(np.nan_to_num(vector[rows]))) @ turn.T
     moved = np.concatenate((position[rows] - shift - tool[:, :3, 3] @ turn.T, turned), axis=1)
-    places.append(_to_base(tool).swapaxes(0, 1))
+    places.append(base_wrench_from_point(tool[:, :3, 3]).swapaxes(0, 1))
     parts = parts * weight[None, :, :, None]
     noise = _noise_of(recording, parts.sum(axis=0), weight, exists) * (1 - len(np.unique(blocks[rows])) / len(rows))
     moved, bent = (np.where(exists, values, 0.0) * weight for values in (moved, np.nan_to_num(bent)))
@@ -242,13 +243,6 @@ def _stands(tool: Array, position: Array) -> tuple[Array, Array]:
             return here
         turn, shift = fit.turn, fit.shift
     return turn, shift
-
-
-def _to_base(tool: Array) -> Array:
-    """Return what carries a wrench at drawn tools (n, 4, 4) to the base's origin, (n, 6, 6)."""
-    carried = np.tile(np.eye(6), (len(tool), 1, 1))
-    carried[:, 3:, :3] = np.cross(tool[:, None, :3, 3], np.eye(3)).swapaxes(1, 2)
-    return carried
 
 
 def _moved(tool: Array, position: Array, rotation: Array) -> Array:

@@ -25,6 +25,7 @@ from ..simulation import drawn_for
 from ..spatial import Array, rigid_motion, rotation_exp, turn_between
 from .criteria import AS_GOOD, CONVENTION_FINE, CONVENTION_NEAR, FAR_LESS, ITERATIONS, LEAST_REACH, ROUNDS
 from .quarter_turns import quarter_turns
+from .thinning import evenly_spaced
 
 #: Postures that are looked at, of robots with loops, which take longer to close, and of others.
 _POSTURES, _OF_TREES = 12, 40
@@ -194,7 +195,7 @@ def _quietest(recording: Recording, mechanism: Mechanism, few: int) -> np.ndarra
     blocks = recording.blocks()[rows]
     order = np.lexsort((load, blocks))
     first = rows[order[np.r_[True, np.diff(blocks[order]) != 0]]] if len(rows) else rows
-    return np.sort(first[np.unique(np.linspace(0, len(first) - 1, few).astype(int))]) if len(first) else first
+    return np.sort(first[evenly_spaced(len(first), few)]) if len(first) else first
 
 
 def _positions(
@@ -395,7 +396,7 @@ def _with_quarter_turns(postures: _Postures, written: Recording, found: _Found, 
 
     names = [name for name in written.positions if name in postures.mechanism.actuated]
     names = [name for name in names if may_be_read(written, [Convention(f"q.{name}", "reversed")])]
-    few = written.select(np.unique(np.linspace(0, len(written) - 1, _POSTURES).astype(int)))
+    few = written.select(evenly_spaced(len(written), _POSTURES))
     turns = quarter_turns(postures.mechanism, names, lambda item: float(np.exp(postures.cost(seen(item, few)[1]))))
     read, misfit = seen(turns)
     if not postures.better(found.misfit, misfit):

@@ -39,6 +39,7 @@ from .problem import Problem
 from .registration import OWN_STATIONS, Registered, own_frames, registered, worlds_apart
 from .since import Earlier
 from .spread import Spread, spread_of
+from .thinning import evenly_spaced
 from .toleranced import Toleranced, toleranced_of
 
 Tell = Callable[[str, float], None]
@@ -325,7 +326,7 @@ def _thinned(together: Together, remarks: list[str]) -> Together:
     count = len(starts)
     typical = n / count
     if typical <= MOST_SAMPLES / FOLDS:
-        chosen = np.unique(np.linspace(0, count - 1, int(MOST_SAMPLES / typical)).astype(int))
+        chosen = evenly_spaced(count, int(MOST_SAMPLES / typical))
         keep = np.isin(np.searchsorted(starts, np.arange(n), side="right") - 1, chosen)
     else:
         keep = np.zeros(n, bool)

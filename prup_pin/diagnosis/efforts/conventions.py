@@ -34,6 +34,7 @@ from ..criteria import (
     ROUGHLY,
 )
 from ..quarter_turns import quarter_turns
+from ..thinning import evenly_spaced
 from .gains import gains_of, in_any_unit
 from .noise import noise_of
 from .problem import kept_samples
@@ -45,7 +46,6 @@ from .shares import (
     rms,
     sampled,
     shares_of_efforts,
-    spaced,
     tool_load_would_do,
 )
 
@@ -163,7 +163,7 @@ def _closing(mechanism: Mechanism, recording: Recording) -> tuple[Convention, ..
     if not mechanism.loops:
         return ()
     motion = motion_of(recording, mechanism)
-    rows, dynamics = spaced(len(motion), _CLOSED), InverseDynamics(mechanism, motion.driven)
+    rows, dynamics = evenly_spaced(len(motion), _CLOSED), InverseDynamics(mechanism, motion.driven)
     sample, drawn = motion.select(rows), _drawn(mechanism, motion)
     efforts = motion.band(motion.efforts, motion.piece)[rows]
     written = _written(recording, sample, efforts, np.zeros((0, efforts.shape[1])))
@@ -413,7 +413,7 @@ class _Search:
         first = self.left(self.written)
         if not first > FAR_LESS:
             return None
-        few = spaced(len(self.rows), _SCANNED)
+        few = evenly_spaced(len(self.rows), _SCANNED)
         found = with_efforts(quarter_turns(self.mechanism, list(self.written.positions), cost))
         if not found or not may_be_read(self.written, found) or not self._makes_sense(self.written, found):
             return None
@@ -652,7 +652,7 @@ class _Search:
             return None
         if not may_be_read(self.written, [Convention("q", "reversed")]):
             return None
-        few = spaced(len(self.rows), _SCANNED)
+        few = evenly_spaced(len(self.rows), _SCANNED)
         tried = []
         for ratio in GEARS:
             read = read_as(self.written, [Convention("q", "gear", (ratio,))], self.drawn)

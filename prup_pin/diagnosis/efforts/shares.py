@@ -13,6 +13,7 @@ from scipy.optimize import nnls
 from ...dynamics import InMotion, Motion
 from ...spatial import Array
 from ..criteria import AS_GOOD, FEWEST_OF_KIND, MOSTLY, NEARLY
+from ..thinning import evenly_spaced
 
 #: Samples that are looked at.
 _SAMPLES = 600
@@ -20,13 +21,8 @@ _SAMPLES = 600
 
 def sampled(at: InMotion) -> tuple[np.ndarray, Motion, Array]:
     """Return the places (n,) of some samples of a motion, the motion there, and its efforts (n, k) in their band."""
-    rows = spaced(len(at))
+    rows = evenly_spaced(len(at), _SAMPLES)
     return rows, at.motion.select(rows), at.motion.band(at.motion.efforts, at.motion.piece)[rows]
-
-
-def spaced(count: int, most: int = _SAMPLES) -> np.ndarray:
-    """Return so many of `count` places at most, evenly spaced."""
-    return np.unique(np.linspace(0, count - 1, most).astype(int))
 
 
 def shares_of_efforts(motion: Motion, efforts: Array, rigid: Array, noise: Array | float = 0.0) -> Array:
