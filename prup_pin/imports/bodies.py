@@ -83,9 +83,8 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
         if part is not None:
             what, called, axis = part
             told[what].setdefault(called, {})[axis] = name
-    for called, axes in told.pop(
-        "letters"
-    ).items():  # no name says that it is a place, but the body's orientation is told
+    # no name says that letters are a place, but the orientation of a body of that name is told
+    for called, axes in told.pop("letters").items():
         if set(axes) == set("xyz") and set(told["turn"].get(called, ())) == set("xyzw"):
             told["place"].setdefault(called, axes)
     spoken_for = {name for of in told.values() for axes in of.values() for name in axes.values()}

@@ -154,15 +154,16 @@ def _moved(motion: Motion, recording: Recording, rows: np.ndarray) -> Motion:
     )
 
 
-def _closing(mechanism: Mechanism, recording: Recording) -> tuple[Convention, ...]:
+def _closing(mechanism: Mechanism, recording: Recording, motion: Motion) -> tuple[Convention, ...]:
     """Return how positions are read so that loops close that do not as they are written; nothing where none close.
+
+    motion: of the recording as it is written.
 
     Of units, gears and orders that close them, the plainest of those by which efforts follow the rigid robot's best, in
     its unit or all in another one.
     """
     if not mechanism.loops:
         return ()
-    motion = motion_of(recording, mechanism)
     rows, dynamics = evenly_spaced(len(motion), _CLOSED), InverseDynamics(mechanism, motion.driven)
     sample, drawn = motion.select(rows), _drawn(mechanism, motion)
     efforts = motion.band(motion.efforts, motion.piece)[rows]
@@ -206,7 +207,12 @@ def _plainest(found: tuple[float, tuple[Convention, ...]]) -> tuple[int, bool, b
     """Return by what one reading comes before another: few words, no gear or the roundest, what leaves least."""
     left, steps = found
     ratio = next((float(item.argument[0]) for item in steps if item.word == "gear"), 0.0)
-    return len(steps), ratio > 0, ratio % 10 > 0, ratio % 5 > 0, left
+    return len(steps), ratio > 0, *_unusual(ratio), left
+
+
+def _unusual(ratio: float) -> tuple[bool, bool]:
+    """Return by what one gear's ratio comes after another that does as well: the roundest is the usual one."""
+    return ratio % 10 > 0, ratio % 5 > 0
 
 
 class _Search:
@@ -232,13 +238,13 @@ class _Search:
 
         Where loops cannot be closed it is that of the log as it is read so that they can.
         """
+        motion = motion_of(recording, mechanism)
         try:
-            return cls(InMotion.of(mechanism, motion_of(recording, mechanism)), recording)
+            return cls(InMotion.of(mechanism, motion), recording)
         except InputError:
-            closing = _closing(mechanism, recording)
+            closing = _closing(mechanism, recording, motion)
             if not closing:
                 raise
-        motion = motion_of(recording, mechanism)
         recording = read_as(recording, closing, _drawn(mechanism, motion))
         return cls(InMotion.of(mechanism, motion_of(recording, mechanism)), recording, closing)
 
@@ -330,7 +336,7 @@ class _Search:
         found = [item for item in tried if item.conventions]
         if not found and (turned := self._single_signs(signed)) is not None:
             return turned
-        if all(item.read > LITTLE for item in found) and (counted := self._counted_elsewhere(begin)) is not None:
+        if all(item.read > LITTLE for item in found) and (counted := self._counted_elsewhere(first, begin)) is not None:
             found.append(counted)
         if not found:
             return self._before_gears(first)
@@ -396,8 +402,10 @@ class _Search:
         conventions = merged((*start, *taken), list(self.written.positions), list(self.written.efforts))
         return _evidence(conventions, written, least, [(*start, *other) for other in others])
 
-    def _counted_elsewhere(self, begin: Recording) -> Evidence | None:
+    def _counted_elsewhere(self, first: float, begin: Recording) -> Evidence | None:
         """Return from where joints count, and which way, where that makes sense of the log, and more than begin does.
+
+        first: what is left of the log as it is written.
 
         A joint that goes the other way round is driven the other way round.
         """
@@ -410,7 +418,6 @@ class _Search:
         def cost(reading: Sequence[Convention]) -> float:
             return self._by_likelihood(read_as(self.written, with_efforts(reading), self.drawn), few)
 
-        first = self.left(self.written)
         if not first > FAR_LESS:
             return None
         few = evenly_spaced(len(self.rows), _SCANNED)
@@ -639,12 +646,13 @@ class _Search:
         most = float(np.mean(np.abs(apart) < alike)) > MOST and apart.min() > -alike
         if abs(np.log(usual)) < np.log(AS_GOOD) or not most:
             return None
-        if (known := known_unit(usual, self.mechanism, self.motion.driven)) is not None:
-            return known
+        unit = unit_of_all(usual, self.mechanism, self.motion.driven)
         # of two drives a load may be so much larger as well
-        if len(sizes) < FEWEST_OF_KIND or tool_load_would_do(self.at, dict.fromkeys(self.motion.driven, usual)):
+        if unit.word == "gain" and (
+            len(sizes) < FEWEST_OF_KIND or tool_load_would_do(self.at, dict.fromkeys(self.motion.driven, usual))
+        ):
             return None
-        return Convention("tau", "gain", (float(f"{usual:.3g}"),))
+        return unit
 
     def _before_gears(self, first: float) -> Evidence | None:
         """Return that positions are the motors', before gears of one ratio; and efforts too, where these are so."""
@@ -668,10 +676,9 @@ class _Search:
                 steps.append(Convention("tau", "gear", (ratio,)))
                 read = read_as(read, steps[1:], self.drawn)
             found.append((self.left(read), ratio, tuple(steps)))
-        # of ratios that do as well the roundest is the usual one
         best = min(item[0] for item in found)
         near = [item for item in found if item[0] <= 1.03 * best]
-        least, _, taken = min(near, key=lambda item: (item[1] % 10 > 0, item[1] % 5 > 0, item[0]))
+        least, _, taken = min(near, key=lambda item: (_unusual(item[1]), item[0]))
         if not least < min(_limit(first), MOSTLY * rms(self._left_by_friction(self.written))):
             return None
         return _evidence(taken, first, least)
@@ -700,12 +707,19 @@ def _limit(written: float) -> float:
     return max(MOST * min(written, 1.0), min(FAR_LESS * written, MOSTLY))
 
 
-def known_unit(gain: float, mechanism: Mechanism, driven: Sequence[str]) -> Convention | None:
-    """Return the unit in which all drives report where a gain of all is nearly that of a unit with a name."""
+def unit_of_all(gain: float, mechanism: Mechanism, driven: Sequence[str]) -> Convention:
+    """Return the unit in which all drives report by a gain of all, by its name where it nearly is one that has one."""
     slides = {mechanism.joint(name).slides for name in driven}
-    units = (word for word in WORDS if "tau" in word.groups and (word.factor or 0.0) > 0 and slides == {word.slide})
-    near = (word for word in units if abs(np.log(gain * word.factor)) < np.log(NEARLY))  # type: ignore[operator]
-    return next((Convention("tau", word.name) for word in near), None)
+    factors = {
+        word.name: word.factor for word in WORDS if "tau" in word.groups and word.factor and slides == {word.slide}
+    }
+    near = (name for name, factor in factors.items() if factor > 0 and abs(np.log(gain * factor)) < np.log(NEARLY))
+    return next((Convention("tau", name) for name in near), gain_of("tau", gain))
+
+
+def gain_of(columns: str, gain: float) -> Convention:
+    """Return that efforts are so many times what they are in N m or N."""
+    return Convention(columns, "gain", (float(f"{gain:.3g}"),))
 
 
 def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:

@@ -16,7 +16,7 @@ from ..criteria import EFFORT_GAINS, EFFORT_MASSES, FALSE_ALARM, GAIN, MOST, MOS
 from ..diagnosis import Finding, FittedParameter, heldout_gain
 from ..findings import beyond_its_tolerance
 from ..normal_equations import NormalEquations
-from .conventions import known_unit
+from .conventions import gain_of, unit_of_all
 from .evidence import held_out
 from .few_bodies import FewBodies, nearest_body
 from .final_state import FinalState
@@ -103,19 +103,14 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
         return
     factor = np.exp(WITHIN_95 * final.gain_deviations)
     gains = dict(zip(final.at.driven, map(float, final.reported), strict=True))
-    kinds = {name: final.mechanism.joint(name).effort_unit for name in gains}
     parameters = {
-        f"{name}.reported": FittedParameter(g, f"per {kinds[name]}", (float(g / f), float(g * f)))
+        f"{name}.reported": FittedParameter(
+            g, f"per {final.mechanism.joint(name).effort_unit}", (float(g / f), float(g * f))
+        )
         for (name, g), f in zip(gains.items(), factor, strict=True)
     }
     # where no drive is in N m, that is how the log is written, and no fault of any of them
-    conventions = [Convention(f"tau.{name}", "gain", (float(f"{g:.3g}"),)) for name, g in gains.items()]
-    if len(set(kinds.values())) == 1 and max(gains.values()) < (1 + GAIN) ** 2 * min(gains.values()):
-        usual = float(np.median(list(gains.values())))
-        known = known_unit(usual, final.mechanism, final.at.driven)
-        conventions = [known or Convention("tau", "gain", (float(f"{usual:.3g}"),))]
-    if not final.in_own_units:
-        conventions = []
+    conventions = _units_of(final, gains) if final.in_own_units else []
     # the share that gains and all that is found take away of what the efforts leave as they are recorded
     efforts, good = final.efforts, final.efforts.good
     recorded = efforts.measured[efforts.kept] - efforts.rigid[efforts.kept] / final.scale
@@ -139,6 +134,14 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
         advice=_declared(final, sure) if sure else "",
         conventions=tuple(conventions),
     )
+
+
+def _units_of(final: FinalState, gains: Mapping[str, float]) -> list[Convention]:
+    """Return the units in which drives report, by their gains: one of all where these are alike."""
+    of_one_kind = len({final.mechanism.joint(name).effort_unit for name in gains}) == 1
+    if of_one_kind and max(gains.values()) < (1 + GAIN) ** 2 * min(gains.values()):
+        return [unit_of_all(float(np.median(list(gains.values()))), final.mechanism, final.at.driven)]
+    return [gain_of(f"tau.{name}", gain) for name, gain in gains.items()]
 
 
 def _declared(final: FinalState, conventions: Sequence[Convention]) -> str:
