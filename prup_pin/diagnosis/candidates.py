@@ -84,6 +84,11 @@ class Candidate:
         return any(deed.memory for deed in self.deeds)
 
     @property
+    def is_proportional(self) -> bool:
+        """True where what it does is in proportion to a size that the first parameter tells, to first order."""
+        return bool(self.logarithmic[0]) and not self.remembers and not self.known.any()
+
+    @property
     def size(self) -> int:
         """Number of parameters."""
         return len(self.quantities)
@@ -131,7 +136,7 @@ class Candidate:
         return [self._coordinates(start) + self._moved_start for start in self.law.starts(self.place, self.mechanism)]
 
     def scan(self) -> list[Array]:
-        """Return the starts, and the first of them at much larger and smaller sizes.
+        """Return the starts, and the first of them at much larger and smaller sizes where what it does is no measure.
 
         Of a law whose effect stops growing at a load, too, where no load comes near: a gap that is never closed is a
         spring, and no step leads there from a closed one.
@@ -141,10 +146,10 @@ class Candidate:
             low, high = self.bounds
             moved = np.zeros(self.size)
             moved[0] = np.log(10.0)
-            trials = [found[0] + size * moved for size in (-2, 2)]
+            trials = [] if self.is_proportional else [found[0] + size * moved for size in (-2, 2)]
             far = np.array([0.0, *(q.unit in ("N", "N m") for q in self.quantities[1:])]) * self.logarithmic
             if far.any() and not self.remembers:
-                trials += [found[0] + size * moved + _FAR_LOAD * np.log(10.0) * far for size in (-1, 0, 1, 2)]
+                trials.append(found[0] + _FAR_LOAD * np.log(10.0) * far)
             found += [trial for trial in trials if low[0] < trial[0] < high[0] and (trial < high)[far > 0].all()]
         return found
 

@@ -39,6 +39,7 @@ from .criteria import (
     beyond_tolerance,
 )
 from .evidence import Rival, cost_of, cross_validated, is_clean, penalty, scale_of, threshold
+from .first_order_fit import FirstOrderFit
 from .locate import least_left
 from .nuisance import Nuisance, without
 from .problem import Fit, Problem, Term
@@ -283,7 +284,8 @@ def screen(
         tell(index / len(library))
         if candidate.name in present or bound(candidate) > best:
             continue
-        chi2, term, change = problem.first_order_fit(fit, kept, candidate, nuisance=nuisance)
+        promising = fit.chi2 - MOST * (fit.chi2 - best)
+        chi2, term, change = FirstOrderFit(problem, fit, kept, candidate, nuisance).best(promising=promising)
         rivals.append(Rival(term, chi2, change))
         best = min(best, chi2)
     rivals.sort(key=lambda rival: rival.score)
@@ -291,7 +293,7 @@ def screen(
     for place, rival in enumerate(rivals[:TRIED]):
         candidate = rival.term.candidate
         if rival.chi2 <= near and len(candidate.scan()) > 1:
-            chi2, term, change = problem.first_order_fit(fit, kept, candidate, nuisance=nuisance, thorough=True)
+            chi2, term, change = FirstOrderFit(problem, fit, kept, candidate, nuisance).best(thorough=True)
             rivals[place] = Rival(term, chi2, change)
     return sorted(rivals, key=lambda rival: rival.score)
 
@@ -342,10 +344,10 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
     nothing = float(bound.left @ bound.left)
     worst = fit.chi2 + max(MUCH * scale * INDISTINCT, _first_order_error(problem, fit, index))
     rivals = [Rival(own, fit.chi2, beyond(problem.change(about, [*effects, own.effect]) - removed), scale)]
-    present = fit.names
+    present, promising = fit.names, nothing - MOST * (nothing - worst)
     for candidate in library:
         if candidate.name not in present and bound(candidate) <= worst:
-            chi2, term, change = problem.first_order_fit(about, kept, candidate, nuisance=nuisance)
+            chi2, term, change = FirstOrderFit(problem, about, kept, candidate, nuisance).best(promising=promising)
             rival = Rival(term, chi2, change - beyond(removed), scale)
             rivals += [rival] if chi2 <= worst and rival.score < nothing else []
     return sorted(rivals, key=lambda rival: rival.score)
@@ -438,7 +440,7 @@ def _merged(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterato
         places, kept = fit.others(*pair)
         nuisance = problem.nuisance(fit, places)
         own = [candidate for candidate in library if candidate.parts == parts]
-        rivals = [problem.first_order_fit(fit, kept, candidate, nuisance=nuisance) for candidate in own]
+        rivals = [FirstOrderFit(problem, fit, kept, candidate, nuisance).best() for candidate in own]
         rivals.sort(key=lambda rival: rival[0] + penalty(rival[1]))
         yield from ([*kept, term] for _, term, _ in rivals[:MOST_SIMULATED])
 

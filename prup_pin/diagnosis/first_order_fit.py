@@ -1,0 +1,140 @@
+"""A law fitted on top of others to first order: at the cost of a few small products, whatever the simulation costs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ..spatial import Array
+from .candidates import Candidate, Term
+from .criteria import WIDEST_STEP
+from .nuisance import Nuisance, without
+from .problem import Fit, Problem
+
+#: Evaluations in which nearly all fits have ended, and the share of what is left that a further step may gain.
+_MOST_EVALUATIONS, _AGREED = 25, 1e-4
+
+
+class FirstOrderFit:
+    """A candidate on top of `kept`, to first order about `fit`: what values of its coordinates leave.
+
+    nuisance: what the kept terms and the toleranced parameters may do with it, which are so fitted together with it.
+    What these data do not tell stays near what is usual.
+    """
+
+    def __init__(
+        self, problem: Problem, fit: Fit, kept: Sequence[Term], candidate: Candidate, nuisance: Nuisance | None = None
+    ):
+        self.problem, self.fit, self.candidate, self.nuisance = problem, fit, candidate, nuisance
+        self.effects = [term.effect for term in kept]
+        self.target = problem.target(fit, nuisance)
+        self.measured = problem.stack.exists.any(axis=0)  # the other columns are zero once whitened
+        self.bounds = candidate.bounds
+        self._known: dict[bytes, tuple[Array, Array]] = {}
+
+    def best(self, thorough: bool = False, promising: float = np.inf) -> tuple[float, Term, Array]:
+        """Return chi squared, the fitted term, and what it changes (n, K) that the nuisance cannot.
+
+        From the start that leaves least; thorough: from each, since no step leads out of where a parameter tells
+        nothing. What leaves more than `promising` at its best size is fitted no further.
+        """
+        begins = [np.clip(start, *self.bounds) for start in self.candidate.scan()]
+        if self.candidate.is_proportional:
+            begins = [self._sized(begin) for begin in begins]
+        begins.sort(key=self.chi_squared)
+        if self.candidate.is_proportional and self.chi_squared(begins[0]) > promising:
+            found = begins[:1]
+        else:
+            found = [self._fitted(begin) for begin in (begins if thorough else begins[:1])]
+        coordinates = min(found, key=self.chi_squared)
+        change, left = self._at(coordinates)
+        chi2 = float(left @ left) - float((self.candidate.prior_residuals(coordinates) ** 2).sum())
+        return chi2, Term(self.candidate, coordinates), without(change.ravel(), self.nuisance).reshape(change.shape)
+
+    def chi_squared(self, coordinates: Array) -> float:
+        """Return what coordinates leave, and what they cost by being unusual."""
+        return float((self.left(coordinates) ** 2).sum())
+
+    def left(self, coordinates: Array) -> Array:
+        """Return the residual that coordinates leave, with what they are off what is usual or known of them, (m,)."""
+        return self._at(coordinates)[1]
+
+    def slope(self, coordinates: Array) -> Array:
+        """Return d(left)/d(coordinates), (m, p): steps of a fixed size; in proportion they vanish with a coordinate."""
+        here, columns, steps = self.left(coordinates), [], 1e-4 * self.candidate.scales()
+        for place, step in enumerate(np.where(coordinates + steps > self.bounds[1], -steps, steps)):
+            moved = coordinates.copy()
+            moved[place] += step
+            columns.append((self.left(moved) - here) / step)
+        return np.array(columns).T
+
+    def _at(self, coordinates: Array) -> tuple[Array, Array]:
+        """Return change (n, K) and residual (m,); one is asked for when starts are compared and when a fit begins."""
+        key = coordinates.tobytes()
+        if key not in self._known:
+            change = self.problem.change(self.fit, [*self.effects, self.candidate.effect(coordinates)])
+            firm = self.candidate.known > 0
+            off = self.candidate.known[firm] * coordinates[firm]
+            left = self._beside(change), self.candidate.prior_residuals(coordinates), off
+            self._known[key] = change, np.concatenate(left)
+        return self._known[key]
+
+    def _beside(self, change: Array) -> Array:
+        """Return what a change (n, K) leaves of what was measured, the nuisance fitted beside it."""
+        with np.errstate(invalid="ignore"):
+            rest = np.nan_to_num((self.target - change).ravel(), nan=1e6, posinf=1e6, neginf=-1e6)
+        return without(rest, self.nuisance).reshape(change.shape)[:, self.measured].ravel()
+
+    @cached_property
+    def _bare(self) -> Array:
+        """What is left of what was measured without the candidate."""
+        return self._beside(self.problem.change(self.fit, self.effects))
+
+    def _sized(self, begin: Array) -> Array:
+        """Return a start at the size that leaves least: what a law does is in proportion to it."""
+        does = self._bare - self.left(begin)[: len(self._bare)]
+        size = float(does @ does)
+        times = max(float(self._bare @ does) / size, 1e-9) if size else 1.0
+        value = self.candidate.law.magnified(float(np.exp(begin[0])), times)
+        return np.clip(np.concatenate(([np.log(value)], begin[1:])), *self.bounds)
+
+    def _is_sized(self, coordinates: Array) -> bool:
+        """Return True where no other size could gain anything."""
+        left = self.left(coordinates)[: len(self._bare)]
+        does = self._bare - left
+        return float(left @ does) ** 2 < _AGREED * float(left @ left) * float(does @ does)
+
+    def _fitted(self, begin: Array) -> Array:
+        """Return where a fit from a start ends."""
+        if self.candidate.is_proportional and self.candidate.size == 1 and self._is_sized(begin):
+            return begin
+        best, ended = self._stepped(begin)
+        if ended:
+            return best
+        low, high = self.bounds
+        bounds = low - 1e-12 * np.abs(low) - 1e-300, high + 1e-12 * np.abs(high) + 1e-300
+        limits: dict[str, Any] = {"max_nfev": _MOST_EVALUATIONS, "ftol": _AGREED, "xtol": _AGREED, "gtol": 1e-10}
+        scales = self.candidate.scales()
+        return least_squares(self.left, best, self.slope, bounds=bounds, x_scale=scales, **limits).x
+
+    def _stepped(self, start: Array) -> tuple[Array, bool]:
+        """Return where one Gauss-Newton step leads from a start, or the start, and whether no other could gain more.
+
+        That is so where the whole step did what the slope foretold: most laws are in proportion to their values, or
+        nearly, and of a logarithm the step is the value's.
+        """
+        here, slopes = self.left(start), self.slope(start)
+        step = np.linalg.lstsq(slopes, -here, rcond=1e-10)[0]
+        by_value = self.candidate.logarithmic & (step > -1)
+        widest = np.where(self.candidate.logarithmic, WIDEST_STEP, np.inf)
+        whole = start + np.where(by_value, np.log1p(np.where(by_value, step, 0.0)), step)
+        moved = np.clip(np.clip(whole, start - widest, start + widest), *self.bounds)
+        there = self.left(moved)
+        if there @ there >= here @ here:
+            return start, False
+        unforeseen = there - here - slopes @ step
+        return moved, bool((moved == whole).all() and unforeseen @ unforeseen < _AGREED * (there @ there))
