@@ -24,16 +24,19 @@ from .candidates import Candidate
 from .criteria import (
     ALIKE,
     AS_GOOD,
+    CALIBRATION_STEP,
     FEW_ROUNDS,
     MUCH,
     PARAMETER_COST,
     ROUNDS,
+    SETTLED,
     STEP,
+    UNSEEN,
     WEIGHT_SHOWS,
     beyond_tolerance,
 )
-from .nuisance import Nuisance
-from .problem import Fit, Problem
+from .nuisance import Nuisance, least_within
+from .problem import Fit, Problem, shortened
 from .toleranced import Toleranced
 
 
@@ -78,7 +81,7 @@ def calibrate(problem: Problem, toleranced: Toleranced, effects: Sequence[Effect
 
 def calibrated_from(problem: Problem, x: Array | None = None) -> Problem:
     """Return a problem whose fits begin at the posterior's mode, sought from x (p,) or from the drawing."""
-    return problem.beginning(settled(problem, problem.off(x)))
+    return problem.beginning(_settled(problem, problem.off(x)))
 
 
 def within_tolerances(problem: Problem, toleranced: Toleranced, library: Sequence[Candidate], reach: float) -> Problem:
@@ -110,7 +113,7 @@ def within_tolerances(problem: Problem, toleranced: Toleranced, library: Sequenc
         costs = [fit.chi2 + (shows if each.acting else 0.0) for each, fit in judged]
         best = judged[int(np.argmin(costs))][0].acting
         chosen = next(way for way in within if way[0].acting == best)
-    return chosen[0].beginning(settled(*chosen))
+    return chosen[0].beginning(_settled(*chosen))
 
 
 #: A problem in which weight acts in one way or not at all, and how far its calibration has come.
@@ -126,7 +129,7 @@ def _begun(problems: Sequence[Problem]) -> list[_Way]:
             drawn = here = problem.first
         else:
             here = problem.fit_at((), None, drawn)
-        begun.append((problem, problem.improved(here)[0]))
+        begun.append((problem, _improved(problem, here) or here))
     return begun
 
 
@@ -137,7 +140,7 @@ def _ways(begun: Sequence[_Way], rounds: int = ROUNDS) -> list[_Way]:
     alike; what is far behind at its begin is left out.
     """
     (best, begins), *others = sorted(begun, key=lambda way: way[1].chi2)
-    last = settled(best, begins, rounds)
+    last = _settled(best, begins, rounds)
     found = [(best, last)]
     for problem, fit in others:
         if fit.chi2 > MUCH * begins.chi2:
@@ -145,10 +148,10 @@ def _ways(begun: Sequence[_Way], rounds: int = ROUNDS) -> list[_Way]:
         # what is off by far is so in whatever way weight acts
         fit = min(fit, problem.fit_at((), last.run, last), key=lambda each: each.chi2)
         if problem.acting and best.acting:
-            found.append((problem, problem.descended(fit.near(last), True, FEW_ROUNDS)))
+            found.append((problem, _followed(problem, fit.near(last))))
             continue
-        fit = problem.descended(fit, True, FEW_ROUNDS)
-        found.append((problem, settled(problem, fit, rounds) if fit.chi2 < AS_GOOD * last.chi2 else fit))
+        fit = _followed(problem, fit)
+        found.append((problem, _settled(problem, fit, rounds) if fit.chi2 < AS_GOOD * last.chi2 else fit))
     return found
 
 
@@ -176,9 +179,44 @@ def _left_by_joints(problem: Problem, fit: Fit, joints: Sequence[Candidate]) -> 
     return float(rest @ rest)
 
 
-def settled(problem: Problem, fit: Fit, rounds: int = ROUNDS) -> Fit:
-    """Return a calibration where so many steps lead at most, with the changes per tolerance there."""
-    return problem.relinearised(problem.descended(fit, most=rounds))
+def _settled(problem: Problem, fit: Fit, rounds: int = ROUNDS) -> Fit:
+    """Return a calibration that has begun at its end, or where so many rounds lead."""
+    for _ in range(rounds):
+        fit = problem.relinearised(fit)
+        better = _improved(problem, fit)
+        if better is None:
+            return fit
+        fit = _followed(problem, better)
+    return problem.relinearised(fit)
+
+
+def _followed(problem: Problem, near: Fit) -> Fit:
+    """Return where steps lead with derivatives that were taken near by, which cost far more than a step.
+
+    Where a step does not help any more the derivatives are to be taken anew.
+    """
+    for _ in range(FEW_ROUNDS):
+        better = _improved(problem, near, least_share=1.0)
+        if better is None:
+            break
+        near = better
+    return near
+
+
+def _improved(problem: Problem, fit: Fit, least_share: float = CALIBRATION_STEP) -> Fit | None:
+    """Return where a Gauss-Newton step leads, shortened until it helps; None where none of `least_share` does."""
+    held, residual, reach = fit.per_tolerance, fit.residual.ravel(), problem.prior.reach
+    normal = held.T @ held + np.eye(len(fit.x))
+    step = np.linalg.solve(normal, held.T @ residual - fit.x)
+    if (np.abs(fit.x + step) > reach).any():
+        root = np.linalg.cholesky(normal).T
+        step = least_within(root, root @ (fit.x + step), np.broadcast_to(reach, step.shape)) - fit.x
+    # Where much is left, the last digits would be those of a model that lacks something.
+    more = max(fit.chi2 - AS_GOOD * residual.size, 0.0)
+    if float(step @ normal @ step) < SETTLED + UNSEEN * more:
+        return None
+    tries = (problem.fit_at((), fit.run, fit, fit.x + share * step, near=True) for share in shortened(least_share))
+    return next((each for each in tries if each.chi2 < fit.chi2), None)
 
 
 # -- what is known of each ---------------------------------------------------------------------------------------------

@@ -77,9 +77,7 @@ def without(values: Array, nuisance: Nuisance | None) -> Array:
     return values if nuisance is None else nuisance.without(values)
 
 
-def least_step(
-    jacobian: Array, residual: Array, held: Array, x: Array, reach: float | Array, damping: float = 0.0
-) -> Array:
+def least_step(jacobian: Array, residual: Array, held: Array, x: Array, reach: float, damping: float = 0.0) -> Array:
     """Return the Gauss-Newton step of free parameters and of those held by tolerances, which stand at x.
 
     damping: a free parameter costs so large a share of what it does.
@@ -96,10 +94,10 @@ def least_step(
     count = jacobian.shape[1]
     matrix, right = with_priors(jacobian / scale, held, residual, x)
     step = np.linalg.lstsq(matrix, right, rcond=1e-10)[0]
-    if (np.abs(x + step[count:]) > reach).any():
+    if np.abs(x + step[count:]).max() > reach:
         turned, root = np.linalg.qr(matrix)
         here = np.concatenate((np.zeros(count), x))
-        ends = np.concatenate((np.full(count, np.inf), np.broadcast_to(reach, x.shape)))
+        ends = np.concatenate((np.full(count, np.inf), np.full(len(x), reach)))
         step = least_within(root, turned.T @ right + root @ here, ends) - here
     return np.concatenate((step[:count] / scale, step[count:]))
 

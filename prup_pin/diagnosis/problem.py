@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from ..laws import Effect, Setup
 from ..simulation import Run, Simulator
 from ..spatial import Array
 from .candidates import Term
-from .criteria import AS_GOOD, CALIBRATION_STEP, GAIN, LITTLE, MOST, NOTHING, ROUNDS, SETTLED, UNSEEN, WIDEST_STEP
+from .criteria import CALIBRATION_STEP, GAIN, LITTLE, MOST, NOTHING, SETTLED, UNSEEN, WIDEST_STEP
 from .influence import Influence
 from .nuisance import Nuisance, least_step, without
 from .toleranced import Toleranced, changes_per_tolerance
@@ -80,21 +80,6 @@ class Fit:
         if what not in self._made:
             self._made[what] = make()
         return self._made[what]
-
-
-class Equations(NamedTuple):
-    """Least-squares equations: what coordinates and held parameters change, and the residual that they are to take."""
-
-    jacobian: Array
-    residual: Array
-    held: Array
-
-    @classmethod
-    def of(cls, jacobian: Array, residual: Array, held: Array) -> Equations:
-        """Return equations with the same products, no more rows than columns."""
-        whole = np.linalg.qr(np.column_stack((jacobian, residual, held)), mode="r")
-        free = jacobian.shape[1]
-        return cls(whole[:, :free], whole[:, free], whole[:, free + 1 :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,7 +281,7 @@ class Problem:
     def _fit(self, terms: Sequence[Term], influence: Influence, x: Array, changes: Array, begin: Setup) -> Fit:
         run = influence.run
         residual = self.whitened(influence, self.stack.residual(run)[run.samples])
-        chi2 = chi_squared(residual, terms, x)
+        chi2 = float((residual**2).sum() + x @ x + sum(term.off @ term.off for term in terms))
         if (self.nominal.run.solved & ~run.solved).any():
             chi2 = np.inf  # samples that these values leave without an answer must not count as a good fit
         held = self.whitened_changes(influence, changes)
@@ -381,78 +366,40 @@ class Problem:
         """Return True where a parameter would go farther than laws are looked for."""
         return bool(np.abs(fit.x).max(initial=0.0) > (1 - UNSEEN) * self.farthest)
 
-    def refine(self, terms: Sequence[Term], start: Fit, reach: float | Array | None = None) -> Fit:
+    def refine(self, terms: Sequence[Term], start: Fit, reach: float | None = None) -> Fit:
         """Return the fit of all terms and toleranced parameters together through the whole simulation.
 
         Parameters within `reach` tolerances, by default the problem's.
         """
-        begun = self._begun(terms, start, self.prior.reach if reach is None else reach)
-        return min((self.descended(*each, reach=reach) for each in begun), key=_objective)
+        reach = self.farthest if reach is None else reach
+        return min((self._descended(begun, reach) for begun in self._begun(terms, start)), key=_objective)
 
-    def descended(
-        self, fit: Fit, foreseen: bool = False, most: int = ROUNDS, reach: float | Array | None = None
-    ) -> Fit:
-        """Return where at most so many Gauss-Newton steps lead from a fit, shortened where they do not help.
-
-        The change by every tolerance costs several simulations. It is taken anew where the last step did not do what
-        was foreseen with it; foreseen: the one that led here did.
-        """
-        for _ in range(most):
+    def _descended(self, fit: Fit, reach: float) -> Fit:
+        """Return where Gauss-Newton steps lead from a fit, shortened where they do not help."""
+        taken_at = fit.x
+        for _ in range(_MOST_STEPS):
             if not (fit.terms or len(fit.x)) or not np.isfinite(fit.chi2):
                 return fit
-            if not foreseen:
-                fit = self.relinearised(fit)
-            before = fit
-            fit, foreseen = self.improved(fit, reach)
-            if _objective(before) - _objective(fit) < self._enough(fit):
+            if np.abs(fit.x - taken_at).max(initial=0.0) > MOST:
+                fit, taken_at = self.relinearised(fit), fit.x
+            better = next((each for each in self._tries(fit, reach) if _objective(each) < _objective(fit)), None)
+            if better is None:
+                return fit
+            gained, fit = _objective(fit) - _objective(better), better
+            if gained < max(SETTLED, 1e-5 * fit.chi2):
                 return fit
         return fit
 
-    def _enough(self, fit: Fit) -> float:
-        """Return the chi squared that a step must gain.
+    def _tries(self, fit: Fit, reach: float) -> Iterator[Fit]:
+        """Yield fits a step further: the whole step, shorter ones, and those that leave what data hardly tell."""
+        step = self._step(fit, reach)
+        yield from (self._moved(fit, share * step) for share in shortened(LITTLE))
+        if fit.terms:
+            yield from (self._moved(fit, self._step(fit, reach, damping)) for damping in (UNSEEN, GAIN, MOST))
 
-        Where much is left, the last digits would be those of a model that lacks something.
-        """
-        return SETTLED + UNSEEN * max(fit.chi2 - AS_GOOD * fit.residual.size, 0.0)
+    def _begun(self, terms: Sequence[Term], start: Fit) -> Iterator[Fit]:
+        """Yield fits from which terms are fitted: as they stand, or new ones at a share of what they do.
 
-    def improved(self, fit: Fit, reach: float | Array | None = None) -> tuple[Fit, bool]:
-        """Return where a step leads that gains something, and whether that was foreseen; the fit where none does.
-
-        The whole step, shorter ones, and those that leave what data hardly tell. What promises nothing, the laws by
-        their own curves, is not simulated.
-        """
-        equations, reach = self._equations(fit), self.prior.reach if reach is None else reach
-        step = self._step(fit, equations, reach)
-        if self._promised(fit, equations, step) < self._enough(fit):
-            return fit, True
-        steps = [share * step for share in shortened(LITTLE if fit.terms else CALIBRATION_STEP)]
-        steps += [self._step(fit, equations, reach, damping) for damping in (UNSEEN, GAIN, MOST) if fit.terms]
-        for step in steps:
-            terms, x = self._moved(fit, step)
-            rest = self._foreseen(fit, terms, x)
-            if _cost(rest, terms, x) < _objective(fit):
-                better = self.fit_at(terms, fit.run, fit, x, near=True)
-                if _objective(better) < _objective(fit):
-                    return better, _was_foreseen(better, rest, fit)
-        return fit, True
-
-    @staticmethod
-    def _promised(fit: Fit, equations: Equations, step: Array) -> float:
-        """Return the chi squared that a step gains to first order."""
-        jacobian, residual, held = equations
-        count = jacobian.shape[1]
-        left, x = residual - jacobian @ step[:count] - held @ step[count:], fit.x + step[count:]
-        return float(residual @ residual + fit.x @ fit.x - left @ left - x @ x)
-
-    def _foreseen(self, fit: Fit, terms: Sequence[Term], x: Array) -> Array:
-        """Return what other terms and parameters leave, (n, K), to first order about a fit."""
-        moved = (fit.per_tolerance @ (x - fit.x)).reshape(fit.residual.shape)
-        return fit.residual - moved - self.change(fit, [term.effect for term in terms])
-
-    def _begun(self, terms: Sequence[Term], start: Fit, reach: float | Array) -> Iterator[tuple[Fit, bool]]:
-        """Yield fits from which terms are fitted, and whether they were foreseen from `start`.
-
-        As they stand, or new ones at a share of what they do, and parameters where they are likeliest beside them.
         First order may ask for a law at which the robot could not be: it does less where no equilibrium is near. Where
         a law joins others whose gaps have closed, these begin open, too.
         """
@@ -460,17 +407,13 @@ class Problem:
         joins = not all(term.candidate.name in known for term in terms)
         opened = self._opened(terms, start) if joins else terms
         for each in (terms,) if opened is terms else (terms, opened):
-            fit, foreseen = start, False
+            fit = start
             for share in shortened(LITTLE):
                 less = [term if term.candidate.name in known else term.lessened(share) for term in each]
-                rest = self._foreseen(start, less, start.x)
-                equations = Equations.of(np.zeros((rest.size, 0)), rest.ravel(), start.per_tolerance)
-                x = start.x + least_step(*equations, start.x, reach)
-                fit = self.fit_at(less, start.run, start, x, near=True)
+                fit = self.fit_at(less, start.run, start, near=True)
                 if np.isfinite(fit.chi2):
-                    foreseen = each is terms and _was_foreseen(fit, self._foreseen(start, less, x), start)
                     break
-            yield fit, foreseen
+            yield fit if each is terms else self.relinearised(fit)
 
     def _opened(self, terms: Sequence[Term], start: Fit) -> Sequence[Term]:
         """Return terms whose gaps that a fit has close within as large loads as what was measured nearly allows.
@@ -489,8 +432,8 @@ class Problem:
                     break
         return [opened.get(name, term) for name, term in zip(asked, terms, strict=True)] if opened else terms
 
-    def _moved(self, fit: Fit, step: Array) -> tuple[list[Term], Array]:
-        """Return the terms and toleranced parameters of a fit, moved by a step (p,), within their bounds."""
+    def _moved(self, fit: Fit, step: Array) -> Fit:
+        """Return a fit whose terms and toleranced parameters have moved by a step, (p,), within their bounds."""
         moved, place = [], 0
         for term in fit.terms:
             candidate = term.candidate
@@ -498,9 +441,9 @@ class Problem:
             own = np.clip(step[place : place + candidate.size], -widest, widest)
             moved.append(Term(candidate, np.clip(term.coordinates + own, *candidate.bounds)))
             place += candidate.size
-        return moved, fit.x + step[place:]
+        return self.fit_at(moved, fit.run, fit, fit.x + step[place:], near=True)
 
-    def _step(self, fit: Fit, equations: Equations, reach: float | Array, damping: float = 0.0) -> Array:
+    def _step(self, fit: Fit, reach: float, damping: float = 0.0) -> Array:
         """Return the Gauss-Newton step of a fit's coordinates and of its toleranced parameters.
 
         damping: Levenberg's, of coordinates, as a share of what each of them does.
@@ -508,7 +451,7 @@ class Problem:
         Coordinates that it would take beyond their bounds go to these, and the others do what is best then. A logarithm
         is trusted for less than that.
         """
-        jacobian, residual, held = equations
+        jacobian, residual, held = self._with_priors(fit)
         bounds = [(term.coordinates, *term.candidate.bounds, term.candidate.logarithmic) for term in fit.terms]
         if not bounds:
             return least_step(jacobian, residual, held, fit.x, reach)
@@ -525,15 +468,16 @@ class Problem:
             step[beyond] = within[beyond]
             open_ &= ~beyond
 
-    def _equations(self, fit: Fit) -> Equations:
-        """Return the least-squares equations of a fit's coordinates and parameters, with a row for each prior."""
+    def _with_priors(self, fit: Fit) -> tuple[Array, Array, Array]:
+        """Return Jacobian, residual and change per tolerance with a row for the prior of each coordinate of a term."""
+        if not fit.terms:
+            return self.jacobian(fit), fit.residual.ravel(), fit.per_tolerance
         own = [(term.candidate, term.coordinates) for term in fit.terms]
-        rows = [candidate.prior_slopes(here) + candidate.known for candidate, here in own]
-        off = [term.candidate.prior_residuals(term.coordinates) + term.off for term in fit.terms]
-        none = np.zeros(0)
-        jacobian = np.vstack((self.jacobian(fit), np.diag(np.concatenate([none, *rows]))))
-        held = np.vstack((fit.per_tolerance, np.zeros((jacobian.shape[1], len(fit.x)))))
-        return Equations.of(jacobian, np.concatenate([fit.residual.ravel(), *(-each for each in off)]), held)
+        rows = np.concatenate([candidate.prior_slopes(here) + candidate.known for candidate, here in own])
+        off = np.concatenate([term.candidate.prior_residuals(term.coordinates) + term.off for term in fit.terms])
+        jacobian = np.vstack((self.jacobian(fit), np.diag(rows)))
+        per_tolerance = np.vstack((fit.per_tolerance, np.zeros((len(rows), len(fit.x)))))
+        return jacobian, np.append(fit.residual, -off), per_tolerance
 
     def jacobian(self, fit: Fit) -> Array:
         """Return d(whitened columns)/d(coordinates of all terms), (K n, p), by differences of first-order changes."""
@@ -561,26 +505,7 @@ class Problem:
 
 def _objective(fit: Fit) -> float:
     """Return chi squared and what terms cost by values far from what is usual, of those that are no logarithms."""
-    return fit.chi2 + _far(fit.terms)
-
-
-def _cost(residual: Array, terms: Sequence[Term], x: Array) -> float:
-    """Return the same of a residual (n, K) that terms and parameters x (p,) leave."""
-    return chi_squared(residual, terms, x) + _far(terms)
-
-
-def _far(terms: Sequence[Term]) -> float:
-    return sum(float((term.candidate.prior_residuals(term.coordinates) ** 2).sum()) for term in terms)
-
-
-def chi_squared(residual: Array, terms: Sequence[Term], x: Array) -> float:
-    """Return chi squared of a residual (n, K), and of what terms and parameters x (p,) are known to be."""
-    return float((residual**2).sum() + x @ x + sum(term.off @ term.off for term in terms))
-
-
-def _was_foreseen(fit: Fit, foreseen: Array, start: Fit) -> bool:
-    """Return True where most of the way from another fit was foreseen, by what would be left (n, K)."""
-    return bool(np.linalg.norm(fit.residual - foreseen) <= MOST * np.linalg.norm(fit.residual - start.residual))
+    return fit.chi2 + sum(float((term.candidate.prior_residuals(term.coordinates) ** 2).sum()) for term in fit.terms)
 
 
 def shortened(least: float = CALIBRATION_STEP) -> Iterator[float]:
@@ -589,6 +514,10 @@ def shortened(least: float = CALIBRATION_STEP) -> Iterator[float]:
     while share >= least:
         yield share
         share /= 3
+
+
+#: Steps through the whole simulation in which nearly all fits have ended.
+_MOST_STEPS = 6
 
 
 def _basis(directions: Array) -> Array:
