@@ -382,17 +382,26 @@ class Problem:
                 return fit
             if np.abs(fit.x - taken_at).max(initial=0.0) > MOST:
                 fit, taken_at = self.relinearised(fit), fit.x
-            better = next((each for each in self._tries(fit, reach) if _objective(each) < _objective(fit)), None)
+            step, enough = self._step(fit, reach), max(SETTLED, 1e-5 * fit.chi2)
+            if self._promised(fit, step) < enough:
+                return fit
+            better = next((each for each in self._tries(fit, reach, step) if _objective(each) < _objective(fit)), None)
             if better is None:
                 return fit
             gained, fit = _objective(fit) - _objective(better), better
-            if gained < max(SETTLED, 1e-5 * fit.chi2):
+            if gained < enough:
                 return fit
         return fit
 
-    def _tries(self, fit: Fit, reach: float) -> Iterator[Fit]:
+    def _promised(self, fit: Fit, step: Array) -> float:
+        """Return the chi squared that a step gains to first order."""
+        jacobian, residual, held = self._with_priors(fit)
+        count = jacobian.shape[1]
+        left, x = residual - jacobian @ step[:count] - held @ step[count:], fit.x + step[count:]
+        return float(residual @ residual + fit.x @ fit.x - left @ left - x @ x)
+
+    def _tries(self, fit: Fit, reach: float, step: Array) -> Iterator[Fit]:
         """Yield fits a step further: the whole step, shorter ones, and those that leave what data hardly tell."""
-        step = self._step(fit, reach)
         yield from (self._moved(fit, share * step) for share in shortened(LITTLE))
         if fit.terms:
             yield from (self._moved(fit, self._step(fit, reach, damping)) for damping in (UNSEEN, GAIN, MOST))
