@@ -10,8 +10,9 @@ from lxml import etree
 
 from ..errors import InputError
 from .description import FrameDescription, LoopDescription
+from .frames import LoopClosure
 from .joints import Joint
-from .mechanism import LoopClosure, Mechanism
+from .mechanism import Mechanism
 from .redrawn import fixed_link, joint_between, set_inertia
 from .writer import extension_of, urdf_of
 from .xml_file import words
