@@ -63,16 +63,12 @@ def paths_of(
     joints: positions (N,) by name [m, rad], others stand at home; time (N,); most: rows at most.
     """
     assert draft.mechanism is not None
-    model = draft.mechanism.model
     rows = np.flatnonzero(np.isfinite(np.column_stack([time, *joints.values()])).all(axis=1))
     rows = rows[:: max(1, -(-len(rows) // most))]
-    data = model.createData()
-    out = {body: Path(time[rows], np.empty((len(rows), 3)), np.empty((len(rows), 3, 3))) for body in bodies}
-    for row, q in enumerate(draft.configurations(joints, rows)):
-        pin.forwardKinematics(model, data, q)
-        for body, path in out.items():
-            path.position[row], path.rotation[row] = data.oMi[body].translation, data.oMi[body].rotation
-    return out
+    wanted = list(bodies)
+    placed = np.array([draft.mechanism.placements(q)[wanted] for q in draft.configurations(joints, rows)])
+    placed = placed.reshape(len(rows), len(wanted), 4, 4)
+    return {body: Path(time[rows], placed[:, k, :3, 3], placed[:, k, :3, :3]) for k, body in enumerate(wanted)}
 
 
 def _affine(seen: Array, path: Path) -> tuple[Array, float]:

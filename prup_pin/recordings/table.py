@@ -34,28 +34,26 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?nan", re.I
 
 @dataclass(frozen=True)
 class Thinning:
-    """Pieces of `count` rows, evenly spread from the first to the last; all rows where there are at most `most`."""
+    """`PIECES` of `count` rows, evenly spread from the first to the last; all rows where there are at most `MOST_ROWS`."""
 
     count: int
-    most: int = field(default_factory=lambda: MOST_ROWS)
-    pieces: int = field(default_factory=lambda: PIECES)
 
     @property
     def length(self) -> int:
         """The rows of a piece."""
-        return self.most // self.pieces
+        return MOST_ROWS // PIECES
 
     @property
     def all_kept(self) -> bool:
         """Whether there are no more rows than are needed."""
-        return self.count <= self.length * self.pieces
+        return self.count <= self.length * PIECES
 
     def keeps(self, rows: np.ndarray) -> np.ndarray | None:
         """Return which of some rows (n,), counted from 0, are kept; None: all are."""
         if self.all_kept:
             return None
-        starts = np.linspace(0, self.count - self.length, self.pieces).astype(np.int64)
-        piece = np.clip(np.searchsorted(starts, rows, side="right") - 1, 0, self.pieces - 1)
+        starts = np.linspace(0, self.count - self.length, PIECES).astype(np.int64)
+        piece = np.clip(np.searchsorted(starts, rows, side="right") - 1, 0, PIECES - 1)
         return rows - starts[piece] < self.length
 
     @property
@@ -65,7 +63,7 @@ class Thinning:
             return []
         return [
             f"{self.count} rows are more than are needed, and than memory holds: they were read in a stream, and "
-            f"{self.pieces} pieces of {self.length} rows, evenly spread, were kept."
+            f"{PIECES} pieces of {self.length} rows, evenly spread, were kept."
         ]
 
 
@@ -117,12 +115,10 @@ class Form:
         return is_known(name) or name in self.coordinates
 
 
-def rows_in(path: Path) -> int:
-    """Return about how many rows a table has; 0 where it is too short to matter."""
-    if path.stat().st_size <= _BLOCK // 8:
-        return 0
+def rows_in(path: Path, before: int = 1) -> int:
+    """Return about how many rows a table has below some lines."""
     with path.open("rb") as file:
-        return sum(block.count(b"\n") for block in iter(lambda: file.read(_BLOCK), b"")) - 1
+        return sum(block.count(b"\n") for block in iter(lambda: file.read(_BLOCK), b"")) - before
 
 
 def blocks(path: Path, problems: Problems, whole: bool) -> Iterator[tuple[int, bytes]]:
