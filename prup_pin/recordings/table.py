@@ -34,26 +34,28 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?nan", re.I
 
 @dataclass(frozen=True)
 class Thinning:
-    """`PIECES` of `count` rows, evenly spread from the first to the last; all rows where there are at most `MOST_ROWS`."""
+    """Pieces of `count` rows, evenly spread from the first to the last; all rows where there are at most `most`."""
 
     count: int
+    most: int = field(default_factory=lambda: MOST_ROWS)
+    pieces: int = field(default_factory=lambda: PIECES)
 
     @property
     def length(self) -> int:
         """The rows of a piece."""
-        return MOST_ROWS // PIECES
+        return self.most // self.pieces
 
     @property
     def all_kept(self) -> bool:
         """Whether there are no more rows than are needed."""
-        return self.count <= self.length * PIECES
+        return self.count <= self.length * self.pieces
 
     def keeps(self, rows: np.ndarray) -> np.ndarray | None:
         """Return which of some rows (n,), counted from 0, are kept; None: all are."""
         if self.all_kept:
             return None
-        starts = np.linspace(0, self.count - self.length, PIECES).astype(np.int64)
-        piece = np.clip(np.searchsorted(starts, rows, side="right") - 1, 0, PIECES - 1)
+        starts = np.linspace(0, self.count - self.length, self.pieces).astype(np.int64)
+        piece = np.clip(np.searchsorted(starts, rows, side="right") - 1, 0, self.pieces - 1)
         return rows - starts[piece] < self.length
 
     @property
@@ -63,7 +65,7 @@ class Thinning:
             return []
         return [
             f"{self.count} rows are more than are needed, and than memory holds: they were read in a stream, and "
-            f"{PIECES} pieces of {self.length} rows, evenly spread, were kept."
+            f"{self.pieces} pieces of {self.length} rows, evenly spread, were kept."
         ]
 
 
