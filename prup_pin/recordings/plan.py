@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -172,18 +172,15 @@ class TestPlan:
                 raise InputError(
                     f"pose {k} moves {', '.join(pose)}; pose 0 moves {', '.join(names)}: expected the same"
                 )
+        poses, step = np.array([[float(pose[name]) for name in names] for pose in actuators]), self.encoder_resolution
+        poses = np.round(poses / step) * step if step else poses
         random = np.random.default_rng([self.seed, _LOAD_STREAM])
-        rows: list[Array] = []
-        wrenches: list[Array] = []
-        at = [None if load.poses is None else frozenset(load.poses) for load in self.loads]
-        for k, pose in enumerate(actuators):
-            position = self._encoded([float(pose[name]) for name in names])
-            applied = [load.wrenches(random) for load, poses in zip(self.loads, at, strict=True)
-                       if poses is None or k in poses]  # fmt: skip
-            at_pose = np.concatenate(applied) if applied else np.zeros((0, 6))
-            wrenches.append(at_pose)
-            rows.append(np.broadcast_to(position, (len(at_pose), len(names))))
-        table, wrench = np.concatenate(rows), np.concatenate(wrenches)
+        loads = [(load, None if load.poses is None else frozenset(load.poses)) for load in self.loads]
+        applied = [
+            [load.wrenches(random) for load, at in loads if at is None or k in at] for k in range(len(actuators))
+        ]
+        table = np.repeat(poses, [sum(map(len, wrenches)) for wrenches in applied], axis=0)
+        wrench = np.concatenate([np.zeros((0, 6)), *(each for wrenches in applied for each in wrenches)])
         n = len(table)
         if not n:
             raise InputError("the plan has no samples: no load programme runs at any pose")
@@ -202,10 +199,6 @@ class TestPlan:
             robot=self.robot,
             notes=self.notes,
         )
-
-    def _encoded(self, position: Sequence[float]) -> Array:
-        step = self.encoder_resolution
-        return np.round(np.array(position) / step) * step if step else np.array(position)
 
     def _actuator_positions(self, solve_pose: PoseSolver) -> Iterator[Mapping[str, float]]:
         random = np.random.default_rng([self.seed, _POSE_STREAM])
