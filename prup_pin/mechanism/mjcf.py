@@ -63,7 +63,7 @@ _SHAPES = {
 
 
 @dataclass
-class Joint:
+class DrawnJoint:
     """A joint at `position` about or along `axis`, both in the body's frame; `reference` is its value as drawn."""
 
     name: str
@@ -76,14 +76,14 @@ class Joint:
 
 
 @dataclass
-class Body:
+class DrawnBody:
     """A body as drawn: its frame in the parent's and in the world's."""
 
     name: str
-    parent: Body | None
+    parent: DrawnBody | None
     in_parent: Array
     in_world: Array
-    joints: list[Joint] = field(default_factory=list)
+    joints: list[DrawnJoint] = field(default_factory=list)
     sites: dict[str, Array] = field(default_factory=dict)
     inertia: pin.Inertia | None = None
     solids: list[pin.Inertia] = field(default_factory=list)
@@ -125,12 +125,12 @@ def build_tree(description: RobotDescription) -> pin.Model:
     return model
 
 
-def _add_sites(model: pin.Model, body: Body, joint: int, at: Array, frame: int) -> None:
+def _add_sites(model: pin.Model, body: DrawnBody, joint: int, at: Array, frame: int) -> None:
     for name, site in body.sites.items():
         model.addFrame(pin.Frame(name, joint, frame, pin.SE3(at @ site), pin.FrameType.OP_FRAME))
 
 
-def _joint_model(joint: Joint) -> tuple[Any, Array]:
+def _joint_model(joint: DrawnJoint) -> tuple[Any, Array]:
     """Return Pinocchio's joint, and the placement that makes it stand as drawn at its reference value."""
     if joint.kind == "free":
         return pin.JointModelFreeFlyer(), np.eye(4)
@@ -154,7 +154,7 @@ class MjcfDocument(ExtensionDocument):
         self.settings = {key: value for element in root.findall("compiler") for key, value in element.attrib.items()}
         self.degrees = self.settings.get("angle", "degree") != "radian"
         self.euler = self.settings.get("eulerseq", "xyz")
-        self.bodies: list[Body] = []
+        self.bodies: list[DrawnBody] = []
         self.lines_of_names: dict[tuple[str, str], int | None] = {}
         self.meshed: list[str] = []
 
@@ -341,7 +341,7 @@ class MjcfDocument(ExtensionDocument):
     def read_bodies(self) -> None:
         """Fill `bodies`: the world first, parents before children, in the order of the file."""
         self.classes = self._classes()
-        self.bodies = [Body(WORLD, None, np.eye(4), np.eye(4))]
+        self.bodies = [DrawnBody(WORLD, None, np.eye(4), np.eye(4))]
         self.lines_of_names = {("body", WORLD): None}
         for world in self.root.findall("worldbody"):
             self._gather(world, self.bodies[0], np.eye(4), world.get("childclass", ""))
@@ -361,14 +361,14 @@ class MjcfDocument(ExtensionDocument):
         self.lines_of_names[kind, name] = element.sourceline
         return name
 
-    def _gather(self, element: etree._Element, body: Body, at: Array, childclass: str) -> None:
+    def _gather(self, element: etree._Element, body: DrawnBody, at: Array, childclass: str) -> None:
         """Read the children of a body or of a <frame>, which stands at `at` in the body."""
         self.known_children(element, _BODY_PARTS, f"body '{body.name[:60]}'", ("inertial",))
         for child in element:
             if child.tag == "body":
                 name = self._name(child, "body", f"{body.name}_body" if body.parent else "body")
                 in_parent = at @ self._placement(child, f"body '{name[:60]}'")
-                inner = Body(name, body, in_parent, body.in_world @ in_parent)
+                inner = DrawnBody(name, body, in_parent, body.in_world @ in_parent)
                 self.bodies.append(inner)
                 self._gather(child, inner, np.eye(4), child.get("childclass", childclass))
             elif child.tag == "frame":
@@ -388,7 +388,7 @@ class MjcfDocument(ExtensionDocument):
                 hint = "load the model with MuJoCo and save it as one plain file (mj_saveLastXML)"
                 self.problem(child, f"<{child.tag}> in body '{body.name[:60]}' is not read; {hint}")
 
-    def _joint(self, element: etree._Element, body: Body, at: Array, childclass: str) -> None:
+    def _joint(self, element: etree._Element, body: DrawnBody, at: Array, childclass: str) -> None:
         merged = self._merged(element, childclass) if element.tag == "joint" else element
         name = self._name(element, "joint", f"{body.name}_joint")
         what = f"joint '{name[:60]}'"
@@ -413,7 +413,7 @@ class MjcfDocument(ExtensionDocument):
         if kind == "free":
             position = np.zeros(3)
         line = element.sourceline
-        body.joints.append(Joint(name, kind, position, turned / np.linalg.norm(turned), limits, reference, line))
+        body.joints.append(DrawnJoint(name, kind, position, turned / np.linalg.norm(turned), limits, reference, line))
 
     def _limits(self, element: etree._Element, kind: str, what: str) -> tuple[float, float]:
         ranged = "range" in element.attrib and self.settings.get("autolimits", "true") == "true"
@@ -429,7 +429,7 @@ class MjcfDocument(ExtensionDocument):
 
     # -- masses ------------------------------------------------------------------------------------------------------
 
-    def _inertial(self, element: etree._Element, body: Body, at: Array) -> pin.Inertia | None:
+    def _inertial(self, element: etree._Element, body: DrawnBody, at: Array) -> pin.Inertia | None:
         what = f"inertial of body '{body.name[:60]}'"
         placed = at @ self._placement(element, what)
         mass = self.numbers(element, "mass", 1, what, largest=MAX_NUMBER)
@@ -453,7 +453,7 @@ class MjcfDocument(ExtensionDocument):
         rotation = placed[:3, :3]
         return pin.Inertia(mass[0], placed[:3, 3], rotation @ _positive(moments) @ rotation.T)
 
-    def _solid(self, geom: etree._Element, body: Body, at: Array) -> None:
+    def _solid(self, geom: etree._Element, body: DrawnBody, at: Array) -> None:
         """Add the mass of a geom of simple shape; MuJoCo uses it where a body has no <inertial>."""
         what = f"geom of body '{body.name[:60]}'"
         kind = "mesh" if "mesh" in geom.attrib and "type" not in geom.attrib else geom.get("type", "sphere")
@@ -479,7 +479,7 @@ class MjcfDocument(ExtensionDocument):
         if heavy > 0:
             body.solids.append(pin.SE3(placed).act(shape.inertia(heavy, *size)))
 
-    def inertia(self, body: Body) -> pin.Inertia:
+    def inertia(self, body: DrawnBody) -> pin.Inertia:
         """Return a body's inertia in its own frame: what <inertial> says, else that of its geoms."""
         from_geoms = self._from_geoms
         if from_geoms != "true" and (body.inertia is not None or from_geoms == "false"):
