@@ -238,7 +238,7 @@ class MjcfDocument(ExtensionDocument):
         folder = self.settings.get("meshdir", self.settings.get("assetdir", ""))
         for mesh in self.root.iter("mesh"):
             name = mesh.get("file")
-            if name and "strippath" in self.settings and self.settings["strippath"] == "true":
+            if name and self.settings.get("strippath") == "true":
                 name = name.replace("\\", "/").rpartition("/")[2]
             if name:
                 self.mesh(mesh, f"{folder}/{name}" if folder else name, name)
@@ -445,13 +445,15 @@ class MjcfDocument(ExtensionDocument):
         if mass[0] < 0:
             self.problem(element, f"{what}: mass is {mass[0]:g} kg; expected >= 0")
             return None
-        principal = np.linalg.eigvalsh(moments)
+        principal, axes = np.linalg.eigh(moments)
         if principal[0] < -_ROUNDING * abs(principal[2]):
             given = ", ".join(f"{value:g}" for value in principal)
             self.problem(element, f"{what}: its principal moments of inertia are {given} kg m^2; expected >= 0")
             return None
+        if principal[0] < 0:  # by rounding
+            moments = axes @ np.diag(np.maximum(principal, 0.0)) @ axes.T
         rotation = placed[:3, :3]
-        return pin.Inertia(mass[0], placed[:3, 3], rotation @ _positive(moments) @ rotation.T)
+        return pin.Inertia(mass[0], placed[:3, 3], rotation @ moments @ rotation.T)
 
     def _solid(self, geom: etree._Element, body: DrawnBody, at: Array) -> None:
         """Add the mass of a geom of simple shape; MuJoCo uses it where a body has no <inertial>."""
@@ -662,12 +664,6 @@ def _filled(element: etree._Element, defaults: dict[str, str]) -> dict[str, str]
     if any(key in element.attrib for key in _ORIENTATIONS):
         values = {key: value for key, value in values.items() if key not in _ORIENTATIONS}
     return {**values, **element.attrib}
-
-
-def _positive(moments: Array) -> Array:
-    """Return moments of inertia without what rounding leaves below zero."""
-    values, axes = np.linalg.eigh(moments)
-    return moments if values[0] >= 0 else axes @ np.diag(np.maximum(values, 0.0)) @ axes.T
 
 
 def _unit(vector: Array) -> Array | None:

@@ -26,7 +26,6 @@ from .description import (
 )
 from .extension import EXTENSION
 from .joint_types import replace_joint
-from .joints import Joint
 from .mechanism import Mechanism, with_lengths
 from .xml_file import MOMENTS, moments_of, parse_again, words
 from .yielding import yielding_as
@@ -102,9 +101,7 @@ class _Drawing:
                 element = joint.find("axis")
                 axis = np.array([float(x) for x in ("1 0 0" if element is None else element.get("xyz")).split()])
                 way = value * axis / np.linalg.norm(axis)
-                slides = joint.get("type") == "prismatic"
-                motion = placement(np.eye(3), way) if slides else placement(rotation_exp(way), np.zeros(3))
-                set_origin(joint, origin_of(joint) @ motion)
+                set_origin(joint, origin_of(joint) @ _motion(way, joint.get("type") == "prismatic"))
             replace_joint(joint, "")
 
     def move_joints(self) -> None:
@@ -118,7 +115,7 @@ class _Drawing:
                 link = self.mechanism.frame(str(self.joints[name].find("parent").get("link"))).placement
                 at = np.linalg.inv(link) @ _displaced(link @ at, moved)
             if self.changes.zeros.get(name):
-                at = at @ _motion(joint, self.changes.zeros[name])
+                at = at @ _motion(self.changes.zeros[name] * joint.axis, joint.slides)
             set_origin(self.joints[name], at)
 
     def follow_zeros(self) -> None:
@@ -393,11 +390,9 @@ def _displaced(at: Array, displacement: Array) -> Array:
     return moved
 
 
-def _motion(joint: Joint, amount: float) -> Array:
-    """Return the motion (4, 4) of a joint of one freedom by an amount [rad or m]."""
-    if joint.slides:
-        return placement(np.eye(3), amount * joint.axis)
-    return placement(rotation_exp(amount * joint.axis), np.zeros(3))
+def _motion(way: Array, slides: bool) -> Array:
+    """Return the motion (4, 4) of a joint that slides by a way (3,) [m], or turns by a rotation vector [rad]."""
+    return placement(np.eye(3), way) if slides else placement(rotation_exp(way), np.zeros(3))
 
 
 def joint_between(root: etree._Element, name: str, kind: str, links: tuple[str, str], at: Array) -> etree._Element:
