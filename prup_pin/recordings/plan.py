@@ -307,8 +307,11 @@ def write_plan(plan: TestPlan, path: str | Path) -> None:
     value: dict[str, Any] = {} if plan.robot is None else {"robot": written_beside(plan.robot, path)}
     if plan.notes:
         value["notes"] = plan.notes
-    value["poses"] = [_pose_json(pose) for pose in plan.poses]
-    value["loads"] = [_load_json(load) for load in plan.loads]
+    value["poses"] = [
+        {"random": _plain(pose)} if isinstance(pose, RandomPoses) else _plain(pose) for pose in plan.poses
+    ]
+    sizes = ("force", "moment")  # of random directions; a wrench has its own
+    value["loads"] = [_plain(load, *(sizes if load.wrench is not None else ())) for load in plan.loads]
     value["sample_interval"] = plan.sample_interval
     if isinstance(plan.temperature, tuple):
         value["temperature"] = {"from": plan.temperature[0], "to": plan.temperature[1]}
@@ -326,23 +329,15 @@ def write_plan(plan: TestPlan, path: str | Path) -> None:
     write_whole({Path(path): json_lines(value)})
 
 
-def _pose_json(pose: Poses) -> dict[str, Any]:
-    if isinstance(pose, ActuatorPose):
-        return {"actuators": dict(pose.actuators)}
-    if isinstance(pose, TaskPose):
-        return {"at": dict(pose.at)}
-    return {"random": {"count": pose.count, "bounds": {name: list(bound) for name, bound in pose.bounds.items()}}}
+def _plain(item: Poses | LoadProgramme, *without: str) -> dict[str, Any]:
+    """Return what a pose or a load programme is given by, as JSON has it, but for some of its fields."""
 
+    def plain(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {name: plain(inner) for name, inner in value.items()}
+        return list(value) if np.ndim(value) else value
 
-def _load_json(load: LoadProgramme) -> dict[str, Any]:
-    value: dict[str, Any] = {"cycle": list(load.cycle)}
-    if load.wrench is not None:
-        value["wrench"] = dict(load.wrench)
-    else:
-        value |= {"random_directions": load.random_directions, "force": load.force, "moment": load.moment}
-    if load.poses is not None:
-        value["poses"] = list(load.poses)
-    return value
+    return {name: plain(value) for name, value in vars(item).items() if value is not None and name not in without}
 
 
 class _PlanReader(ValueReader):
