@@ -7,12 +7,12 @@ import os
 import secrets
 import shutil
 import stat
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-from .errors import InputError
+from .errors import InputError, PrupPinError, folder_holds
 
 
 def json_lines(value: Any) -> Iterable[str]:
@@ -189,6 +189,30 @@ def _moved(new: Path, target: Path, names: tuple[str, ...], known: tuple[str, ..
         for path in kept.iterdir():
             os.rename(path, target / path.name)
         raise
+
+
+# -- files that are read -----------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def opened(path: Path, what: str, endings: Sequence[str], wrong: Callable[[str], PrupPinError]) -> Iterator[BinaryIO]:
+    """Open a file to be read within the block, or raise the error that `wrong` makes of what is wrong with it.
+
+    what: in words what was expected; endings: those of files that are named where this one is not found.
+    """
+    try:
+        if path.is_dir():
+            raise wrong(f"is a folder; expected {what}")
+        if path.exists() and not path.is_file():
+            raise wrong(f"is not a regular file; expected {what}")
+        with path.open("rb") as file:
+            yield file
+    except FileNotFoundError as error:
+        raise wrong(f"file not found.{folder_holds(path.parent, *endings)}") from error
+    except OSError as error:
+        raise wrong(f"cannot be read: {error.strerror}") from error
+    except ValueError as error:  # a NUL character in the path
+        raise wrong(f"cannot be read: {error}") from error
 
 
 # -- files that others name --------------------------------------------------------------------------------------------

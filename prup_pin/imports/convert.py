@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
-from scipy.spatial.transform import Rotation as Turn
-from scipy.spatial.transform import Slerp
+from scipy.spatial.transform import Rotation, Slerp
 
 from ..errors import Problem, RecordingFileError
 from ..mechanism import Mechanism
@@ -19,7 +18,7 @@ from ..recordings import Recording
 from ..recordings.columns import AXES, JOINT_GROUPS, fields_of, largest
 from ..spatial import Array
 from .log import Log, Stream
-from .map import Clock, Column, LogMap, Motors, Rotation
+from .map import Clock, Column, LogMap, Motors, Orientation
 from .units import dimension_of, unit_for, unit_in_name
 
 #: Where a stream is silent for longer than so many of its periods, nothing is made up.
@@ -309,7 +308,7 @@ def _told_at(time: Array, told: Mapping[str, _Told]) -> Array:
     return time[there]
 
 
-def _vectors(log: Log, stream: Stream, rotation: Rotation, told: _Told, time: Array) -> Array:
+def _vectors(log: Log, stream: Stream, rotation: Orientation, told: _Told, time: Array) -> Array:
     """Return rotation vectors (M, 3) [rad] at the recording's times."""
     known, turns = turns_of(log, stream, rotation, told.rows)
     out = np.full((len(time), 3), np.nan)
@@ -323,7 +322,7 @@ def _vectors(log: Log, stream: Stream, rotation: Rotation, told: _Told, time: Ar
     return out
 
 
-def turns_of(log: Log, stream: Stream, rotation: Rotation, rows: Any = slice(None)) -> tuple[np.ndarray, Any]:
+def turns_of(log: Log, stream: Stream, rotation: Orientation, rows: Any = slice(None)) -> tuple[np.ndarray, Any]:
     """Return which of some rows of a stream tell an orientation, and these orientations, as scipy's `Rotation`."""
     raw = np.column_stack([stream.columns[name][rows] for name in rotation.sources])
     known: np.ndarray = np.isfinite(raw).all(axis=1)
@@ -332,11 +331,11 @@ def turns_of(log: Log, stream: Stream, rotation: Rotation, rows: Any = slice(Non
         known &= np.linalg.norm(raw, axis=1) > 1e-6  # zeros: not seen
     given = raw[known] * rotation.unit.factor
     if kind in ("rpy", "euler"):
-        turns = Turn.from_euler(how or "xyz", given)
+        turns = Rotation.from_euler(how or "xyz", given)
     elif kind == "rotation":
-        turns = Turn.from_rotvec(given)
+        turns = Rotation.from_rotvec(given)
     elif kind == "quaternion":
-        turns = Turn.from_quat(given[:, [1, 2, 3, 0] if how == "wxyz" else [0, 1, 2, 3]])
+        turns = Rotation.from_quat(given[:, [1, 2, 3, 0] if how == "wxyz" else [0, 1, 2, 3]])
     else:
         size = 3 if kind == "matrix" else 4
         matrices = given.reshape(-1, size, size)[:, :3, :3]
@@ -345,7 +344,7 @@ def turns_of(log: Log, stream: Stream, rotation: Rotation, rows: Any = slice(Non
                 f"columns {', '.join(rotation.sources[:3])} …: are no rotation matrices, their determinants are not 1"
             )
             raise RecordingFileError(log.path, [Problem(message)])
-        turns = Turn.from_matrix(matrices if how == "rows" else matrices.transpose(0, 2, 1))
+        turns = Rotation.from_matrix(matrices if how == "rows" else matrices.transpose(0, 2, 1))
     return known, turns
 
 

@@ -64,7 +64,7 @@ class Clock:
 
 
 @dataclass(frozen=True)
-class Rotation:
+class Orientation:
     """An orientation by several columns, `manner` a key of ROTATIONS; angles of rpy in `unit`."""
 
     sources: tuple[str, ...]
@@ -103,7 +103,7 @@ class LogMap:
 
     columns: Mapping[str, Column]
     clocks: Mapping[str, Clock]
-    rotations: Mapping[str, Rotation] = field(default_factory=dict)
+    rotations: Mapping[str, Orientation] = field(default_factory=dict)
     motors: tuple[Motors, ...] = ()
     resampling: Resampling = field(default_factory=Resampling)
     robot: str | None = None
@@ -423,7 +423,7 @@ class _Reader(ValueReader):
         unwrap = self.flag(given.get("unwrap", False), f"{key}: unwrap")
         return Column(source, unit, int(sign), scale, offset, unwrap)
 
-    def rotation(self, name: str, item: Any) -> Rotation | None:
+    def rotation(self, name: str, item: Any) -> Orientation | None:
         """Return how a body is turned, None after reporting."""
         key = f"rotations: {shown(name)}"
         given = self.known(item, key, "from", "as", "unit")
@@ -442,7 +442,7 @@ class _Reader(ValueReader):
             return None
         sources = tuple(self.source(source, f"{key}: from") for source in names)
         unit = self.unit(given.get("unit", "rad"), ("angle",), key) if count == 3 else Unit("1", 1.0)
-        return Rotation(sources, manner, unit) if all(sources) else None
+        return Orientation(sources, manner, unit) if all(sources) else None
 
     def motors(self, item: Any, key: str) -> Motors | None:
         """Return motors that move joints together, None after reporting."""
@@ -482,7 +482,7 @@ class _Reader(ValueReader):
                 if there and f"{prefix}.{joint}" in columns and joint not in group.names:
                     self.wrong(f"columns: {prefix}.{joint}", "comes from its motors already")
 
-    def resampling(self, given: Any, columns: Mapping[str, Column], rotations: Mapping[str, Rotation]) -> Resampling:
+    def resampling(self, given: Any, columns: Mapping[str, Column], rotations: Mapping[str, Orientation]) -> Resampling:
         sources = [column.source for column in columns.values()]
         sources += [name for rotation in rotations.values() for name in rotation.sources]
         used = {self.log.stream_of(name).name for name in sources}

@@ -20,12 +20,12 @@ from scipy.spatial.transform import Rotation
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..spatial import Array
-from . import map as maps
 from .bodies import Body
 from .columns import place_lines
 from .convert import at_rest, rests, turns_of
 from .draft import Draft, Line
 from .log import Stream
+from .map import Orientation
 from .units import Unit, factor_of
 
 #: What is left of the way of a marker that moves as its body does, as a share; of one that hardly does.
@@ -33,49 +33,45 @@ _LEFT, _HARDLY = 0.05, 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class BodyPath:
     """A body as the joints have it: position (n, 3) [m] and rotation (n, 3, 3) in base axes, at times or rows (n,)."""
 
     time: Array
     position: Array
     rotation: Array
 
-    def of_point(self, placement: Array) -> Path:
+    def of_point(self, placement: Array) -> BodyPath:
         """Return the path of a frame that sits on the body so, (4, 4)."""
         turned = self.rotation @ placement[:3, :3]
         return replace(self, position=self.position + self.rotation @ placement[:3, 3], rotation=turned)
 
-    def seen_from(self, other: Path) -> Path:
+    def seen_from(self, other: BodyPath) -> BodyPath:
         """Return the path in the axes of another body."""
         turned = other.rotation.mT
         place = np.einsum("nij,nj->ni", turned, self.position - other.position)
         return replace(self, position=place, rotation=turned @ self.rotation)
 
-    def __getitem__(self, rows: np.ndarray) -> Path:
-        return Path(self.time[rows], self.position[rows], self.rotation[rows])
+    def __getitem__(self, rows: np.ndarray) -> BodyPath:
+        return BodyPath(self.time[rows], self.position[rows], self.rotation[rows])
 
 
 def paths_of(
     draft: Draft, joints: Mapping[str, Array], time: Array, bodies: Iterable[int], most: int
-) -> dict[int, Path]:
+) -> dict[int, BodyPath]:
     """Return the paths of bodies, by the ids of their joints, in rows in which the time and all joints are known.
 
     joints: positions (N,) by name [m, rad], others stand at home; time (N,); most: rows at most.
     """
     assert draft.mechanism is not None
-    model = draft.mechanism.model
     rows = np.flatnonzero(np.isfinite(np.column_stack([time, *joints.values()])).all(axis=1))
     rows = rows[:: max(1, -(-len(rows) // most))]
-    data = model.createData()
-    out = {body: Path(time[rows], np.empty((len(rows), 3)), np.empty((len(rows), 3, 3))) for body in bodies}
-    for row, q in enumerate(draft.configurations(joints, rows)):
-        pin.forwardKinematics(model, data, q)
-        for body, path in out.items():
-            path.position[row], path.rotation[row] = data.oMi[body].translation, data.oMi[body].rotation
-    return out
+    wanted = list(bodies)
+    placed = np.array([draft.mechanism.placements(q)[wanted] for q in draft.configurations(joints, rows)])
+    placed = placed.reshape(len(rows), len(wanted), 4, 4)
+    return {body: BodyPath(time[rows], placed[:, k, :3, 3], placed[:, k, :3, :3]) for k, body in enumerate(wanted)}
 
 
-def _affine(seen: Array, path: Path) -> tuple[Array, float]:
+def _affine(seen: Array, path: BodyPath) -> tuple[Array, float]:
     """Return the 15 numbers that bring places (n, 3) that were seen to a path's, and what share of its way they leave.
 
     They are a map (3, 3), which may be any matrix, its shift, and the marker's place on the body: position + rotation @
@@ -134,7 +130,7 @@ class Carried:
     offset: Array
     free: Array
     apart: Array
-    path: Path
+    path: BodyPath
     seen: Array
     rivals: Sequence[Carried] = ()
 
@@ -269,7 +265,7 @@ def _tell_carried(draft: Draft, bodies: Sequence[Body], told: Mapping[str, Carri
             draft.carried[body.called] = next((r for r in _REACHES if best.distance(place) < r), _REACHES[-1])
 
 
-def _carrying(draft: Draft, body: Body, paths: Mapping[int, Path]) -> Carried | None:
+def _carrying(draft: Draft, body: Body, paths: Mapping[int, BodyPath]) -> Carried | None:
     """Return the body that carries a marker best, None where too few rows tell.
 
     Where no body does as seen from the floor, trackers that the robot carries are tried too.
@@ -291,7 +287,7 @@ def _carrying(draft: Draft, body: Body, paths: Mapping[int, Path]) -> Carried | 
     return replace(best, rivals=rivals)
 
 
-def _doubt_named(draft: Draft, frames: Sequence[str], paths: Mapping[int, Path]) -> None:
+def _doubt_named(draft: Draft, frames: Sequence[str], paths: Mapping[int, BodyPath]) -> None:
     """Note on places of bodies that are called like a frame, in the joints' rows, that they are not where it is."""
     assert draft.mechanism is not None
     for name in frames:
@@ -318,7 +314,7 @@ def _copies(bodies: Sequence[Body]) -> dict[str, str]:
     return found
 
 
-def _fits(paths: Mapping[int, Path], seen: Array, base: int | None) -> Iterator[Carried]:
+def _fits(paths: Mapping[int, BodyPath], seen: Array, base: int | None) -> Iterator[Carried]:
     """Yield the marker (N, 3) [m] as it would sit on each body that moves, seen from another one or from the floor."""
     for body, path in paths.items():
         places = seen[path.time.astype(int)]
@@ -330,7 +326,7 @@ def _fits(paths: Mapping[int, Path], seen: Array, base: int | None) -> Iterator[
         yield Carried(body, base, offset, free, apart, whole[known], places[known])
 
 
-def _rigid(path: Path, seen: Array) -> tuple[Array, Array, Array]:
+def _rigid(path: BodyPath, seen: Array) -> tuple[Array, Array, Array]:
     """Return where on a body a marker sits (3,) [m], along which directions (k, 3) no row tells that, and how far from
     there (n,) [m] it was seen.
 
@@ -427,7 +423,7 @@ def set_beside(draft: Draft) -> None:
         delay = None if path is None else delay_of(path, theirs, points)
         body = draft.turns.get(f"r{place.removeprefix('p')}")
         if path is not None and delay is not None and body is not None:
-            turn = maps.Rotation(body.turn, body.manner, Unit(body.unit or "1", factor_of(body.unit)))
+            turn = Orientation(body.turn, body.manner, Unit(body.unit or "1", factor_of(body.unit)))
             body.askew = _askew(path, theirs - delay, points, *turns_of(draft.log, stream, turn))
         if delay is not None:
             draft.delays[stream.name] = delay, "the motion tells how far it is ahead", ""
@@ -450,7 +446,7 @@ def _time_of(draft: Draft, stream: Stream) -> tuple[Array, bool]:
     return raw * factor_of(unit), True
 
 
-def _path(draft: Draft, home: Stream, time: Array, name: str) -> Path | None:
+def _path(draft: Draft, home: Stream, time: Array, name: str) -> BodyPath | None:
     """Return the path of a frame, of the tip where it is not named, by the joints' rows.
 
     None where the robot or a joint is not known, or loops leave it open.
@@ -465,7 +461,7 @@ def _path(draft: Draft, home: Stream, time: Array, name: str) -> Path | None:
     return paths_of(draft, positions, time, [frame.joint], _POSES)[frame.joint].of_point(frame.placement)
 
 
-def _row_by_row(draft: Draft, home: Stream, stream: Stream, path: Path | None, points: Array) -> None:
+def _row_by_row(draft: Draft, home: Stream, stream: Stream, path: BodyPath | None, points: Array) -> None:
     """Put a list of points beside a list of joints, where one of them tells no time and there are as many of both."""
     if len(stream) != len(home):
         unsure = f"{len(stream)} rows, but {len(home)} of the joints: which row belongs to which?"
@@ -488,7 +484,7 @@ def _row_by_row(draft: Draft, home: Stream, stream: Stream, path: Path | None, p
             draft.clocks[home.name] = "", "s", ""
 
 
-def delay_of(path: Path, time: Array, seen: Array) -> float | None:
+def delay_of(path: BodyPath, time: Array, seen: Array) -> float | None:
     """Return by how much stamps (M,) of what was seen, (M, 3) [m], are ahead of the path's; None where no motion tells.
 
     First the speeds are shifted along each other, for they know nothing of where the camera stood; then the places
@@ -535,18 +531,18 @@ def _shift(first: Array, second: Array) -> int | None:
     return at
 
 
-def _brought(path: Path, time: Array, seen: Array) -> tuple[Array, float, np.ndarray, Path]:
+def _brought(path: BodyPath, time: Array, seen: Array) -> tuple[Array, float, np.ndarray, BodyPath]:
     """Return what brings places that were seen to a path (`_affine`), which of them it covers, and the path there."""
     inside = (time >= path.time[0]) & (time <= path.time[-1])
     at = time[inside]
     position = np.column_stack([np.interp(at, path.time, path.position[:, k]) for k in range(3)])
-    there = Path(at, position, path.rotation[np.clip(np.searchsorted(path.time, at), 0, len(path.time) - 1)])
+    there = BodyPath(at, position, path.rotation[np.clip(np.searchsorted(path.time, at), 0, len(path.time) - 1)])
     if len(at) < max(_FEWEST_PLACES, _OVERLAP * min(len(time), len(path.time))):
         return np.eye(5, 3).ravel(), np.inf, inside, there
     return *_affine(seen[inside], there), inside, there
 
 
-def _askew(path: Path, time: Array, seen: Array, turned: np.ndarray, turns: Rotation) -> float:
+def _askew(path: BodyPath, time: Array, seen: Array, turned: np.ndarray, turns: Rotation) -> float:
     """Return the angle [rad] between a frame's axes and those of the body that was seen there.
 
     time (M,): on the path's clock; seen (M, 3) [m]: the body in the camera's axes; turned (M,): where it was seen how

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,10 +25,9 @@ def read(path: Path) -> Log:
     columns: dict[str, Array] = {}
     units = {}
     with reading(path, "Parquet") as here, parquet.ParquetFile(path, page_checksum_verification=True) as file:
-        schema = file.schema_arrow
-        wanted = [field.name for field in schema if _is_stamp(arrow, field.type) or _is_number(arrow, field.type)
-                  or _is_list(arrow, field.type)]  # fmt: skip
-        left_out = [f"{field.name} ({field.type})" for field in schema if field.name not in wanted]
+        kinds = {field.name: _held(arrow.types, field.type) for field in file.schema_arrow}
+        wanted = [name for name, kind in kinds.items() if kind]
+        left_out = [f"{field.name} ({field.type})" for field in file.schema_arrow if not kinds[field.name]]
         thinning = Thinning(file.metadata.num_rows)
         check_size(path, 8 * min(thinning.count, MOST_ROWS) * len(wanted))
         table = _kept(arrow, file, thinning, wanted)
@@ -35,14 +35,13 @@ def read(path: Path) -> Log:
             raise refuse(path, "holds no rows")
         for name, column in zip(table.column_names, table.columns, strict=True):
             here.at = f"column '{shown(name)}'"
-            kind = column.type
-            if _is_stamp(arrow, kind):
+            if kinds[name] == "stamps":
                 stamps = column.to_numpy()
                 columns[name] = (stamps - stamps[0]) / np.timedelta64(1, "s")
                 units[name] = "s"
-            elif _is_number(arrow, kind):
+            elif kinds[name] == "numbers":
                 columns[name] = column.cast("float64").to_numpy()
-            elif _is_list(arrow, kind):
+            else:
                 rows = [np.asarray(row, float) for row in column.to_pylist() if row is not None]
                 lengths = {len(row) for row in rows}
                 if len(lengths) == 1 and len(rows) == len(column) and 0 < min(lengths) <= MAX_VECTOR:
@@ -52,17 +51,14 @@ def read(path: Path) -> Log:
     return Log(str(path), (Stream("table", frozen(columns), units=units),), tuple(left_out), tuple(thinning.remarks))
 
 
-def _is_stamp(arrow, kind) -> bool:
-    return arrow.types.is_timestamp(kind) or arrow.types.is_duration(kind)
-
-
-def _is_number(arrow, kind) -> bool:
-    return arrow.types.is_floating(kind) or arrow.types.is_integer(kind) or arrow.types.is_boolean(kind)
-
-
-def _is_list(arrow, kind) -> bool:
-    listed = arrow.types.is_list(kind) or arrow.types.is_fixed_size_list(kind)
-    return listed and _is_number(arrow, kind.value_type)
+def _held(types: Any, kind: Any) -> str:
+    """Return what a column of some type holds: stamps, numbers, lists of numbers, or '' of none of these."""
+    if types.is_timestamp(kind) or types.is_duration(kind):
+        return "stamps"
+    if types.is_floating(kind) or types.is_integer(kind) or types.is_boolean(kind):
+        return "numbers"
+    listed = types.is_list(kind) or types.is_fixed_size_list(kind)
+    return "lists" if listed and _held(types, kind.value_type) == "numbers" else ""
 
 
 def _kept(arrow, file, thinning: Thinning, wanted: list[str]):

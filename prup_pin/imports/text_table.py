@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ..recordings.problems import MAX_PROBLEMS, Problems, read_bytes, shown
-from ..recordings.table import Thinning, plain_numbers
+from ..recordings.table import Thinning, plain_numbers, rows_in
 from ..spatial import Array
 from .headings import SEPARATORS, Heading, cells_of, heading_of, number_in, unique_names
 from .log import MAX_COLUMNS, MAX_VECTOR, Log, Stream, frozen, refuse, spread
@@ -43,7 +43,7 @@ def read(path: Path) -> Log:
     table = _understood(path)
     stamped: dict[int, list[Array]] = {k: [] for k in (*table.stamps, *table.vectors)}
     used = [k for k, name in enumerate(table.names) if name not in table.texts and k not in stamped]
-    thinning = Thinning(_lines_in(path) - table.body)
+    thinning = Thinning(rows_in(path, table.body))
     parts, strange = [], _Strange(path, table, used)
     numbers: list[np.ndarray] = []
     count = 0
@@ -120,12 +120,6 @@ def _unseen(columns: Mapping[str, Array]) -> dict[str, Array]:
             for other in [other for other in columns if other.startswith(f"{body}.")]:
                 out[other] = np.where(gone, np.nan, columns[other])
     return out
-
-
-def _lines_in(path: Path) -> int:
-    """Return about how many lines a file has."""
-    with path.open("rb") as file:
-        return sum(block.count(b"\n") for block in iter(lambda: file.read(_HEAD), b""))
 
 
 def _pieces(path: Path, table: Heading) -> Iterator[tuple[int, list[str]]]:

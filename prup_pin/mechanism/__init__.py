@@ -2,10 +2,11 @@
 
 from .changes import Changes, JointDynamics
 from .coupling import Coupling
+from .frames import Frame, LoopClosure
 from .joints import Joint
 from .lengths import REFERENCE_TEMPERATURE, MovedParts
 from .links import Link
-from .mechanism import Frame, LoopClosure, Mechanism, Module
+from .mechanism import Mechanism, Module
 from .yielding import WAYS, yielding_module
 
 __all__ = [

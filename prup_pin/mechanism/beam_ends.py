@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..spatial import Array
-from .mechanism import Frame, Mechanism, Module
+from .frames import Frame
+from .mechanism import Mechanism, Module
 
 #: How far before the end that it is fixed to something may lie, as a share of the beam's length.
 _BEFORE = 0.05

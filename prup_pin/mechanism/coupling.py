@@ -43,6 +43,13 @@ class Coupling:
         """Names of the joints that follow."""
         return tuple(follower.joint.name for follower in self.followers)
 
+    def leader_of(self, name: str) -> str:
+        """Return the joint that leads a follower, in the end; of one that leads itself its own name."""
+        leaders = {follower.joint.name: follower.leader.name for follower in self.followers}
+        while name in leaders:
+            name = leaders[name]
+        return name
+
     @cached_property
     def dofs(self) -> np.ndarray:
         """Velocity indices of the joints that follow."""

@@ -49,6 +49,11 @@ class Joint:
             return None
         return "m" if self.slides else "rad"
 
+    def unit_among(self, unit: str) -> str | None:
+        """Return which of 'N/m or N m/rad' it has: the first where it slides, the other where it turns, else None."""
+        slides, alternative, turns = unit.partition(" or ")
+        return {"m": slides, "rad": turns}.get(self.unit or "") if alternative else None
+
     @property
     def axis(self) -> Array:
         """Unit vector (3,) in the joint's own frame along which it slides or about which it turns.

@@ -19,10 +19,10 @@ from lxml import etree
 from ..errors import InputError, Problem, PrupPinError, RobotFileError, UnknownNameError, named, shortened
 from ..modules import CompliantModule, DriveModule, WrenchModule
 from ..parameters import Parameter
-from ..spatial import Array, axis_as_z, placement, rotation_exp, skew
+from ..spatial import Array, axis_as_z, placement
+from . import checks
 from .coupling import coupling_of
 from .description import (
-    FrameDescription,
     LengthDescription,
     ModuleDescription,
     ModuleValuesError,
@@ -34,6 +34,7 @@ from .description import (
     resolve_values,
     same_description,
 )
+from .frames import Frame, frames_by_name, loop_closure
 from .joints import Joint, joints_of
 from .links import Link, links_of
 from .load_paths import LoadPaths
@@ -42,65 +43,6 @@ from .yielding import yielding_modules
 
 if TYPE_CHECKING:
     from .lengths import MovedParts
-
-
-#: Motions [m or rad] along and about what a loop leaves free, by which two descriptions of it are compared, and how far
-#: they may differ: frames drawn to seven digits are enough.
-_TRIED, _SAME = (0.2, -0.45), 1e-6
-
-
-@dataclass(frozen=True)
-class Frame:
-    """A frame fixed to the body of joint `joint` (0: the base): `placement` is joint_from_frame, 4 x 4."""
-
-    name: str
-    joint: int
-    placement: Array
-
-
-@dataclass(frozen=True)
-class LoopClosure:
-    """Two frames that coincide but for the relative motions in `free`.
-
-    `rotation_rows` (r, 9) turns vec(R_1^T R_2) into the r rotational residuals; `translation_axes` are the axes of
-    the first frame along which the origins must coincide.
-    """
-
-    name: str
-    first: Frame
-    second: Frame
-    free: frozenset[str]
-    translation_axes: tuple[int, ...]
-    rotation_rows: Array
-
-    @property
-    def size(self) -> int:
-        """Number of scalar constraints."""
-        return len(self.translation_axes) + len(self.rotation_rows)
-
-    def gap(self, second_in_first: Array) -> Array:
-        """Return what has to vanish, (size,), where one body's frame stands at (4, 4) seen from the other's."""
-        apart = np.linalg.solve(self.first.placement, second_in_first @ self.second.placement)
-        return np.concatenate((apart[list(self.translation_axes), 3], self.rotation_rows @ apart[:3, :3].ravel()))
-
-    def same_as(self, other: LoopClosure) -> bool:
-        """Return True where another closure of the same bodies lets them move in the same ways."""
-        if (self.first.joint, self.second.joint, self.size) != (other.first.joint, other.second.joint, other.size):
-            return False
-        # Of two turns the first frame's axis comes first, in cyclic order.
-        turns = ("rz", "rx") if {"rx", "rz"} == self.free & {"rx", "ry", "rz"} else ("rx", "ry", "rz")
-        for amount in (0.0, *_TRIED):
-            moved = np.eye(4)
-            for axis in ("x", "y", "z", *turns):
-                if axis in self.free:
-                    amount *= -0.7
-                    step = amount * np.eye(3)["xyz".index(axis[-1])]
-                    turned, shift = (rotation_exp(step), np.zeros(3)) if axis[0] == "r" else (np.eye(3), step)
-                    moved = moved @ placement(turned, shift)
-            bodies = self.first.placement @ moved @ np.linalg.inv(self.second.placement)
-            if np.abs(other.gap(bodies)).max(initial=0.0) > _SAME:
-                return False
-        return True
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,29 +70,6 @@ class Module:
         return self.name.partition("/")[0] if "/" in self.name else None
 
 
-def _rotation_rows(free: frozenset[str]) -> Array:
-    """Return the rows that vanish when only the free rotations differ, on vec(E) (row-major), E = R_1^T R_2.
-
-    None free: the skew part of E (weld). One free, about k: e_k x (E e_k) across k. Two free, i then j in cyclic
-    order: e_i . (E e_j), a universal joint with e_i fixed in the first and e_j in the second frame.
-    """
-    turning, unit = [axis for axis, name in enumerate(("rx", "ry", "rz")) if name in free], np.eye(3)
-    rows: list[Array] = []
-    if not turning:
-        rows = [0.5 * skew(axis) for axis in unit]
-    elif len(turning) == 1:
-        k = turning[0]
-        i, j = (k + 1) % 3, (k + 2) % 3
-        # e_k x (E e_k) = -E_jk e_i + E_ik e_j, minus the free component
-        rows = [-np.outer(unit[j], unit[k]), np.outer(unit[i], unit[k])]
-    elif len(turning) == 2:
-        k = ({0, 1, 2} - set(turning)).pop()
-        rows = [-np.outer(unit[(k + 1) % 3], unit[(k + 2) % 3])]
-    return np.array(rows).reshape(-1, 9) + 0.0
-
-
-#: Of a joint, to see what it moves [m or rad].
-_SMALL_MOTION = 1e-4
 #: Axes that are meant to be one differ by no more than what a file's digits leave [rad].
 _PARALLEL = 1e-3
 
@@ -165,27 +84,26 @@ class Mechanism:
         self.name = description.name
         self.locked = locked
         self.model = model if model is not None else model_of(description)
-        frames = frames_by_name(self.model)
-        self._frames = frames
+        self.frames = frames_by_name(self.model)
         #: Acceleration of free fall [m/s^2], base axes: that of the model, which every computation shares.
         self.gravity = np.array(self.model.gravity.linear)
         self.tool = self.frame(description.tool) if description.tool else None
         #: What people call the part that carries the tool frame.
         self.tool_part = description.tool_part or description.tool
-        self.loops = tuple(self._loop(loop) for loop in description.loops)
+        self.loops = tuple(loop_closure(loop, self.frames) for loop in description.loops)
         self.tasks: tuple[TaskDescription, ...] = description.tasks
         self.joints = joints_of(self.model)
         self._joints = {joint.name: joint for joint in self.joints}
         #: Joints that follow others, and descriptions of such joints that move on their own.
         self.coupling, self.loose = coupling_of(description.coupled, self._joints, self.model.nv)
-        problems: list[Problem] = [*self._driven_twice()]
+        problems = [*checks.driven_twice(self)]
         driven = description.actuated if description.actuated is not None else (*self._joints,)
         held = {*description.held, *self.coupling.names}
         self.actuated: tuple[str, ...] = tuple(name for name in driven if name not in held)
         self.modules = tuple(self._modules_of(description, problems))
         if model is None and not problems:
-            problems += self._misplaced_beams()
-        problems += [*self._loose_and_loaded(), *self._restated(), *self._misstated_units()]
+            problems += checks.misplaced_beams(self)
+        problems += [*checks.loose_and_loaded(self), *checks.restated(self), *checks.misstated_units(self)]
         if problems:
             raise RobotFileError(description.path, sorted(problems, key=lambda found: found.line or 0))
         self._modules = {module.name: module for module in self.modules}
@@ -195,14 +113,14 @@ class Mechanism:
         }
         for name in locked:
             if self.joint(name).name in self.coupling.names:
-                raise InputError(f"joint '{name}' follows another one: lock '{self._leader(name)}' instead")
+                raise InputError(f"joint '{name}' follows another one: lock '{self.coupling.leader_of(name)}' instead")
 
     def _with_one_unit(self, parameter: Parameter) -> Parameter:
         """Return the parameter in the unit that its joint gives it: 'N/m or N m/rad' along a slide is N/m."""
         if " or " not in parameter.unit:
             return parameter
         joint = self.joint(self._modules[parameter.name.rpartition(".")[0]].joint)
-        return replace(parameter, unit=_of_joint(parameter.unit, joint) or parameter.unit)
+        return replace(parameter, unit=joint.unit_among(parameter.unit) or parameter.unit)
 
     def __reduce__(self):
         # Pinocchio's model is built anew: the description says all of it.
@@ -222,11 +140,11 @@ class Mechanism:
 
     def frame(self, name: str) -> Frame:
         """Return a frame by the name of a link, a joint or a site. Raises UnknownNameError."""
-        return named("frame", name, self._frames)
+        return named("frame", name, self.frames)
 
     def own(self, frame: Frame) -> Frame:
         """Return the frame of that name as it stands here, where lengths may have moved it; else the frame itself."""
-        return self._frames.get(frame.name, frame)
+        return self.frames.get(frame.name, frame)
 
     def need_tool(self) -> Frame:
         """Return the tool frame, or raise PrupPinError with the frames that could be meant."""
@@ -274,7 +192,7 @@ class Mechanism:
     def bodies(self) -> Mapping[int, str]:
         """What each joint's body is called, by joint id: the first link on it, else the joint."""
         names: dict[int, str] = {}
-        for name, frame in self._frames.items():
+        for name, frame in self.frames.items():
             names.setdefault(frame.joint, name)
         return names
 
@@ -296,7 +214,7 @@ class Mechanism:
 
     @property
     def frame_names(self) -> tuple[str, ...]:
-        return tuple(self._frames)
+        return tuple(self.frames)
 
     def module(self, name: str) -> Module:
         """Return a compliant module by its name. Raises UnknownNameError."""
@@ -388,15 +306,6 @@ class Mechanism:
 
     # -- building blocks -----------------------------------------------------------------------------------------
 
-    def _loop(self, loop) -> LoopClosure:
-        first, second = (self._offset_frame(end) for end in (loop.first, loop.second))
-        translations = tuple(i for i, name in enumerate("xyz") if name not in loop.free)
-        return LoopClosure(loop.name, first, second, loop.free, translations, _rotation_rows(loop.free))
-
-    def _offset_frame(self, end: FrameDescription) -> Frame:
-        frame = self.frame(end.name)
-        return frame if end.offset is None else replace(frame, placement=frame.placement @ end.offset)
-
     def _module(self, module: ModuleDescription) -> Module:
         kind = kinds_by_name()[module.kind]
         joint = self.joint(module.joint)
@@ -456,7 +365,7 @@ class Mechanism:
     def _root_to_tip(self, root: Frame, tip: Frame, module: ModuleDescription) -> tuple[float, ...]:
         """Return the direction from root to tip in the tip's axes, at the file's home position."""
         placed = self.placements(self.home_configuration())
-        ends = [placed[frame.joint] @ frame.placement for frame in (root, tip)]
+        ends = [frame.at(placed) for frame in (root, tip)]
         line = ends[1][:3, :3].T @ (ends[1][:3, 3] - ends[0][:3, 3])
         if np.linalg.norm(line) < 1e-9:
             raise _file_error(
@@ -480,130 +389,6 @@ class Mechanism:
                 yield self._module(module)
             except RobotFileError as error:
                 problems += error.problems
-
-    def _misplaced_beams(self) -> list[Problem]:
-        """Return a problem for every beam that carries another load than its joint's, or is bent by a passive joint."""
-        lines = {module.name: module.line for module in self.description.modules}
-        problems = []
-        for module in self.modules if self.tool is not None else ():
-            if module.root is not None and (wrong := self._misplaced(module, module.root)):
-                what = f"module '{module.name}': a beam from '{module.root.name}' to '{module.frame.name}'"
-                problems.append(Problem(f"{what} {wrong}; correct joint, root or tip", lines[module.name]))
-        return problems
-
-    def _misplaced(self, module: Module, root: Frame) -> str:
-        """Return why a beam is not where its joint's load passes, or ''."""
-        paths, names, tip = self.load_paths, list(self.model.names), module.frame
-        if not paths.carries(module.joint, root.joint, tip.joint):
-            ends = [
-                f"its {end}, on '{self.bodies[frame.joint]}', is not"
-                for end, frame in (("root", root), ("tip", tip))
-                if not paths.reached(module.joint, frame.joint)
-            ]
-            fit = [name for at, name in enumerate(names) if at and paths.carries(at, root.joint, tip.joint)]
-            hint = f"It carries the load of {', '.join(fit[:6])}" if fit else "It carries no joint's whole load"
-            return f"does not lie where the load of joint '{names[module.joint]}' passes: {' and '.join(ends)}. {hint}"
-        passive = {int(self.dof_joint[dof]) for dof in self.free_dofs} - {module.joint}
-        for joint in paths.between(module.joint, root.joint, tip.joint):
-            if joint in passive and self._bends(joint, root, tip):
-                return f"spans the passive joint '{names[joint]}', which bends it: {self._before(joint, root, tip)}"
-            turns = not self.joint(joint).slides and joint not in passive
-            if turns and self._bends(joint, root, tip, across=True):
-                return f"spans joint '{names[joint]}', which turns one end away: {self._before(joint, root, tip)}"
-        return ""
-
-    def _before(self, joint: int, *ends: Frame) -> str:
-        """Return what to do about a beam that reaches over a joint."""
-        text = "a beam ends where a joint turns"
-        for end in ends:
-            if end.joint == joint and np.linalg.norm(end.placement[:3, 3]) < 1e-9:
-                body = self.bodies[int(self.model.parents[joint])]
-                return f"{text}, and '{end.name}' turns with it: fix a link to '{body}' at that place, and name that"
-        return text
-
-    def _bends(self, joint: int, root: Frame, tip: Frame, across: bool = False) -> bool:
-        """Return True where a joint's motion takes a beam's root off its axis, or, if not asked `across` alone,
-        changes its length: that of a rod which a drive pushes out does.
-        """
-        home, spans = self.home_configuration(), []
-        for step in (0.0, _SMALL_MOTION):
-            velocity = np.zeros(self.model.nv)
-            velocity[self.joint(joint).dofs] = step
-            placed = self.placements(pin.integrate(self.model, home, velocity))
-            ends = [placed[frame.joint] @ frame.placement for frame in (root, tip)]
-            spans.append(ends[1][:3, :3].T @ (ends[0][:3, 3] - ends[1][:3, 3]))
-        length = max(float(np.linalg.norm(spans[0])), 1e-9)
-        moved = spans[1] - spans[0]
-        if across:
-            moved = np.cross(spans[0] / length, moved)
-        return float(np.linalg.norm(moved)) > 1e-3 * _SMALL_MOTION * length
-
-    def _leader(self, name: str) -> str:
-        """Return the joint that leads a follower, in the end."""
-        leaders = {item.joint.name: item.leader.name for item in self.coupling.followers}
-        while name in leaders:
-            name = leaders[name]
-        return name
-
-    def _driven_twice(self) -> list[Problem]:
-        """Return joints that are said to be driven, and to follow others."""
-        twice = [name for name in self.description.actuated or () if name in self.coupling.names]
-        line = self.description.lines.get("actuated")
-        return [
-            Problem(
-                f"actuated: joint '{name}' follows '{self._leader(name)}'; leave it out, its leader drives it", line
-            )
-            for name in twice
-        ]
-
-    def _loose_and_loaded(self) -> list[Problem]:
-        """Return joints that follow no one knows how, where they carry load."""
-        problems = []
-        for coupling in self.loose:
-            below = self.support[self.joint_id(coupling.joint)]
-            if self.tool is not None and below[self.tool.joint]:
-                where = f"between the base and the tool '{self.tool.name}'"
-            elif any(below[loop.first.joint] != below[loop.second.joint] for loop in self.loops):
-                where = "in a loop"
-            else:
-                continue
-            text = (
-                f"{coupling.what} {where}, and carries load there. Expected one joint of one freedom that follows "
-                "another movable one, in no circle, by <mimic>"
-            )
-            problems.append(Problem(text, coupling.line))
-        return problems
-
-    def _restated(self) -> list[Problem]:
-        """Return loops that are described twice and otherwise."""
-        loops = {loop.name: loop for loop in self.loops}
-        return [
-            Problem(
-                f"loop '{again.name}' is described twice, and otherwise: its <constraint> joins other places or leaves "
-                "other motions free. Correct one of the two, or remove it",
-                again.line,
-            )
-            for again in self.description.restated
-            if not loops[again.name].same_as(self._loop(again))
-        ]
-
-    def _misstated_units(self) -> list[Problem]:
-        """Return values in a unit that their joint does not have: N/m where it turns, N m/rad where it slides."""
-        problems = []
-        described = {module.name: module for module in self.description.modules}
-        for module in self.modules:
-            joint, given = self.joint(module.joint), described[module.name]
-            for quantity in module.kind.quantities:
-                value = given.values.get(quantity.name)
-                unit = _of_joint(quantity.unit, joint)
-                if value is None or unit is None or value.unit in (unit, quantity.unit):
-                    continue
-                text = (
-                    f"module '{module.name}': parameter '{quantity.name}' is in {value.unit}, but joint '{joint.name}' "
-                    f'{"slides" if joint.slides else "turns"}; expected unit="{unit}", and the value in it'
-                )
-                problems.append(Problem(text, given.lines.get(quantity.name, given.line)))
-        return problems
 
     def home_configuration(self) -> Array:
         """Return the configuration of the file's home position: neutral, within limits, with its joint values.
@@ -741,12 +526,6 @@ def _with_values(module: ModuleDescription, values: Mapping[str, Any]) -> Module
     return changed
 
 
-def _of_joint(unit: str, joint: Joint) -> str | None:
-    """Return which of 'N/m or N m/rad' a joint has: the first where it slides, the other where it turns, else None."""
-    slides, alternative, turns = unit.partition(" or ")
-    return {"m": slides, "rad": turns}.get(joint.unit or "") if alternative else None
-
-
 def _all_parameters(description: RobotDescription, modules: tuple[Module, ...]) -> dict[str, Parameter]:
     """Return every parameter by its full name, derived values included."""
     parameters = {length.parameter.name: length.parameter for length in description.lengths}
@@ -759,16 +538,6 @@ def _all_parameters(description: RobotDescription, modules: tuple[Module, ...]) 
                 source = "derived" if callable(quantity.default) else "default"
                 parameters[name] = parameter_of(module.name, quantity, module.values[quantity.name], source)
     return parameters
-
-
-def frames_by_name(model: pin.Model) -> dict[str, Frame]:
-    """Return every frame of the model; where a link and a joint share a name, the link's."""
-    frames: dict[str, Frame] = {}
-    for wanted_body in (True, False):
-        for frame in model.frames:
-            if (frame.type == pin.FrameType.BODY) == wanted_body and frame.name not in frames:
-                frames[frame.name] = Frame(frame.name, int(frame.parentJoint), np.array(frame.placement.homogeneous))
-    return frames
 
 
 def _file_error(description: RobotDescription, message: str, line: int | None = None) -> RobotFileError:

@@ -63,7 +63,7 @@ _SHAPES = {
 
 
 @dataclass
-class Joint:
+class DrawnJoint:
     """A joint at `position` about or along `axis`, both in the body's frame; `reference` is its value as drawn."""
 
     name: str
@@ -76,14 +76,14 @@ class Joint:
 
 
 @dataclass
-class Body:
+class DrawnBody:
     """A body as drawn: its frame in the parent's and in the world's."""
 
     name: str
-    parent: Body | None
+    parent: DrawnBody | None
     in_parent: Array
     in_world: Array
-    joints: list[Joint] = field(default_factory=list)
+    joints: list[DrawnJoint] = field(default_factory=list)
     sites: dict[str, Array] = field(default_factory=dict)
     inertia: pin.Inertia | None = None
     solids: list[pin.Inertia] = field(default_factory=list)
@@ -125,12 +125,12 @@ def build_tree(description: RobotDescription) -> pin.Model:
     return model
 
 
-def _add_sites(model: pin.Model, body: Body, joint: int, at: Array, frame: int) -> None:
+def _add_sites(model: pin.Model, body: DrawnBody, joint: int, at: Array, frame: int) -> None:
     for name, site in body.sites.items():
         model.addFrame(pin.Frame(name, joint, frame, pin.SE3(at @ site), pin.FrameType.OP_FRAME))
 
 
-def _joint_model(joint: Joint) -> tuple[Any, Array]:
+def _joint_model(joint: DrawnJoint) -> tuple[Any, Array]:
     """Return Pinocchio's joint, and the placement that makes it stand as drawn at its reference value."""
     if joint.kind == "free":
         return pin.JointModelFreeFlyer(), np.eye(4)
@@ -154,7 +154,7 @@ class MjcfDocument(ExtensionDocument):
         self.settings = {key: value for element in root.findall("compiler") for key, value in element.attrib.items()}
         self.degrees = self.settings.get("angle", "degree") != "radian"
         self.euler = self.settings.get("eulerseq", "xyz")
-        self.bodies: list[Body] = []
+        self.bodies: list[DrawnBody] = []
         self.lines_of_names: dict[tuple[str, str], int | None] = {}
         self.meshed: list[str] = []
 
@@ -210,9 +210,8 @@ class MjcfDocument(ExtensionDocument):
     def _free_fall(self) -> tuple[float, ...] | None:
         """Return the gravity of the options, or None where they say nothing: MuJoCo's own is Pinocchio's."""
         gravity = None
-        for option in self.root.findall("option"):
-            if "gravity" in option.attrib:
-                gravity = self.numbers(option, "gravity", 3, "<option>") or gravity
+        for option in self.root.iterfind("option[@gravity]"):
+            gravity = self.numbers(option, "gravity", 3, "<option>") or gravity
         disabled = any(flag.get("gravity") == "disable" for flag in self.root.iterfind("option/flag"))
         return (0.0, 0.0, 0.0) if disabled else gravity
 
@@ -239,7 +238,7 @@ class MjcfDocument(ExtensionDocument):
         folder = self.settings.get("meshdir", self.settings.get("assetdir", ""))
         for mesh in self.root.iter("mesh"):
             name = mesh.get("file")
-            if name and "strippath" in self.settings and self.settings["strippath"] == "true":
+            if name and self.settings.get("strippath") == "true":
                 name = name.replace("\\", "/").rpartition("/")[2]
             if name:
                 self.mesh(mesh, f"{folder}/{name}" if folder else name, name)
@@ -283,11 +282,14 @@ class MjcfDocument(ExtensionDocument):
 
     # -- numbers -----------------------------------------------------------------------------------------------------
 
-    def _vector(
-        self, element: etree._Element, key: str, what: str, default: Sequence[float] = (0.0, 0.0, 0.0)
-    ) -> Array:
-        """Return three numbers; the default after reporting."""
-        return np.array(self.numbers(element, key, 3, what, default, MAX_NUMBER) or default, float)
+    def _vector(self, element: etree._Element, key: str, what: str) -> Array:
+        """Return three numbers; zeros where there are none, and after reporting."""
+        zeros = (0.0, 0.0, 0.0)
+        return np.array(self.numbers(element, key, 3, what, zeros, MAX_NUMBER) or zeros)
+
+    def _number(self, element: etree._Element, key: str, what: str, default: float) -> float:
+        """Return a number, the default where there is none; zero after reporting."""
+        return (self.numbers(element, key, 1, what, (default,), MAX_NUMBER) or (0.0,))[0]
 
     def _angle(self, value: float) -> float:
         return math.radians(value) if self.degrees else value
@@ -300,18 +302,14 @@ class MjcfDocument(ExtensionDocument):
         given = [key for key in _ORIENTATIONS if key in element.attrib]
         if len(given) > 1:
             self.problem(element, f"{what}: gives its orientation twice ({', '.join(given)}); expected one of them")
-        if not given and "quat" not in element.attrib:
-            return np.eye(3)
         key = given[0] if given else "quat"
-        count = _ORIENTATIONS.get(key, 4)
-        numbers = self.numbers(element, key, count, what, largest=MAX_NUMBER)
-        if numbers is None:
-            return np.eye(3)
-        rotation = self._rotation(key, np.array(numbers))
-        if rotation is None:
+        none = (1.0, 0.0, 0.0, 0.0)  # where the element says nothing
+        numbers = self.numbers(element, key, _ORIENTATIONS.get(key, 4), what, none, MAX_NUMBER)
+        if numbers is not None and (rotation := self._rotation(key, np.array(numbers))) is not None:
+            return rotation
+        if numbers is not None:
             self.problem(element, f'{what}: {key}="{element.get(key)[:60]}" has no direction')
-            return np.eye(3)
-        return rotation
+        return np.eye(3)
 
     def _rotation(self, key: str, values: Array) -> Array | None:
         if key == "euler":
@@ -322,20 +320,17 @@ class MjcfDocument(ExtensionDocument):
                 rotation = rotation @ turn if letter.islower() else turn @ rotation
             return rotation
         if key == "quat":
-            norm = np.linalg.norm(values)
-            return None if norm < 1e-9 else pin.Quaternion(*(values / norm)).matrix()
-        if key == "axisangle":
-            axis = _unit(values[:3])
-            return None if axis is None else pin.AngleAxis(self._angle(values[3]), axis).matrix()
-        if key == "xyaxes":
-            x = _unit(values[:3])
-            if x is None:
-                return None
-            y = _unit(values[3:] - (values[3:] @ x) * x)
-            return None if y is None else np.column_stack((x, y, np.cross(x, y)))
-        z = _unit(values)
-        if z is None:
+            turned = _unit(values)
+            return None if turned is None else pin.Quaternion(*turned).matrix()
+        first = _unit(values[:3])
+        if first is None:
             return None
+        if key == "axisangle":
+            return pin.AngleAxis(self._angle(values[3]), first).matrix()
+        if key == "xyaxes":
+            y = _unit(values[3:] - (values[3:] @ first) * first)
+            return None if y is None else np.column_stack((first, y, np.cross(first, y)))
+        z = first
         sine = np.hypot(z[0], z[1])
         # The smallest turn that takes z there; of half a turn, the one about x.
         axis = np.array([-z[1], z[0], 0.0]) / sine if sine > 1e-12 else np.array([1.0, 0.0, 0.0])
@@ -346,7 +341,7 @@ class MjcfDocument(ExtensionDocument):
     def read_bodies(self) -> None:
         """Fill `bodies`: the world first, parents before children, in the order of the file."""
         self.classes = self._classes()
-        self.bodies = [Body(WORLD, None, np.eye(4), np.eye(4))]
+        self.bodies = [DrawnBody(WORLD, None, np.eye(4), np.eye(4))]
         self.lines_of_names = {("body", WORLD): None}
         for world in self.root.findall("worldbody"):
             self._gather(world, self.bodies[0], np.eye(4), world.get("childclass", ""))
@@ -366,14 +361,14 @@ class MjcfDocument(ExtensionDocument):
         self.lines_of_names[kind, name] = element.sourceline
         return name
 
-    def _gather(self, element: etree._Element, body: Body, at: Array, childclass: str) -> None:
+    def _gather(self, element: etree._Element, body: DrawnBody, at: Array, childclass: str) -> None:
         """Read the children of a body or of a <frame>, which stands at `at` in the body."""
         self.known_children(element, _BODY_PARTS, f"body '{body.name[:60]}'", ("inertial",))
         for child in element:
             if child.tag == "body":
                 name = self._name(child, "body", f"{body.name}_body" if body.parent else "body")
                 in_parent = at @ self._placement(child, f"body '{name[:60]}'")
-                inner = Body(name, body, in_parent, body.in_world @ in_parent)
+                inner = DrawnBody(name, body, in_parent, body.in_world @ in_parent)
                 self.bodies.append(inner)
                 self._gather(child, inner, np.eye(4), child.get("childclass", childclass))
             elif child.tag == "frame":
@@ -393,7 +388,7 @@ class MjcfDocument(ExtensionDocument):
                 hint = "load the model with MuJoCo and save it as one plain file (mj_saveLastXML)"
                 self.problem(child, f"<{child.tag}> in body '{body.name[:60]}' is not read; {hint}")
 
-    def _joint(self, element: etree._Element, body: Body, at: Array, childclass: str) -> None:
+    def _joint(self, element: etree._Element, body: DrawnBody, at: Array, childclass: str) -> None:
         merged = self._merged(element, childclass) if element.tag == "joint" else element
         name = self._name(element, "joint", f"{body.name}_joint")
         what = f"joint '{name[:60]}'"
@@ -411,26 +406,20 @@ class MjcfDocument(ExtensionDocument):
         limits, reference = (-math.inf, math.inf), 0.0
         if kind in ("hinge", "slide"):
             limits = self._limits(merged, kind, what)
-            given = self.numbers(merged, "ref", 1, what, (0.0,), MAX_NUMBER)
-            reference = given[0] if given else 0.0
-            if kind == "hinge":
-                reference = self._angle(reference)
+            reference = self._number(merged, "ref", what, 0.0)
+            reference = self._angle(reference) if kind == "hinge" else reference
         turned = at[:3, :3] @ np.array(axis or (0.0, 0.0, 1.0))
         position = (at @ np.append(self._vector(merged, "pos", what), 1.0))[:3]
         if kind == "free":
             position = np.zeros(3)
         line = element.sourceline
-        body.joints.append(Joint(name, kind, position, turned / np.linalg.norm(turned), limits, reference, line))
+        body.joints.append(DrawnJoint(name, kind, position, turned / np.linalg.norm(turned), limits, reference, line))
 
     def _limits(self, element: etree._Element, kind: str, what: str) -> tuple[float, float]:
+        ranged = "range" in element.attrib and self.settings.get("autolimits", "true") == "true"
         limited = element.get("limited", "auto")
-        if limited == "auto":
-            limited = (
-                "true" if "range" in element.attrib and self.settings.get("autolimits", "true") == "true" else "false"
-            )
-        if limited != "true":
-            return -math.inf, math.inf
-        given = self.numbers(element, "range", 2, what)
+        bounded = limited == "true" or (limited == "auto" and ranged)
+        given = self.numbers(element, "range", 2, what) if bounded else None
         if given is None:
             return -math.inf, math.inf
         low, high = (self._angle(value) if kind == "hinge" else value for value in given)
@@ -440,7 +429,7 @@ class MjcfDocument(ExtensionDocument):
 
     # -- masses ------------------------------------------------------------------------------------------------------
 
-    def _inertial(self, element: etree._Element, body: Body, at: Array) -> pin.Inertia | None:
+    def _inertial(self, element: etree._Element, body: DrawnBody, at: Array) -> pin.Inertia | None:
         what = f"inertial of body '{body.name[:60]}'"
         placed = at @ self._placement(element, what)
         mass = self.numbers(element, "mass", 1, what, largest=MAX_NUMBER)
@@ -456,15 +445,17 @@ class MjcfDocument(ExtensionDocument):
         if mass[0] < 0:
             self.problem(element, f"{what}: mass is {mass[0]:g} kg; expected >= 0")
             return None
-        principal = np.linalg.eigvalsh(moments)
+        principal, axes = np.linalg.eigh(moments)
         if principal[0] < -_ROUNDING * abs(principal[2]):
             given = ", ".join(f"{value:g}" for value in principal)
             self.problem(element, f"{what}: its principal moments of inertia are {given} kg m^2; expected >= 0")
             return None
+        if principal[0] < 0:  # by rounding
+            moments = axes @ np.diag(np.maximum(principal, 0.0)) @ axes.T
         rotation = placed[:3, :3]
-        return pin.Inertia(mass[0], placed[:3, 3], rotation @ _positive(moments) @ rotation.T)
+        return pin.Inertia(mass[0], placed[:3, 3], rotation @ moments @ rotation.T)
 
-    def _solid(self, geom: etree._Element, body: Body, at: Array) -> None:
+    def _solid(self, geom: etree._Element, body: DrawnBody, at: Array) -> None:
         """Add the mass of a geom of simple shape; MuJoCo uses it where a body has no <inertial>."""
         what = f"geom of body '{body.name[:60]}'"
         kind = "mesh" if "mesh" in geom.attrib and "type" not in geom.attrib else geom.get("type", "sphere")
@@ -479,19 +470,18 @@ class MjcfDocument(ExtensionDocument):
             placed = at @ placement(np.eye(3) if turn is None else turn, (first + second) / 2)
             half = float(np.linalg.norm(second - first)) / 2
             size = [size[0], half] if kind in ("capsule", "cylinder") else [size[0], size[0], half]
-        mass = self.numbers(geom, "mass", 1, what, (math.nan,), MAX_NUMBER) or (0.0,)
-        density = self.numbers(geom, "density", 1, what, (1000.0,), MAX_NUMBER) or (0.0,)
+        mass, density = self._number(geom, "mass", what, math.nan), self._number(geom, "density", what, 1000.0)
         shape = _SHAPES.get(kind)
         if shape is None or len(size) < shape.sizes or min(size[: shape.sizes]) <= 0:
-            if mass[0] != 0.0:
+            if mass != 0.0:
                 self.meshed.append(body.name)
             return
         size = size[: shape.sizes]
-        heavy = density[0] * shape.volume(*size) if math.isnan(mass[0]) else mass[0]
+        heavy = density * shape.volume(*size) if math.isnan(mass) else mass
         if heavy > 0:
             body.solids.append(pin.SE3(placed).act(shape.inertia(heavy, *size)))
 
-    def inertia(self, body: Body) -> pin.Inertia:
+    def inertia(self, body: DrawnBody) -> pin.Inertia:
         """Return a body's inertia in its own frame: what <inertial> says, else that of its geoms."""
         from_geoms = self._from_geoms
         if from_geoms != "true" and (body.inertia is not None or from_geoms == "false"):
@@ -521,7 +511,7 @@ class MjcfDocument(ExtensionDocument):
         loops: list[LoopDescription] = []
         coupled: list[CouplingDescription] = []
         names: set[str] = set()
-        for element in (child for equality in self.root.findall("equality") for child in equality):
+        for element in self.root.iterfind("equality/*"):
             defaults = self.classes.get(element.get("class", ""), {}).get("equality", {})
             shown = element.get("name", "")[:60]
             what = f"<{element.tag}> '{shown}'" if shown else f"<{element.tag}> on line {element.sourceline}"
@@ -576,10 +566,9 @@ class MjcfDocument(ExtensionDocument):
         """Return the two frames of a <connect> or <weld>, or None after reporting."""
         if "site1" in element.attrib or "site2" in element.attrib:
             sites = {name: (body, at) for body in self.bodies for name, at in body.sites.items()}
-            frames = [self._known(element, key, sites, "site", what) for key in ("site1", "site2")]
-            if None in frames:
+            first, second = (self._known(element, key, sites, "site", what) for key in ("site1", "site2"))
+            if first is None or second is None:
                 return None
-            first, second = ((body, at) for body, at in frames)
         else:
             bodies = {body.name: body for body in self.bodies}
             one = self._known(element, "body1", bodies, "body", what)
@@ -587,12 +576,11 @@ class MjcfDocument(ExtensionDocument):
             if one is None or two is None:
                 return None
             second_in_first = np.linalg.inv(one.in_world) @ two.in_world
-            at = np.eye(4)
             if element.tag == "connect":
                 anchor = self.numbers(element, "anchor", 3, what, largest=MAX_NUMBER)
                 if anchor is None:
                     return None
-                at[:3, 3] = anchor
+                at = placement(np.eye(3), np.array(anchor))
             else:
                 at, second_in_first = self._weld(element, what, second_in_first)
             # Both ends are where the first one is as drawn.
@@ -626,7 +614,7 @@ class MjcfDocument(ExtensionDocument):
         joints = {joint.name: joint for body in self.bodies for joint in body.joints}
         names: dict[str, None] = {}
         others = []
-        for element in (child for actuator in self.root.findall("actuator") for child in actuator):
+        for element in self.root.iterfind("actuator/*"):
             self.lines.setdefault("actuated", element.sourceline)
             key = next((key for key in ("joint", "jointinparent") if key in element.attrib), None)
             what = f"<{element.tag}> '{element.get('name', '')[:60]}'"
@@ -648,10 +636,7 @@ class MjcfDocument(ExtensionDocument):
         """Return the joint values of the key 'home', else of the first key with a qpos, else the drawn ones."""
         joints = [joint for body in self.bodies for joint in body.joints]
         home = {joint.name: joint.reference for joint in joints if joint.reference}
-        keys = [
-            key for frames in self.root.findall("keyframe") for key in frames.findall("key") if "qpos" in key.attrib
-        ]
-        keys.sort(key=lambda key: key.get("name") != "home")
+        keys = sorted(self.root.iterfind("keyframe/key[@qpos]"), key=lambda key: key.get("name") != "home")
         if not keys:
             return home
         size = sum(_JOINTS[joint.kind] for joint in joints)
@@ -679,12 +664,6 @@ def _filled(element: etree._Element, defaults: dict[str, str]) -> dict[str, str]
     if any(key in element.attrib for key in _ORIENTATIONS):
         values = {key: value for key, value in values.items() if key not in _ORIENTATIONS}
     return {**values, **element.attrib}
-
-
-def _positive(moments: Array) -> Array:
-    """Return moments of inertia without what rounding leaves below zero."""
-    values, axes = np.linalg.eigh(moments)
-    return moments if values[0] >= 0 else axes @ np.diag(np.maximum(values, 0.0)) @ axes.T
 
 
 def _unit(vector: Array) -> Array | None:

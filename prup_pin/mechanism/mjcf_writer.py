@@ -17,8 +17,9 @@ from ..numbers import number
 from ..spatial import Array, placement
 from .changes import JointDynamics
 from .extension import EXTENSION
+from .frames import LoopClosure
 from .joints import Joint
-from .mechanism import LoopClosure, Mechanism
+from .mechanism import Mechanism
 from .redrawn import SMALLEST_MOMENT
 from .writer import extension_of
 from .xml_file import words
@@ -245,7 +246,7 @@ class _Writer:
 
     def _free_motions(self, loop: LoopClosure) -> list[tuple[str, float]]:
         """Return the free motions in their order, and how far each is at home: slides first, then turns, cyclic."""
-        ends = [self.placements[frame.joint] @ frame.placement for frame in (loop.first, loop.second)]
+        ends = [frame.at(self.placements) for frame in (loop.first, loop.second)]
         apart = np.linalg.solve(*ends)
         motions = [(axis, float(apart[index, 3])) for index, axis in enumerate("xyz") if axis in loop.free]
         turning = [index for index, name in enumerate(("rx", "ry", "rz")) if name in loop.free]

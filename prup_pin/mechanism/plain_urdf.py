@@ -9,11 +9,11 @@ import pinocchio as pin
 from lxml import etree
 
 from ..errors import InputError
-from ..spatial import Array
 from .description import FrameDescription, LoopDescription
+from .frames import LoopClosure
 from .joints import Joint
-from .mechanism import LoopClosure, Mechanism
-from .redrawn import set_inertia, set_origin
+from .mechanism import Mechanism
+from .redrawn import fixed_link, joint_between, set_inertia
 from .writer import extension_of, urdf_of
 from .xml_file import words
 
@@ -55,7 +55,8 @@ class _PlainUrdf:
         names = {joint.name for joint in mechanism.joints} | set(self.carried.values())
         for name in mechanism.frame_names:
             if name not in names and name != "universe":
-                self._fixed(name, mechanism.frame(name).joint, mechanism.frame(name).placement)
+                frame = mechanism.frame(name)
+                fixed_link(self.root, name, self.carried[frame.joint], frame.placement)
         links = {str(link.get("name")): link for link in self.root.findall("link")}
         for part in mechanism.links:
             at = pin.SE3(mechanism.frame(part.name).placement)
@@ -69,10 +70,8 @@ class _PlainUrdf:
         low, high = (float(limit[joint.first_q]) for limit in self.mechanism.limits)
         free = endless or not np.isfinite([low, high]).all()
         kind = "continuous" if free and joint.turns else "prismatic" if joint.slides else "revolute"
-        element = etree.SubElement(self.root, "joint", name=joint.name, type=kind)
-        etree.SubElement(element, "parent", link=self.carried[int(model.parents[joint.id])])
-        etree.SubElement(element, "child", link=self.carried[joint.id])
-        set_origin(element, model.jointPlacements[joint.id].homogeneous)
+        links = self.carried[int(model.parents[joint.id])], self.carried[joint.id]
+        element = joint_between(self.root, joint.name, kind, links, model.jointPlacements[joint.id].homogeneous)
         etree.SubElement(element, "axis", xyz=words(joint.axis))
         limit = etree.SubElement(element, "limit", effort="0", velocity="0")
         if free and joint.slides:
@@ -85,17 +84,9 @@ class _PlainUrdf:
                 line = {"multiplier": repr(float(follower.ratio)), "offset": repr(float(follower.offset))}
                 etree.SubElement(element, "mimic", joint=follower.leader.name, **line)
 
-    def _fixed(self, name: str, body: int, at: Array) -> None:
-        """Add a link that is fixed to a joint's body, and placed at (4, 4) in the joint's frame."""
-        etree.SubElement(self.root, "link", name=name)
-        joint = etree.SubElement(self.root, "joint", name=f"{name}_joint", type="fixed")
-        etree.SubElement(joint, "parent", link=self.carried[body])
-        etree.SubElement(joint, "child", link=name)
-        set_origin(joint, at)
-
     def loop(self, loop: LoopClosure) -> LoopDescription:
         """Return a loop between links at its two ends, which are added."""
         names = f"{loop.name}_end_1", f"{loop.name}_end_2"
         for name, frame in zip(names, (loop.first, loop.second), strict=True):
-            self._fixed(name, frame.joint, frame.placement)
+            fixed_link(self.root, name, self.carried[frame.joint], frame.placement)
         return LoopDescription(loop.name, FrameDescription(names[0]), FrameDescription(names[1]), loop.free)

@@ -26,9 +26,8 @@ from .description import (
 )
 from .extension import EXTENSION
 from .joint_types import replace_joint
-from .joints import Joint
 from .mechanism import Mechanism, with_lengths
-from .xml_file import parse_again, words
+from .xml_file import MOMENTS, moments_of, parse_again, words
 from .yielding import yielding_as
 
 #: Moments of inertia below zero by less than this share of the largest are rounding.
@@ -102,9 +101,7 @@ class _Drawing:
                 element = joint.find("axis")
                 axis = np.array([float(x) for x in ("1 0 0" if element is None else element.get("xyz")).split()])
                 way = value * axis / np.linalg.norm(axis)
-                slides = joint.get("type") == "prismatic"
-                motion = placement(np.eye(3), way) if slides else placement(rotation_exp(way), np.zeros(3))
-                set_origin(joint, origin_of(joint) @ motion)
+                set_origin(joint, origin_of(joint) @ _motion(way, joint.get("type") == "prismatic"))
             replace_joint(joint, "")
 
     def move_joints(self) -> None:
@@ -118,7 +115,7 @@ class _Drawing:
                 link = self.mechanism.frame(str(self.joints[name].find("parent").get("link"))).placement
                 at = np.linalg.inv(link) @ _displaced(link @ at, moved)
             if self.changes.zeros.get(name):
-                at = at @ _motion(joint, self.changes.zeros[name])
+                at = at @ _motion(self.changes.zeros[name] * joint.axis, joint.slides)
             set_origin(self.joints[name], at)
 
     def follow_zeros(self) -> None:
@@ -162,12 +159,7 @@ class _Drawing:
         while name in self.links or name in self.joints:
             name += "_"
         parent = frame if frame in self.links else str(self.joints[frame].find("child").get("link"))
-        link = etree.SubElement(self.root, "link", name=name)
-        joint = etree.SubElement(self.root, "joint", name=f"{name}_joint", type="fixed")
-        etree.SubElement(joint, "parent", link=parent)
-        etree.SubElement(joint, "child", link=name)
-        set_origin(joint, at)
-        self.links[name], self.joints[f"{name}_joint"] = link, joint
+        self.links[name], self.joints[f"{name}_joint"] = fixed_link(self.root, name, parent, at)
         return name
 
     def keep_beams(self, modules: Iterable[ModuleDescription], home: Array) -> Iterator[ModuleDescription]:
@@ -398,11 +390,23 @@ def _displaced(at: Array, displacement: Array) -> Array:
     return moved
 
 
-def _motion(joint: Joint, amount: float) -> Array:
-    """Return the motion (4, 4) of a joint of one freedom by an amount [rad or m]."""
-    if joint.slides:
-        return placement(np.eye(3), amount * joint.axis)
-    return placement(rotation_exp(amount * joint.axis), np.zeros(3))
+def _motion(way: Array, slides: bool) -> Array:
+    """Return the motion (4, 4) of a joint that slides by a way (3,) [m], or turns by a rotation vector [rad]."""
+    return placement(np.eye(3), way) if slides else placement(rotation_exp(way), np.zeros(3))
+
+
+def joint_between(root: etree._Element, name: str, kind: str, links: tuple[str, str], at: Array) -> etree._Element:
+    """Add a joint of a kind from a link to another, placed at (4, 4) in the first one's frame."""
+    joint = etree.SubElement(root, "joint", name=name, type=kind)
+    for tag, link in zip(("parent", "child"), links, strict=True):
+        etree.SubElement(joint, tag, link=link)
+    set_origin(joint, at)
+    return joint
+
+
+def fixed_link(root: etree._Element, name: str, parent: str, at: Array) -> tuple[etree._Element, etree._Element]:
+    """Add a link that is fixed to another one at (4, 4) in its frame; return it with its joint."""
+    return etree.SubElement(root, "link", name=name), joint_between(root, f"{name}_joint", "fixed", (parent, name), at)
 
 
 def origin_of(element: etree._Element) -> Array:
@@ -432,10 +436,9 @@ def inertia_of(link: etree._Element) -> pin.Inertia | None:
     if inertial is None:
         return None
     moments = inertial.find("inertia")
-    xx, xy, xz, yy, yz, zz = (float(moments.get(key)) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     at = origin_of(inertial)
     turn = at[:3, :3]
-    own = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
+    own = turn @ moments_of({key: float(moments.get(key)) for key in MOMENTS}) @ turn.T
     return pin.Inertia(float(inertial.find("mass").get("value")), at[:3, 3], own)
 
 
@@ -450,8 +453,7 @@ def set_inertia(link: etree._Element, inertia: pin.Inertia) -> None:
     etree.SubElement(inertial, "origin", xyz=words(inertia.lever), rpy="0 0 0")
     etree.SubElement(inertial, "mass", value=repr(float(inertia.mass)))
     moments = np.array(inertia.inertia)
-    named = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    etree.SubElement(inertial, "inertia", {key: repr(float(moments[place])) for key, place in named.items()})
+    etree.SubElement(inertial, "inertia", {key: repr(float(moments[place])) for key, place in MOMENTS.items()})
 
 
 def _body(parameters: Array) -> pin.Inertia | None:

@@ -59,9 +59,9 @@ def _apart(mechanism: Mechanism, seen: dict[str, np.ndarray]) -> dict[str, float
     """Return how far a link's placements from both readers differ, by name [m, rad]."""
     at, known = mechanism.placements(mechanism.home_configuration()), set(mechanism.frame_names)
     return {
-        name: float(np.abs(at[frame.joint] @ frame.placement - placed).max())
+        name: float(np.abs(mechanism.frame(name).at(at) - placed).max())
         for name, placed in seen.items()
-        if name in known and (frame := mechanism.frame(name))
+        if name in known
     }
 
 

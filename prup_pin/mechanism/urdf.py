@@ -29,7 +29,7 @@ from .description import (
 from .extension import EXTENSION, ExtensionDocument
 from .joint_types import JOINT_TYPES, replace_joint
 from .sidecar import Sidecar
-from .xml_file import MAX_JOINTS, MAX_NUMBER, Document
+from .xml_file import MAX_JOINTS, MAX_NUMBER, MOMENTS, Document, moments_of
 
 #: An attribute of several lines or with tabs.
 _BROKEN = re.compile(rb"=\s*(?:\"[^\"<>]*[\t\r\n][^\"<>]*\"|'[^'<>]*[\t\r\n][^'<>]*')")
@@ -74,7 +74,6 @@ _LISTED = 4
 _CLOSING = re.compile(r"closing_(?P<name>.+)_(?P<end>[12])")
 #: More links are no robot's, and every unknown name is compared with all of them.
 _MAX_LINKS = 10_000
-_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 #: Moments below zero by less, and sums that are too small by less, are dummies or rounded drawings [kg m^2, share].
 _SMALL_MOMENT, _ROUNDED = 1e-5, 0.05
 _XACRO = "{http://www.ros.org/wiki/xacro}"
@@ -438,7 +437,7 @@ def read_inertial(document: Document, link: etree._Element, name: str) -> str | 
 
 def _moments(document: Document, inertial: etree._Element, inertia: etree._Element | None, name: str) -> str | None:
     what = f"inertia of link '{name}'"
-    missing = [key for key in _MOMENTS if inertia is None or key not in inertia.attrib]
+    missing = [key for key in MOMENTS if inertia is None or key not in inertia.attrib]
     zeros = " ".join(f'{key}="0"' for key in missing)
     if inertia is None:
         document.problem(inertial, f"{what}: <inertia …/> is missing; where it does not matter: <inertia {zeros}/>")
@@ -447,12 +446,12 @@ def _moments(document: Document, inertial: etree._Element, inertia: etree._Eleme
         document.problem(inertia, f"{what}: {', '.join(missing)} missing; {lost}. Write {zeros} if that is meant")
     if inertia is None:
         return None
-    document.only(inertia, _MOMENTS, what)
-    given = [document.numbers(inertia, key, 1, what, largest=MAX_NUMBER) for key in _MOMENTS if key in inertia.attrib]
-    if missing or None in given:
+    document.only(inertia, tuple(MOMENTS), what)
+    there = [key for key in MOMENTS if key not in missing]
+    given = {key: found[0] for key in there if (found := document.numbers(inertia, key, 1, what, largest=MAX_NUMBER))}
+    if given.keys() != MOMENTS.keys():
         return None
-    xx, xy, xz, yy, yz, zz = (value[0] for value in given if value)
-    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    moments = np.linalg.eigvalsh(moments_of(given))
     lacking = max(-moments[0], moments[2] - moments[1] - moments[0])
     if lacking <= max(_SMALL_MOMENT, _ROUNDED * abs(moments).max()):
         return None

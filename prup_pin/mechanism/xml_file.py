@@ -6,13 +6,14 @@ import difflib
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from lxml import etree
 
-from ..errors import Problem, RobotFileError, folder_holds, nearest_names
+from ..errors import Problem, RobotFileError, nearest_names
+from ..files import opened
 from ..spatial import Array, placement, rotation_rpy
 from .description import MAX_PROBLEMS, RobotDescription
 
@@ -26,32 +27,27 @@ MAX_JOINTS = 2000
 MAX_NAME = 500
 #: Lengths in metres, masses in kilograms: beyond this, sums of them lose all digits.
 MAX_NUMBER = 1e9
+#: Moments of inertia by a URDF's names, and where they stand in the matrix.
+MOMENTS = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 #: Endings of tables.
 _TABLES = (".csv", ".tsv", ".txt")
+#: Blanks, and what may stand before the root element: an instruction or a comment.
+_ASIDE = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:<\?.*?\?>|<!--.*?-->)?", re.S)
 #: Names that are more alike than this are meant to be the same: orign, Mass, but not contact.
 _NEAR = 0.75
 
 
 def read_bytes(path: Path, limit: int = MAX_BYTES) -> bytes:
-    """Return the file's content, or raise RobotFileError. Files above `limit` bytes are refused unread."""
-    try:
-        if path.is_dir():
-            raise RobotFileError(path, [Problem("is a folder; expected a robot file (.urdf, .xml)")])
-        if path.exists() and not path.is_file():
-            raise RobotFileError(path, [Problem("is not a regular file; expected a robot file (.urdf, .xml)")])
-        content = b""
-        if path.stat().st_size <= limit:
-            with path.open("rb") as file:
-                content = file.read(limit + 1)
-        if not content or len(content) > limit:
-            size = "is empty" if path.stat().st_size == 0 else f"is larger than {limit / 2**20:g} MB"
-            raise RobotFileError(path, [Problem(f"{size}; expected a robot description, text of a few MB at most")])
-    except FileNotFoundError as error:
-        raise RobotFileError(path, [Problem(f"file not found.{folder_holds(path.parent, '.urdf', '.xml')}")]) from error
-    except OSError as error:
-        raise RobotFileError(path, [Problem(f"cannot be read: {error.strerror}")]) from error
-    except ValueError as error:  # a NUL character in the path
-        raise RobotFileError(path, [Problem(f"cannot be read: {error}")]) from error
+    """Return the file's content, or raise RobotFileError. Of files above `limit` bytes no more is read."""
+
+    def wrong(message: str) -> RobotFileError:
+        return RobotFileError(path, [Problem(message)])
+
+    with opened(path, "a robot file (.urdf, .xml)", (".urdf", ".xml"), wrong) as file:
+        content = file.read(limit + 1)
+    if not 0 < len(content) <= limit:
+        size = f"is larger than {limit / 2**20:g} MB" if content else "is empty"
+        raise wrong(f"{size}; expected a robot description, text of a few MB at most")
     return content
 
 
@@ -61,12 +57,16 @@ def parse(content: bytes, path: Path) -> etree._Element:
     The document must be UTF-8 whatever it declares, because Pinocchio reads it so. No entity is expanded, no DTD
     loaded and nothing fetched: a document that declares a DOCTYPE is refused before it is parsed.
     """
-    doctype = _doctype(content)
-    if re.match(rb"(?:\xef\xbb\xbf)?\s*(?:<!doctype\s+html|<html)\b", content[doctype or 0 :], re.I):
+    # a DOCTYPE can stand before the root element alone: of more, a comment may speak, and a large file is not searched
+    end = 0
+    while (aside := _ASIDE.match(content, end)) is not None and aside.end() > end:
+        end = aside.end()
+    doctype = content[end : end + 9].upper() == b"<!DOCTYPE"
+    if re.match(rb"(?:\xef\xbb\xbf)?\s*(?:<!doctype\s+html|<html)\b", content[end if doctype else 0 :], re.I):
         message = "is a page of HTML, as a server sends in place of a file; expected a robot file (URDF or MJCF)"
         raise RobotFileError(path, [Problem(message, 1)])
-    if doctype is not None:
-        line = content.count(b"\n", 0, doctype) + 1
+    if doctype:
+        line = content.count(b"\n", 0, end) + 1
         message = "declares a DOCTYPE; entities and external definitions are not read. Remove it"
         raise RobotFileError(path, [Problem(message, line)])
     try:
@@ -114,23 +114,12 @@ def words(values: Iterable[float]) -> str:
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
-def _doctype(content: bytes) -> int | None:
-    """Return where a DOCTYPE starts, or None. It can stand only before the root element, after comments and the like.
-
-    Looking there and nowhere else, a comment may speak of a DOCTYPE and a large file is not searched.
-    """
-    space = re.compile(rb"(?:\xef\xbb\xbf)?\s*")
-    position = 0
-    while True:
-        position = space.match(content, position).end()  # type: ignore[union-attr]
-        for start, end in ((b"<?", b"?>"), (b"<!--", b"-->")):
-            if content.startswith(start, position):
-                position = content.find(end, position + len(start)) + len(end)
-                if position < len(end):
-                    return None
-                break
-        else:
-            return position if content[position : position + 9].upper() == b"<!DOCTYPE" else None
+def moments_of(values: Mapping[str, float]) -> Array:
+    """Return moments of inertia (3, 3) by the names of `MOMENTS`."""
+    moments = np.zeros((3, 3))
+    for key, (row, column) in MOMENTS.items():
+        moments[row, column] = moments[column, row] = values[key]
+    return moments
 
 
 def _place(problem: Problem) -> tuple[str, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -172,18 +172,15 @@ class TestPlan:
                 raise InputError(
                     f"pose {k} moves {', '.join(pose)}; pose 0 moves {', '.join(names)}: expected the same"
                 )
+        poses, step = np.array([[float(pose[name]) for name in names] for pose in actuators]), self.encoder_resolution
+        poses = np.round(poses / step) * step if step else poses
         random = np.random.default_rng([self.seed, _LOAD_STREAM])
-        rows: list[Array] = []
-        wrenches: list[Array] = []
-        at = [None if load.poses is None else frozenset(load.poses) for load in self.loads]
-        for k, pose in enumerate(actuators):
-            position = self._encoded([float(pose[name]) for name in names])
-            applied = [load.wrenches(random) for load, poses in zip(self.loads, at, strict=True)
-                       if poses is None or k in poses]  # fmt: skip
-            at_pose = np.concatenate(applied) if applied else np.zeros((0, 6))
-            wrenches.append(at_pose)
-            rows.append(np.broadcast_to(position, (len(at_pose), len(names))))
-        table, wrench = np.concatenate(rows), np.concatenate(wrenches)
+        loads = [(load, None if load.poses is None else frozenset(load.poses)) for load in self.loads]
+        applied = [
+            [load.wrenches(random) for load, at in loads if at is None or k in at] for k in range(len(actuators))
+        ]
+        table = np.repeat(poses, [sum(map(len, wrenches)) for wrenches in applied], axis=0)
+        wrench = np.concatenate([np.zeros((0, 6)), *(each for wrenches in applied for each in wrenches)])
         n = len(table)
         if not n:
             raise InputError("the plan has no samples: no load programme runs at any pose")
@@ -202,10 +199,6 @@ class TestPlan:
             robot=self.robot,
             notes=self.notes,
         )
-
-    def _encoded(self, position: Sequence[float]) -> Array:
-        step = self.encoder_resolution
-        return np.round(np.array(position) / step) * step if step else np.array(position)
 
     def _actuator_positions(self, solve_pose: PoseSolver) -> Iterator[Mapping[str, float]]:
         random = np.random.default_rng([self.seed, _POSE_STREAM])
@@ -314,8 +307,11 @@ def write_plan(plan: TestPlan, path: str | Path) -> None:
     value: dict[str, Any] = {} if plan.robot is None else {"robot": written_beside(plan.robot, path)}
     if plan.notes:
         value["notes"] = plan.notes
-    value["poses"] = [_pose_json(pose) for pose in plan.poses]
-    value["loads"] = [_load_json(load) for load in plan.loads]
+    value["poses"] = [
+        {"random": _plain(pose)} if isinstance(pose, RandomPoses) else _plain(pose) for pose in plan.poses
+    ]
+    sizes = ("force", "moment")  # of random directions; a wrench has its own
+    value["loads"] = [_plain(load, *(sizes if load.wrench is not None else ())) for load in plan.loads]
     value["sample_interval"] = plan.sample_interval
     if isinstance(plan.temperature, tuple):
         value["temperature"] = {"from": plan.temperature[0], "to": plan.temperature[1]}
@@ -333,23 +329,15 @@ def write_plan(plan: TestPlan, path: str | Path) -> None:
     write_whole({Path(path): json_lines(value)})
 
 
-def _pose_json(pose: Poses) -> dict[str, Any]:
-    if isinstance(pose, ActuatorPose):
-        return {"actuators": dict(pose.actuators)}
-    if isinstance(pose, TaskPose):
-        return {"at": dict(pose.at)}
-    return {"random": {"count": pose.count, "bounds": {name: list(bound) for name, bound in pose.bounds.items()}}}
+def _plain(item: Poses | LoadProgramme, *without: str) -> dict[str, Any]:
+    """Return what a pose or a load programme is given by, as JSON has it, but for some of its fields."""
 
+    def plain(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {name: plain(inner) for name, inner in value.items()}
+        return list(value) if np.ndim(value) else value
 
-def _load_json(load: LoadProgramme) -> dict[str, Any]:
-    value: dict[str, Any] = {"cycle": list(load.cycle)}
-    if load.wrench is not None:
-        value["wrench"] = dict(load.wrench)
-    else:
-        value |= {"random_directions": load.random_directions, "force": load.force, "moment": load.moment}
-    if load.poses is not None:
-        value["poses"] = list(load.poses)
-    return value
+    return {name: plain(value) for name, value in vars(item).items() if value is not None and name not in without}
 
 
 class _PlanReader(ValueReader):

@@ -6,12 +6,14 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any, BinaryIO, TypeGuard
 
-from ..errors import Problem, RecordingFileError, folder_holds, nearest_names
+from ..errors import Problem, RecordingFileError, nearest_names
+from ..files import opened
 
 #: More than anybody repairs by hand; what is wrong in a thousand places is wrong in one way.
 MAX_PROBLEMS = 100
@@ -107,40 +109,26 @@ def shown(text: object, limit: int = MAX_SHOWN) -> str:
     return line if len(line) <= limit else line[: limit - 1] + "…"
 
 
-def check_readable(path: Path, what: str, endings: Iterable[str]) -> None:
+def _opened(path: Path, what: str, endings: Sequence[str]) -> AbstractContextManager[BinaryIO]:
+    return opened(path, what, endings, lambda message: RecordingFileError(path, [Problem(message)]))
+
+
+def check_readable(path: Path, what: str, endings: Sequence[str]) -> None:
     """Raise RecordingFileError where there is no file of some size. `what` says in words what was expected."""
-    endings = tuple(endings)
-
-    def refuse(message: str) -> RecordingFileError:
-        return RecordingFileError(path, [Problem(message)])
-
-    try:
-        if path.is_dir():
-            raise refuse(f"is a folder; expected {what}")
-        if path.exists() and not path.is_file():
-            raise refuse(f"is not a regular file; expected {what}")
-        with path.open("rb") as file:
-            blank = not re.search(rb"[^\xef\xbb\xbf\s]", file.read(_HEAD))
-        if blank and (path.stat().st_size <= _HEAD or not re.search(rb"[^\xef\xbb\xbf\s]", path.read_bytes())):
-            raise refuse(f"is empty; expected {what}")
-    except FileNotFoundError as error:
-        raise refuse(f"file not found.{folder_holds(path.parent, *endings)}") from error
-    except OSError as error:
-        raise refuse(f"cannot be read: {error.strerror}") from error
-    except ValueError as error:  # a NUL character in the path
-        raise refuse(f"cannot be read: {error}") from error
+    with _opened(path, what, endings) as file:
+        # the head first, which is not read again where it holds anything
+        if not any(re.search(rb"[^\xef\xbb\xbf\s]", file.read(size)) for size in (_HEAD, -1)):
+            raise RecordingFileError(path, [Problem(f"is empty; expected {what}")])
 
 
-def read_bytes(path: Path, what: str, endings: Iterable[str]) -> bytes:
+def read_bytes(path: Path, what: str, endings: Sequence[str]) -> bytes:
     """Return a file's content, or raise RecordingFileError. `what` says in words what was expected."""
     check_readable(path, what, endings)
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            message = f"is larger than {MAX_BYTES / 2**30:g} GB; split it into several files"
-            raise RecordingFileError(path, [Problem(message)])
-        return path.read_bytes()
-    except OSError as error:
-        raise RecordingFileError(path, [Problem(f"cannot be read: {error.strerror}")]) from error
+    if path.stat().st_size > MAX_BYTES:
+        message = f"is larger than {MAX_BYTES / 2**30:g} GB; split it into several files"
+        raise RecordingFileError(path, [Problem(message)])
+    with _opened(path, what, endings) as file:
+        return file.read()
 
 
 def read_json_object(path: Path, what: str, problems: Problems) -> dict[str, Any]:

@@ -87,8 +87,7 @@ def _units(recording: Recording) -> Iterator[str]:
     if force > 1 and moment > _LONGEST_LEVER * force:
         yield (
             f"w.mx w.my w.mz reach {number(moment, 4)} N m at forces up to {number(force, 4)} N, a lever of "
-            f"{number(moment / force, 3)} m: "
-            "are they N mm, 1000 times too large? Expected N m."
+            f"{number(moment / force, 3)} m: are they N mm, 1000 times too large? Expected N m."
         )
     if recording.temperature is not None:
         temperature = recording.temperature
@@ -172,8 +171,7 @@ def _noise(recording: Recording) -> Iterator[str]:
         if 0 < spread < 0.9 * noise:
             yield (
                 f"{name}_noise is declared as {number(noise, 3)} {unit}, but the whole recording varies by "
-                f"{number(spread, 3)} only "
-                "(standard deviation): is its unit right?"
+                f"{number(spread, 3)} only (standard deviation): is its unit right?"
             )
         steps = np.diff(known, axis=0)[same]
         steps = steps[np.isfinite(steps)]
@@ -182,7 +180,6 @@ def _noise(recording: Recording) -> Iterator[str]:
         repeat = float(np.sqrt(np.mean(steps**2) / 2))
         if noise < repeat / 100:
             yield (
-                f"{name}_noise is declared as {number(noise, 3)} {unit}, but samples at the same actuator "
-                "positions and load "
-                f"differ by {number(repeat, 3)} (standard deviation): is its unit right?"
+                f"{name}_noise is declared as {number(noise, 3)} {unit}, but samples at the same actuator positions "
+                f"and load differ by {number(repeat, 3)} (standard deviation): is its unit right?"
             )

@@ -117,12 +117,10 @@ class Form:
         return is_known(name) or name in self.coordinates
 
 
-def rows_in(path: Path) -> int:
-    """Return about how many rows a table has; 0 where it is too short to matter."""
-    if path.stat().st_size <= _BLOCK // 8:
-        return 0
+def rows_in(path: Path, before: int = 1) -> int:
+    """Return about how many rows a table has below some lines."""
     with path.open("rb") as file:
-        return sum(block.count(b"\n") for block in iter(lambda: file.read(_BLOCK), b"")) - 1
+        return sum(block.count(b"\n") for block in iter(lambda: file.read(_BLOCK), b"")) - before
 
 
 def blocks(path: Path, problems: Problems, whole: bool) -> Iterator[tuple[int, bytes]]:

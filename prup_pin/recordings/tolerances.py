@@ -6,7 +6,8 @@ docs/tolerances.md describes them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 from ..errors import InputError
 from ..parameters import SMALLEST_TOLERANCE
@@ -43,83 +44,58 @@ _SECONDS = 0.2
 #: A tracker may stand anywhere in a hall and be turned anyhow, a marker sit anywhere on a link and any way round.
 _ANYWHERE, _ANY_WAY, _ON_A_LINK = 100.0, 3.2, 1.0
 
-#: Every key, in the order of the documentation. Each member of a kind is off for itself.
-KINDS_OF_TOLERANCE = (
-    KindOfTolerance("stiffness", "relative",
-                    "every stiffness of a machine element: bearings, nuts, screws, belts, motors, springs",
-                    _RELATIVE, 0.1, "springs are softer or stiffer than the robot file has them"),
-    KindOfTolerance("bending", "relative", "EI of every beam", _RELATIVE, 0.03,
-                    "beams bend more or less than the robot file has them"),
-    KindOfTolerance("mass", "relative", "mass of every link", _RELATIVE, 0.1),
-    KindOfTolerance("inertia", "relative", "inertia of every link", _RELATIVE, 0.1),
-    KindOfTolerance("position", "m", "drawn origin of every joint, loop frame and base point, each direction",
-                    _METRES, 5e-5, "places and directions of joints differ from the robot file"),
-    KindOfTolerance("direction", "rad", "drawn direction of every joint axis and beam, about both axes across",
-                    _RADIANS, 2e-4, "places and directions of joints differ from the robot file"),
-    KindOfTolerance("encoder_offset", "m, rad", "zero of every actuated joint, in the joint's unit", _RADIANS, 5e-5,
-                    "the zeros of joints are off"),
-    KindOfTolerance("encoder_slope", "relative",
-                    "scale of every actuated joint (lead of a screw, tooth count of a belt)", _RELATIVE, 1e-4,
-                    "joints turn by another ratio than their encoders say"),
-    KindOfTolerance("encoder_delay", "s", "age of the position that each actuated joint reports, against the others",
-                    _SECONDS, 3e-4, "encoders report late, or early"),
-    KindOfTolerance("pose_delay", "s", "age of all reported positions against the measured poses", _SECONDS, 1e-3,
-                    "encoders and pose sensor have clocks of their own"),
-    KindOfTolerance("frame_position", "m", "origin of the pose sensor's frame against the base frame", _ANYWHERE, 3e-4,
-                    "the pose sensor stands elsewhere"),
-    KindOfTolerance("frame_rotation", "rad", "axes of the pose sensor's frame against the base frame", _ANY_WAY, 1e-3,
-                    "the pose sensor stands elsewhere"),
-    KindOfTolerance("target_position", "m", "measured target against the tool frame, and each marker against its frame",
-                    _ON_A_LINK, 3e-4, "markers are off their frames"),
-    KindOfTolerance("target_rotation", "rad", "axes of the measured target against the tool frame", _ANY_WAY, 1e-3,
-                    "markers are off their frames"),
-    KindOfTolerance("wrench_gain", "relative", "scale of each component of the wrench sensor", _RELATIVE, 0.01,
-                    "the wrench sensor tells another load than acts"),
-    KindOfTolerance("wrench_rotation", "rad", "axes of the wrench sensor against the base frame", _RADIANS, 5e-3,
-                    "the wrench sensor tells another load than acts"),
-    KindOfTolerance("wrench_bias_force", "N", "zero of each force of the wrench sensor", _LOADS, 0.5),
-    KindOfTolerance("wrench_bias_moment", "N m", "zero of each moment of the wrench sensor", _LOADS, 0.02),
-    KindOfTolerance("effort_gain", "relative", "scale of the effort of each actuated joint", _RELATIVE, 0.05),
-    KindOfTolerance("effort_bias", "N or N m", "zero of the effort of each actuated joint", _LOADS, 1.0),
-)  # fmt: skip
 
-
-#: What a recording may have for itself beside others of the same device -> the kinds that are then its own.
-SENSORS = {
-    "pose_sensor": ("frame_position", "frame_rotation"),
-    "target": ("target_position", "target_rotation"),
-    "wrench_sensor": ("wrench_gain", "wrench_rotation", "wrench_bias_force", "wrench_bias_moment"),
-    "encoders": ("encoder_offset",),
-}
+def _kind(unit: str, description: str, largest: float, typical: float, all_over: str = "") -> Any:
+    """Return a field of `Tolerances` with what a `KindOfTolerance` says of it beside its name."""
+    return field(default=None, metadata={"kind": (unit, description, largest, typical, all_over)})
 
 
 @dataclass(frozen=True, repr=False)
 class Tolerances:
     """One standard deviation per kind of deviation from the drawing; None: the drawing is taken at its word.
 
-    Units and meaning are those of `KINDS_OF_TOLERANCE`.
+    Each member of a kind is off for itself. The kinds stand in the order of the documentation.
     """
 
-    stiffness: float | None = None  # relative
-    bending: float | None = None  # relative
-    mass: float | None = None  # relative
-    inertia: float | None = None  # relative
-    position: float | None = None  # m
-    direction: float | None = None  # rad
-    encoder_offset: float | None = None  # m or rad, the joint's unit
-    encoder_slope: float | None = None  # relative
-    encoder_delay: float | None = None  # s
-    pose_delay: float | None = None  # s
-    frame_position: float | None = None  # m
-    frame_rotation: float | None = None  # rad
-    target_position: float | None = None  # m
-    target_rotation: float | None = None  # rad
-    wrench_gain: float | None = None  # relative
-    wrench_rotation: float | None = None  # rad
-    wrench_bias_force: float | None = None  # N
-    wrench_bias_moment: float | None = None  # N m
-    effort_gain: float | None = None  # relative
-    effort_bias: float | None = None  # N or N m, the joint's unit
+    # fmt: off
+    stiffness: float | None = _kind(
+        "relative", "every stiffness of a machine element: bearings, nuts, screws, belts, motors, springs",
+        _RELATIVE, 0.1, "springs are softer or stiffer than the robot file has them")
+    bending: float | None = _kind("relative", "EI of every beam",
+        _RELATIVE, 0.03, "beams bend more or less than the robot file has them")
+    mass: float | None = _kind("relative", "mass of every link", _RELATIVE, 0.1)
+    inertia: float | None = _kind("relative", "inertia of every link", _RELATIVE, 0.1)
+    position: float | None = _kind("m", "drawn origin of every joint, loop frame and base point, each direction",
+        _METRES, 5e-5, "places and directions of joints differ from the robot file")
+    direction: float | None = _kind("rad", "drawn direction of every joint axis and beam, about both axes across",
+        _RADIANS, 2e-4, "places and directions of joints differ from the robot file")
+    encoder_offset: float | None = _kind("m, rad", "zero of every actuated joint, in the joint's unit",
+        _RADIANS, 5e-5, "the zeros of joints are off")
+    encoder_slope: float | None = _kind(
+        "relative", "scale of every actuated joint (lead of a screw, tooth count of a belt)",
+        _RELATIVE, 1e-4, "joints turn by another ratio than their encoders say")
+    encoder_delay: float | None = _kind("s", "age of the position that each actuated joint reports, against the others",
+        _SECONDS, 3e-4, "encoders report late, or early")
+    pose_delay: float | None = _kind("s", "age of all reported positions against the measured poses",
+        _SECONDS, 1e-3, "encoders and pose sensor have clocks of their own")
+    frame_position: float | None = _kind("m", "origin of the pose sensor's frame against the base frame",
+        _ANYWHERE, 3e-4, "the pose sensor stands elsewhere")
+    frame_rotation: float | None = _kind("rad", "axes of the pose sensor's frame against the base frame",
+        _ANY_WAY, 1e-3, "the pose sensor stands elsewhere")
+    target_position: float | None = _kind(
+        "m", "measured target against the tool frame, and each marker against its frame",
+        _ON_A_LINK, 3e-4, "markers are off their frames")
+    target_rotation: float | None = _kind("rad", "axes of the measured target against the tool frame",
+        _ANY_WAY, 1e-3, "markers are off their frames")
+    wrench_gain: float | None = _kind("relative", "scale of each component of the wrench sensor",
+        _RELATIVE, 0.01, "the wrench sensor tells another load than acts")
+    wrench_rotation: float | None = _kind("rad", "axes of the wrench sensor against the base frame",
+        _RADIANS, 5e-3, "the wrench sensor tells another load than acts")
+    wrench_bias_force: float | None = _kind("N", "zero of each force of the wrench sensor", _LOADS, 0.5)
+    wrench_bias_moment: float | None = _kind("N m", "zero of each moment of the wrench sensor", _LOADS, 0.02)
+    effort_gain: float | None = _kind("relative", "scale of the effort of each actuated joint", _RELATIVE, 0.05)
+    effort_bias: float | None = _kind("N or N m", "zero of the effort of each actuated joint", _LOADS, 1.0)
+    # fmt: on
 
     def __post_init__(self) -> None:
         for kind in KINDS_OF_TOLERANCE:
@@ -136,6 +112,16 @@ class Tolerances:
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         return {name: value for name, value in values.items() if value is not None}
 
+
+#: Every kind, in the order of the documentation.
+KINDS_OF_TOLERANCE = tuple(KindOfTolerance(item.name, *item.metadata["kind"]) for item in fields(Tolerances))
+#: What a recording may have for itself beside others of the same device -> the kinds that are then its own.
+SENSORS = {
+    "pose_sensor": ("frame_position", "frame_rotation"),
+    "target": ("target_position", "target_rotation"),
+    "wrench_sensor": ("wrench_gain", "wrench_rotation", "wrench_bias_force", "wrench_bias_moment"),
+    "encoders": ("encoder_offset",),
+}
 
 #: What light arms and torsos are off whose zeros were set by eye, seen by a tracker that stands somewhere;
 #: docs/tolerances.md.
