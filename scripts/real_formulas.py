@@ -10,7 +10,7 @@ picture is of what both recordings ask for at the first one's joint.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -43,11 +43,19 @@ def low(recording: Recording, values: np.ndarray) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def left_of(robot: Robot, recording: Recording, joint: str, effects: Sequence[Effect]) -> float:
-    """Return the share of a joint's effort that a model leaves, in per cent."""
-    measured = recording.efforts[joint]
-    left = measured - simulate(robot, recording, effects).efforts[joint]
-    return 100 * float(np.linalg.norm(low(recording, left)) / np.linalg.norm(low(recording, measured)))
+def left_of(
+    robot: Robot, recording: Recording, effects: Sequence[Effect], band: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the share of each joint's effort that a model leaves, in per cent; band: by which it was found."""
+    predicted = simulate(robot, recording, effects, band=band).efforts
+    left = {name: low(recording, measured - predicted[name]) for name, measured in recording.efforts.items()}
+    whole = {name: low(recording, measured) for name, measured in recording.efforts.items()}
+    return {name: 100 * float(np.linalg.norm(left[name]) / np.linalg.norm(whole[name])) for name in left}
+
+
+def told(shares: Mapping[str, float]) -> str:
+    """Return shares by joint in words."""
+    return ", ".join(f"{name} {share:.2f} %" for name, share in shares.items())
 
 
 def picture(robot: Robot, found: Diagnosis, item: Proposal, logs: dict[str, Recording]) -> Figure:
@@ -60,7 +68,10 @@ def picture(robot: Robot, found: Diagnosis, item: Proposal, logs: dict[str, Reco
     figure = page_figure(4.2, False, f"{joint}: tau = {item.text}")
     sides = figure.subplots(1, 2, sharey=True)
     for (name, log), colour in zip(logs.items(), (AFTER, "#E07B00"), strict=True):
-        plain, whole = (simulate(robot, log, effects).efforts[joint] for effects in (found.effects, item.effects))
+        plain, whole = (
+            simulate(robot, log, effects, band=found.efforts.band).efforts[joint]
+            for effects in (found.effects, item.effects)
+        )
         q = log.positions[joint]
         speed = sosfiltfilt(
             butter(2, 20.0, fs=1 / np.median(np.diff(log.time)), output="sos"), np.gradient(q, log.time)
@@ -98,11 +109,11 @@ def main() -> None:
     found = diagnose(robot, fit, propose=list(fit.efforts) if options.everywhere else True)
     print(found.verdict, *(f"{item.physics} at {item.location}" for item in found.findings), sep="\n  ")
     plain = [effect for effect in found.effects if effect.law.physics != "unknown"]
-    for joint in fit.efforts:
-        shares = [left_of(robot, held, joint, effects) for effects in (plain, found.effects)]
-        print(f"{joint}: left {shares[0]:.2f} % by laws, {shares[1]:.2f} % with curves")
+    for by, effects in (("laws", plain), ("laws and curves", found.effects)):
+        print(f"left by {by}: {told(left_of(robot, held, effects, found.efforts.band))}")
     for item, (word, text) in zip(found.proposals, proposed_files(found.proposals, [options.fit]), strict=True):
-        print(f"{item.joint}: tau = {item.text}; left {left_of(robot, held, item.joint, item.effects):.2f} %")
+        print(f"{item.joint}: tau = {item.text}")
+        print(f"  left with it: {told(left_of(robot, held, item.effects, found.efforts.band))}")
         print(f"  {100 * item.share:.1f} % of the squares, the curve {100 * item.of_curve:.1f} %; {item.instead}")
         print(*(f"  or {other.text}" for other in item.equals), *item.doubts, sep="\n")
         path = options.out / f"{word}.py"

@@ -1,7 +1,9 @@
 """What files and packages bring takes part wherever the package's own does; what cannot is refused in one sentence."""
 
+import json
 import os
 import pickle
+import re
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
@@ -297,14 +299,34 @@ def python(folder, *arguments):
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
-def test_the_example_package_brings_what_it_says_and_passes_its_own_tests(tmp_path):
+@pytest.fixture
+def example(tmp_path):
+    """The example package's folder, installed."""
     tomllib = pytest.importorskip("tomllib")
     example = ROOT / "examples" / "workshop_physics"
     project = tomllib.loads((example / "pyproject.toml").read_text())["project"]
     install(tmp_path, project["name"], project["version"], project["entry-points"], {})
     (tmp_path / "workshop_physics").symlink_to(example / "workshop_physics")
+    return example
+
+
+def test_the_example_package_brings_what_it_says_and_passes_its_own_tests(example, tmp_path):
     done = python(tmp_path, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull, str(example / "tests"))
     assert "5 passed" in done.stdout, done.stdout + done.stderr
+
+
+def test_a_diagnosis_names_the_law_of_the_example_package_and_draws_it_as_its_readme_says(example, tmp_path):
+    text = (example / "README.md").read_text(encoding="utf-8")
+    write, commands, told = re.findall(r"```(?:python|bash|text)\n(.*?)```", text, re.DOTALL)
+    assert not python(tmp_path, "-c", write).stderr
+    for command in commands.splitlines():
+        done = python(tmp_path, "-m", *command.replace("prup-pin", "prup_pin").split())
+        assert done.returncode == 0, done.stderr
+    assert " ".join(told.split()) in " ".join(done.stdout.split())
+    page = (tmp_path / "run_diagnosis/report.html").read_text(encoding="utf-8")
+    assert "quadratic drag at turntable: what the recording asks for, and what the law gives" in page
+    needs = json.loads((tmp_path / "run_diagnosis/corrected_model.json").read_text(encoding="utf-8"))["needs"]
+    assert [item["package"] for item in needs] == ["workshop-physics"]
 
 
 def test_a_package_that_cannot_be_used_is_named_and_so_is_what_it_shadows(tmp_path):

@@ -276,6 +276,7 @@ def diagnose(
     from ..files import write_folder
     from ..views.report.diagnosis_files import MODEL, check_before, write_diagnosis
     from ..views.text.bench_tests import print_diagnosis
+    from ..views.text.diagnosis_words import no_proposal_text
 
     out = Path(f"{file_name(bench.recordings[0].stem)}_diagnosis") if out is None else out
     folder_for(out, "--out")
@@ -297,7 +298,7 @@ def diagnose(
         write_folder(propose, laws, laws)
         written += [propose / name for name in laws]
         if not laws:
-            typer.echo("No formula is proposed: nothing unknown follows what a joint knows better than chance would.\n")
+            typer.echo(f"{no_proposal_text(found)}\n")
     list_written(written)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..errors import limits_heard
+from ..numbers import counted
 from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import as_recorded
@@ -113,7 +114,8 @@ def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, .
         remarks.append(f"{', '.join(quiet)} never moved: nothing of their friction, inertia or weight shows")
     rank, count = efforts.inertial_rank()
     if count:
-        remarks.append(f"this motion tells {rank} combinations of the {count} inertial parameters of the moving links")
+        of_all = f"of the {count} inertial parameters of the moving links"
+        remarks.append(f"this motion tells {counted(rank, 'combination')} {of_all}")
     start = efforts.start()
     _, rest, _ = gradients(start)
     size = np.sqrt(np.maximum(np.diag(rest), 0.0))

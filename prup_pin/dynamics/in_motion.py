@@ -175,8 +175,9 @@ class InMotion:
         return out
 
     def moves(self, joint: str) -> bool:
-        """Return whether a joint moves at all."""
-        return bool(np.ptp(self.position(joint)) > 0)
+        """Return whether a joint moves at all, by more than the rounding of filters."""
+        position = self.position(joint)
+        return bool(np.ptp(position) > _ROUNDING * np.abs(position).max())
 
     def shows(self, joint: str) -> bool:
         """Return whether an effort along a joint reaches a drive whose effort is compared."""

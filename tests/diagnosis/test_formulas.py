@@ -22,7 +22,7 @@ from prup_pin.simulation import simulate
 from prup_pin.simulation.model_file import effect_named
 from prup_pin.testing import check_law
 from prup_pin.views.drawing.diagnosis_figures import formula_figure
-from prup_pin.views.text.diagnosis_words import proposal_lines
+from prup_pin.views.text.diagnosis_words import no_proposal_text, proposal_lines
 from tests.reference.concealed import draw
 
 from .test_efforts import AXIS
@@ -232,7 +232,9 @@ def test_a_few_samples_are_refused_in_a_sentence(carriage, n):
 def test_of_a_joint_that_never_moved_nothing_is_proposed(carriage):
     still = recorded(bumped, n=1500)
     still = Recording(time=still.time, positions={"carriage": 0 * still.time + 0.01}, efforts=still.efforts)
-    assert not diagnose(carriage, still, propose=["carriage"]).proposals
+    found = diagnose(carriage, still, propose=["carriage"])
+    assert not found.proposals
+    assert no_proposal_text(found).startswith("No formula is proposed: the joints stand in every row")
 
 
 @pytest.mark.slow

@@ -172,7 +172,6 @@ GOOD = "return [signed_square(speed(at, self.joint))]"
         ('return [values["drag"] * speed(at, self.joint)]', "fails: KeyError: 'drag'"),
     ],
 )
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_a_formula_edited_into_nonsense_is_told_in_a_sentence(at, tmp_path, instead, said):
     law = fitted(Term("signed_square", Factor("speed", JOINT)), at)
     text = law_file(law, "bench.csv")
@@ -194,6 +193,10 @@ def test_a_formula_edited_into_nonsense_is_told_in_a_sentence(at, tmp_path, inst
         ('linear = ("coefficient",)', 'linear = "coefficient"', "linear is 'coefficient'; expected a tuple of names"),
         ("settled = ()", 'settled = ("width",)', r"settled is \('width',\); expected a tuple of names"),
         ('equation = "', 'equation = 3 or "', "equation is 3; expected a text"),
+        ("found = {", 'found = {"coefficient": (2.0, 1.0)} or {', r"\(2.0, 1.0\)}; expected two ends each"),
+        ("recorded = {", 'recorded = {("speed", "joint3"): (float("nan"), 1.0)} or {', "expected two ends each"),
+        ('joint = "joint3"', "joint = 3", "joint is 3; expected the name of a joint"),
+        ('neutral = {"coefficient": 0}', 'neutral = {"coefficient": 2}', "expected 0 for each of coefficient"),
     ],
 )
 def test_so_is_what_it_declares(at, tmp_path, before, instead, said):
@@ -213,7 +216,6 @@ def test_so_is_what_it_declares(at, tmp_path, before, instead, said):
         ("    of = 2", "    of = 20", "'deformation' fails: IndexError"),
     ],
 )
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_and_a_formula_of_a_module(tmp_path, before, instead, said):
     robot, loads = load("3prup"), np.linspace(-45.0, 45.0, 101)[:, None] * np.eye(6)[2]
     laws = strain_library("leg3/R_lambda", 2, loads, ("fx", "fy", "fz", "mx", "my", "mz"), robot.mechanism, 1e-5)

@@ -90,7 +90,9 @@ def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[F
         return [few]
     found = list(structure)
     if not found and final.recording.noise.effort:
-        found = list(_beyond_declared(residuals)) or list(_repeating(final))
+        unmoved = {finding.location: finding for finding in _unmoved(final, residuals)}
+        found = [unmoved.get(finding.location, finding) for finding in _beyond_declared(residuals)]
+        found = found or list(_repeating(final))
     elif not found:
         found = list(_unmoved(final, residuals)) or list(_varying(final)) or list(_repeating(final))
         found = found or list(_no_noise(final, residuals))

@@ -12,7 +12,7 @@ from ...laws import Effect, Place
 from ...laws.efforts import Body, curve_by_position
 from ...laws.efforts.deviations import effects_of_deviations
 from ...mechanism.assumed import masses_in_doubt
-from ...numbers import number
+from ...numbers import counted, number
 from ..diagnosis import Finding
 from .belongs import CHECK_ROBOT
 from .diagnosis import EffortDiagnosis
@@ -116,8 +116,8 @@ def _remarks_of(final: FinalState) -> list[str]:
     """Return remarks on the motion, and on what it cannot tell."""
     motion, efforts = final.motion, final.efforts
     remarks = list(motion.remarks)
-    counted = (motion.compared | motion.saturated)[efforts.kept].mean(axis=0)
-    still = [(name, 1 - share) for name, share in zip(final.at.driven, counted, strict=True) if share < 0.98]
+    compared = (motion.compared | motion.saturated)[efforts.kept].mean(axis=0)
+    still = [(name, 1 - share) for name, share in zip(final.at.driven, compared, strict=True) if share < 0.98]
     if still:
         (first, share), *others = still
         more = "".join(f", {name} in {number(100 * share, 2)} %" for name, share in others)
@@ -136,8 +136,8 @@ def _remarks_of(final: FinalState) -> list[str]:
     rank, count = efforts.inertial_rank()
     if count:
         remarks.append(
-            f"this motion determines {rank} combinations of the {count} inertial parameters of the moving links; "
-            "the others stay as drawn"
+            f"this motion determines {counted(rank, 'combination')} of the {count} inertial parameters of the moving "
+            "links; the others stay as drawn"
         )
     for term in final.laws:
         if term.law.body is Body.ALL_LINKS:

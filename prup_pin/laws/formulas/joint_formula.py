@@ -14,7 +14,7 @@ import numpy as np
 from ...dynamics import InMotion
 from ...errors import InputError
 from ...mechanism import Mechanism
-from ...numbers import number, quantity
+from ...numbers import counted, number, quantity
 from ...spatial import Array
 from ..efforts.effort_law import EFFORT, EffortLaw
 from ..efforts.variables import VARIABLES
@@ -85,7 +85,8 @@ class Proposed(Law):
     def blamed(self, name: str) -> Iterator[None]:
         """Turn what goes wrong in a function of the formula, which people edit, into an InputError that names both."""
         try:
-            yield
+            with np.errstate(all="ignore"):  # what is no number is told, once
+                yield
         except (ArithmeticError, AttributeError, LookupError, NameError, TypeError, ValueError) as error:
             raise InputError(
                 f"{self.physics}: '{name}' fails: {type(error).__name__}: {error}; correct the formula"
@@ -93,7 +94,8 @@ class Proposed(Law):
 
 
 def _are_ends(ends: Any) -> bool:
-    return isinstance(ends, tuple) and len(ends) == 2 and all(isinstance(end, float | int) for end in ends)
+    numbers = isinstance(ends, tuple) and len(ends) == 2 and all(isinstance(end, float | int) for end in ends)
+    return numbers and ends[0] <= ends[1]
 
 
 class JointFormula(Proposed, EffortLaw):
@@ -126,11 +128,15 @@ class JointFormula(Proposed, EffortLaw):
     def misdeclared(self) -> Iterator[str]:
         wrong = list(super().misdeclared())
         yield from wrong
+        if not isinstance(getattr(self, "joint", None), str):
+            yield f"joint is {getattr(self, 'joint', None)!r}; expected the name of a joint"
         names = [q.name for q in self.quantities]
         for what in ("linear", "settled"):
             own = getattr(self, what, None)
             if not isinstance(own, tuple) or (names and not set(own) <= set(names)):
                 yield f"{what} is {own!r}; expected a tuple of names of its quantities, {', '.join(names)}"
+            elif what == "linear" and any(self.neutral.get(name) != 0 for name in own):
+                yield f"neutral is {self.neutral!r}; expected 0 for each of {', '.join(own)}"
         if not wrong and (unknown := [name for name, _ in self.recorded if name not in KNOWN]):
             yield f"recorded names {', '.join(unknown)}; variables are {', '.join(KNOWN)}"
 
@@ -174,7 +180,7 @@ class JointFormula(Proposed, EffortLaw):
             raise InputError(f"{self.physics}: 'columns' returns arrays of the shapes {shapes}; {expected}")
         table = np.column_stack(columns) if columns else np.zeros((len(at), 0))
         if table.shape[1] != len(self.linear):
-            raise InputError(f"{self.physics}: 'columns' returns {table.shape[1]} columns; {expected}")
+            raise InputError(f"{self.physics}: 'columns' returns {counted(table.shape[1], 'column')}; {expected}")
         if not np.isfinite(table).all():
             sample = int(np.flatnonzero(~np.isfinite(table).all(axis=1))[0])
             told = "".join(f", {name} = {values[name]:g}" for name in self.settled if name in values)

@@ -465,6 +465,20 @@ def _end(value: float) -> str:
     return number(value, 4) if 1e-9 < abs(value) < 1e9 or value == 0 else f"{value:.1e}"
 
 
+def no_proposal_text(diagnosis: Diagnosis) -> str:
+    """Return why no formula is proposed, where it was asked for, as a sentence."""
+    unknown = [item for item in diagnosis.findings if item.physics == "unknown"]
+    if few := [item.statement for item in unknown if item.untold]:
+        why = few[0]
+    elif diagnosis.efforts is not None and diagnosis.efforts.standing:
+        why = "the joints stand in every row, and what follows a motion does not show"
+    elif unknown:
+        why = "what is unknown follows nothing that its place knows better than chance would"
+    else:
+        why = "nothing is unknown, and none surely does better than the laws that were found"
+    return f"No formula is proposed: {why}."
+
+
 def proposal_lines(proposal: Proposal) -> list[str]:
     """Return what is told of a proposed formula: it, its parameters, what equals it, doubts and what would tell."""
     ranges = [
