@@ -29,6 +29,8 @@ _KEPT, _LONG = 10.0, 40_000
 _TOUCHED = 1e-3
 #: ... and periods of the cut-off within which the filter brings what it is to others.
 _REACHED = 1.0
+#: A turn, and what noise and interpolation add to it [rad].
+_TURN = 2.2 * np.pi
 #: Positions and speeds are smoothed with a wider band than efforts: products of them are to be right within that.
 _WIDER = 2.0
 #: A joint stands still below this many times the noise of its speed, and below this share of its usual speed.
@@ -412,10 +414,13 @@ def _fewer(
 
 
 def _unwrapped(position: Array, names: tuple[str, ...], mechanism: Mechanism) -> Array:
-    """Return positions without the jumps by a turn that an encoder of an endless joint reports."""
+    """Return positions without the jumps by a turn that an encoder of an endless joint reports.
+
+    One that reports more than a turn takes none off: a motor's, before a gear and in degrees, goes fast.
+    """
     out = position.copy()
     for column, name in enumerate(names):
-        if mechanism.joint(name).turns:
+        if mechanism.joint(name).turns and np.ptp(position[:, column]) < _TURN:
             out[:, column] = np.unwrap(position[:, column])
     return out
 

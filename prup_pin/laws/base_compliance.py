@@ -15,6 +15,9 @@ from .law import Law, Place
 from .setup import Setup
 
 _AXES = "xyz"
+_SETTLED = Quantity(
+    "settled", "1", "share of its weight at home under which the base was measured", 1.0, False, upper=1
+)
 
 
 class BaseCompliance(Law):
@@ -32,17 +35,25 @@ class BaseCompliance(Law):
     quantities: ClassVar[tuple[Quantity, ...]] = (
         Quantity("translation", "m/N", "way of the base per force, in its direction", 1e-8, upper=1e-3),
         Quantity("rotation", "rad/(N m)", "turn of the base per moment, about its direction", 1e-6, upper=1e-1),
+        _SETTLED,
     )
+    optional = ("settled",)
     neutral: ClassVar = {"translation": 0.0, "rotation": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("base", self.variant)]
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
-        return [{"translation": 1e-8, "rotation": 1e-6}, {"translation": 1e-7, "rotation": 1e-8}]
+        return [
+            {"translation": 1e-8, "rotation": 1e-6, "settled": 0.5},
+            {"translation": 1e-7, "rotation": 1e-8, "settled": 0.5},
+        ]
+
+    def usual_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, tuple[float, float]]:
+        return {"settled": (0.5, 0.5)}
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        yield YieldingBase(tuple(map(tuple, np.diag(self._compliances(values)).tolist())))
+        yield YieldingBase(tuple(map(tuple, np.diag(self._compliances(values)).tolist())), values.get("settled", 1.0))
 
     def _compliances(self, values: Mapping[str, float]) -> Sequence[float]:
         """Return the compliance along and about the axes of the base [m/N, rad/(N m)], (6,)."""
@@ -66,14 +77,15 @@ class UnevenBaseCompliance(BaseCompliance):
             Quantity(f"rotation_{axis}", "rad/(N m)", f"turn per moment about {axis}", 1e-6, False, upper=1e-1)
             for axis in _AXES
         ),
+        _SETTLED,
     )
-    neutral: ClassVar = {quantity.name: 0.0 for quantity in quantities}
+    neutral: ClassVar = {quantity.name: 0.0 for quantity in quantities[:6]}
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
-        return [{quantity.name: float(quantity.default) for quantity in self.quantities}]  # type: ignore[arg-type]
+        return [{**{quantity.name: float(quantity.default) for quantity in self.quantities}, "settled": 0.5}]  # type: ignore[arg-type]
 
     def _compliances(self, values: Mapping[str, float]) -> Sequence[float]:
-        return [values[quantity.name] for quantity in self.quantities]
+        return [values[quantity.name] for quantity in self.quantities[:6]]
 
 
 def _told(compliances: np.ndarray, unit: str) -> str:

@@ -52,7 +52,7 @@ class Setup:
     mass_factors: dict[str, float] = field(default_factory=dict)  # of links
     yielding: dict[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)  # of joints, by name and way
     springs: list[Pull] = field(default_factory=list)
-    base: Array | None = None  # (6, 6), how the base gives way under all that acts, about its origin
+    base: Array | None = None  # (6, 12), how the base gives way under all that acts, and at home, about its origin
     weight: float = 0.0  # share of the links' weight that acts
     spread_weight: bool = False
     reports: list[PoseReport] = field(default_factory=list)

@@ -6,9 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
+import pinocchio as pin
 
 from ..mechanism import REFERENCE_TEMPERATURE, Mechanism
-from ..numbers import quantity
+from ..numbers import number, quantity
 from ..parameters import Quantity
 from ..spatial import Array
 from .deeds import Deed, ExtraStrain, Solved, Strain, Travel
@@ -90,6 +91,9 @@ class GrowthFromSupport(Law):
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
         return [{"expansion": 1e-5, "length": length} for length in (0.5, -0.5)]
 
+    def usual_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, tuple[float, float]]:
+        return {"length": (0.0, _extent(place, mechanism))}
+
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         column, _ = _held(setup.mechanism)[place.name]
         length = values["length"] + setup.inputs.actuators[:, column]
@@ -101,6 +105,9 @@ class GrowthFromSupport(Law):
         return Drawn(warm, at.first.by_travel(column), ("temperature", "growth"), ("°C", "m"))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        if abs(values["length"]) > _extent(place, mechanism):  # nothing of the robot grows from there
+            shift = number(1e6 * values["expansion"] * values["length"], 3)
+            return f"{place.name} is displaced as it warms up, by about {shift} µm/K, much alike wherever it stands"
         growth, length = quantity(values["expansion"], "1/K"), quantity(values["length"], "m")
         return f"{place.name} grows as it warms up, by {growth}, from a support {length} before its zero"
 
@@ -115,6 +122,17 @@ def _held(mechanism: Mechanism) -> dict[str, tuple[int, float]]:
             carried = int(mechanism.model.parents[joint.id]) > 0
             found[name] = column, float(placed.translation @ placed.rotation @ joint.axis) if carried else 0.0
     return found
+
+
+def _extent(place: Place, mechanism: Mechanism) -> float:
+    """Return how far off a support may stand [m]: as far as the robot's joints at home, or as the slide goes."""
+    model, data = mechanism.model, mechanism.model.createData()
+    pin.forwardKinematics(model, data, mechanism.home_configuration())
+    column, _ = _held(mechanism)[place.name]
+    at = mechanism.joint(mechanism.actuated[column]).first_q
+    ends = abs(float(model.lowerPositionLimit[at])), abs(float(model.upperPositionLimit[at]))
+    farthest = GrowthFromSupport.quantities[1].upper
+    return min(farthest, max(*ends, *(float(np.linalg.norm(joint.translation)) for joint in data.oMi)))
 
 
 def _grow(load: Array, extent: Array) -> tuple[Array, Array]:

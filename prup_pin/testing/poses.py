@@ -213,7 +213,9 @@ def check_refit(bench, law, place):
         return (change(poses(begun + x * scales), seen) * _LENGTH / max(apart, 1e-15)).ravel()
 
     bounds = (np.maximum((low - begun) / scales, -0.9), np.minimum((high - begun) / scales, 2.0) + 1e-9)
-    found = least_squares(left, np.zeros(len(begun)), bounds=bounds, diff_step=1e-4, xtol=1e-12, ftol=1e-12)
+    found = least_squares(
+        left, np.zeros(len(begun)), bounds=bounds, x_scale="jac", diff_step=1e-4, xtol=1e-12, ftol=1e-12
+    )
     largest = np.abs(found.fun).max()
     require(largest < _FOUND, f"The poses differ by {largest:.2g} of what the change makes.")
     told = np.linalg.svd(found.jac)[1]

@@ -19,6 +19,7 @@ from prup_pin.recordings.conventions import may_be_read
 from prup_pin.simulation import drawn_for
 from tests.reference.concealed import efforts
 from tests.reference.concealed.elastic import draw_elastic, write
+from tests.statics.build import RobotFile
 
 
 @pytest.fixture(scope="module")
@@ -329,6 +330,24 @@ def test_a_load_in_the_tool_is_no_other_unit_of_all_efforts(ur5, loaded_log):
     other = written(loaded_log, "tau=gain:0.1")
     at = InMotion.of(ur5, motion_of(other, ur5))
     assert not tool_load_would_do(at, dict.fromkeys(ur5.actuated, 0.15))
+
+
+@pytest.mark.parametrize("gain", [0.03, 0.105, 1.0, 2.0, 1000.0])
+def test_what_a_lone_drive_reports_per_newton_is_told_without_the_name_of_a_unit(gain, tmp_path):
+    """Currents of a slide were told as positions in inches, or as kilogram-force where they came near."""
+    file = RobotFile()
+    file.link("carriage", 20.0)
+    file.held("slide", "base", "carriage", axis=(1, 0, 0))
+    time, rng = np.arange(3000) * 0.005, np.random.default_rng(1)
+    rates = rng.uniform(1, 6, (4, 1))
+    q = (0.1 / rates * np.sin(rates * time + rng.uniform(0, 6, (4, 1)))).sum(axis=0)
+    speed = np.gradient(q, time)
+    force = 21 * np.gradient(speed, time) + 3 * speed + 2 * np.sign(speed) + rng.normal(0, 0.3, len(q))
+    log = Recording(time=time, positions={"slide": q}, efforts={"slide": gain * force})
+    found = conventions_of_efforts(file.load(tmp_path, "carriage").mechanism, log)
+    told = found.conventions if found else ()
+    assert [item.word for item in told] == ([] if 1 / 3 < gain < 100 else ["gain"])
+    assert all(item.argument[0] == pytest.approx(gain, rel=0.1) for item in told)
 
 
 def test_no_unit_is_looked_for_where_one_is_declared(ur5, recording):

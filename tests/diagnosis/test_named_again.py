@@ -144,6 +144,15 @@ def test_a_tolerance_without_effect_is_told():
     assert [text for text in found.remarks if "the tolerance inertia changes nothing here" in text]
 
 
+def test_a_base_that_was_measured_before_the_robot_stood_on_it_carries_all_of_its_weight():
+    """Whether a base's frame is where it stands loaded or bare nobody knows: no payload stands for the difference."""
+    soft = {"translation": 3e-8, "rotation": 3e-6, "settled": 0.0}
+    faults = ("base_compliance", "base", "", soft), ("self_weight", "robot", "", {"scale": 1.0})
+    found = diagnose(robot("six_ups"), recorded("six_ups", *faults))
+    assert [item.physics for item in found.findings] == ["base_compliance", "self_weight"]
+    assert found.findings[0].parameters["settled"].value < 0.3
+
+
 def test_a_spring_on_ground_that_gives_way_along_it_is_told_with_the_ground(tmp_path):
     """Loads along a lone slide cannot tell its spring from what it stands on."""
     file = RobotFile()

@@ -80,3 +80,20 @@ def test_nothing_is_compared_across_a_gap_or_from_run_to_run():
     runs = table(q=np.where(TIME < 4, 0.0, 0.2) + 1e-6 * RNG.normal(size=len(Q)))
     parted = replace(runs, run=(TIME >= 4).astype(int), run_names=("a", "b"))
     assert without_glitches(parted)[1] == ()
+
+
+def test_jumps_by_a_turn_are_taken_from_what_stays_within_one():
+    """A motor before its gear, in degrees, goes half a turn from row to row and was folded."""
+    arm = load("ur5")
+    time = np.arange(2000) * 0.004
+    names = arm.mechanism.actuated
+    still = {name: np.zeros(len(time)) for name in names[1:]}
+
+    def followed(turning):
+        log = Recording(time=time, positions={names[0]: turning, **still}, efforts={names[0]: np.sin(time)})
+        found = motion_of(log, arm.mechanism)
+        return found.position[:, 0] / np.interp(found.time, time, angle)
+
+    angle = 3 + 2.5 * np.sin(time)
+    np.testing.assert_allclose(followed((angle + np.pi) % (2 * np.pi) - np.pi), 1.0, atol=0.02)
+    np.testing.assert_allclose(followed(900 * angle), 900.0, atol=9.0)

@@ -184,6 +184,16 @@ def test_statement_is_a_sentence_for_people(name, law, place):
     check_statement(law, place, law.starts(place, mechanism)[0], mechanism)
 
 
+def test_growth_from_farther_off_than_the_robot_reaches_is_told_as_no_support():
+    (law,) = (law for law in LAWS if isinstance(law, GrowthFromSupport))
+    mechanism = robot("six_ups").mechanism
+    place = law.places(mechanism)[0]
+    near, far = (law.statement(place, {"expansion": 2e-6, "length": way}, mechanism) for way in (0.3, 4.5))
+    assert "from a support" in near
+    assert "support" not in far
+    assert "wherever it stands" in far
+
+
 @at_each_place
 def test_a_statement_tells_small_sizes_in_small_units(name, law, place):
     check_small_sizes(law, place, robot(name).mechanism)

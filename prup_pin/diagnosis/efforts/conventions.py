@@ -646,13 +646,17 @@ class _Search:
         most = float(np.mean(np.abs(apart) < alike)) > MOST and apart.min() > -alike
         if abs(np.log(usual)) < np.log(AS_GOOD) or not most:
             return None
-        unit = unit_of_all(usual, self.mechanism, self.motion.driven)
-        # of two drives a load may be so much larger as well
-        if unit.word == "gain" and (
-            len(sizes) < FEWEST_OF_KIND or tool_load_would_do(self.at, dict.fromkeys(self.motion.driven, usual))
-        ):
-            return None
+        # masses are known to tens of per cent: what only one drive tells has no unit's name
+        unit = unit_of_all(usual, self.mechanism, self.motion.driven) if len(sizes) > 1 else gain_of("tau", usual)
+        if unit.word == "gain":
+            # what one drive or two move may be many times as heavy as drawn, with rotors and loads, but not far lighter
+            few = len(sizes) < FEWEST_OF_KIND
+            would_do = FAR_LESS < usual < LITTLE**-2 if few else self._load_would_do(usual)
+            return None if would_do else unit
         return unit
+
+    def _load_would_do(self, gain: float) -> bool:
+        return tool_load_would_do(self.at, dict.fromkeys(self.motion.driven, gain))
 
     def _before_gears(self, first: float) -> Evidence | None:
         """Return that positions are the motors', before gears of one ratio; and efforts too, where these are so."""

@@ -25,14 +25,17 @@ class YieldingBase(Deed):
     """The base moves by (translation, turn) = compliance (6, 6) @ wrench about its origin, base axes [m/N, rad/(N m)].
 
     The wrench is all that acts on the robot: on the tool, by springs, and by weight. The base's frame is where it
-    stands while the robot is at home under its weight alone, which is how a bench is set up. The robot follows as one
-    body; that its parts bear a load that is turned against them is of second order and left out.
+    stands under the share `settled` of the robot's weight at home: 1 where it was measured with the robot on it, 0
+    where before. The robot follows as one body; that its parts bear a load that is turned against them is of second
+    order and left out.
     """
 
     compliance: tuple[tuple[float, ...], ...]
+    settled: float = 1.0
 
     def enter(self, setup: Setup) -> None:
-        own = np.array(self.compliance)
+        per = np.array(self.compliance)
+        own = np.concatenate((per, -self.settled * per), axis=1)
         setup.base = own if setup.base is None else setup.base + own
 
     @classmethod
@@ -48,7 +51,7 @@ class YieldingBase(Deed):
                 "base load",
                 lambda: _pull(at.setup, at.samples, structure, carried_along(before[:, None], placements)),
             )
-            nothing = np.zeros((6, 6))
+            nothing = np.zeros((6, 12))
             moved = load @ ((nothing if new is None else new) - (nothing if old is None else old)).T
         else:
             moved = base_motion(setup, at.samples, structure, placements) - before
@@ -70,14 +73,15 @@ def base_motion(setup: Setup, samples: np.ndarray, structure: Structure, placeme
 
 
 def _pull(setup: Setup, samples: np.ndarray, structure: Structure, placements: Array) -> Array:
-    """Return the wrench on the base about its origin beyond that of the weight at home, (n, 6)."""
+    """Return the wrench on the base about its origin, and that of the weight at home, (n, 12)."""
     loads = setup.loads(samples)
     wrench = loads_on_bodies(structure, placements, loads).sum(axis=1)
+    rest = np.zeros(6)
     if loads.gravity is not None:
         down = np.nanmean(np.reshape(setup.gravity(), (-1, 3)), axis=0) * setup.weight
-        rest = Conditions(np.zeros((1, 6)), gravity=down, mass_factors=loads.mass_factors)
-        wrench = wrench - loads_on_bodies(structure, _home(setup.mechanism)[None], rest)[0].sum(axis=0)
-    return np.asarray(wrench)
+        weight = Conditions(np.zeros((1, 6)), gravity=down, mass_factors=loads.mass_factors)
+        rest = loads_on_bodies(structure, _home(setup.mechanism)[None], weight)[0].sum(axis=0)
+    return np.concatenate((wrench, np.broadcast_to(rest, wrench.shape)), axis=1)
 
 
 def _pulled_alike(one: Setup, other: Setup) -> bool:
