@@ -61,6 +61,13 @@ def with_units_held(text: str) -> str:
     return _KEPT.sub(_HELD, text)
 
 
+def capital(text: str) -> str:
+    """Return a text as a sentence begins; one that begins with a column, a place or a name keeps its letters."""
+    first = text.partition(" ")[0]
+    named = any(letter in "/_." or letter.isdigit() for letter in first)
+    return text if named else f"{text[:1].upper()}{text[1:]}"
+
+
 def lines_of(text: str, width: int, first: str = "", then: str = "") -> list[str]:
     """Return a text broken into lines, in which a number keeps its unit.
 
