@@ -8,9 +8,7 @@ from __future__ import annotations
 import fnmatch
 import inspect
 import json
-import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
@@ -18,7 +16,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from .. import loading
-from ..errors import InputError, JointLimitWarning, UnknownNameError
+from ..errors import InputError, UnknownNameError, limits_heard
 from ..kinematics import ClosedPose
 from ..numbers import some
 from ..plugins import along, blaming
@@ -317,8 +315,7 @@ class Question:
             wrench = as_wrench(parse_assignments(self.wrench, WRENCH_DIMENSIONS, "--wrench", "component"))
         if self.at_load and wrench is None:
             raise InputError("--at-load needs the load: --wrench fx=300")
-        notes: list[str] = []
-        with limits_as_notes(notes):
+        with limits_heard() as heard:
             robot = self.reading.load(self.robot)
             changes = changes_of(robot, self.set_parameters or ())
             if changes:
@@ -328,8 +325,7 @@ class Question:
             if frame is not None:
                 robot.mechanism.frame(frame)
             pose, source, kept = _pose(robot, self.at, self.actuators)
-        if kept:
-            notes.append(f"not given, so at home: {', '.join(some(kept))}")
+        notes = [*heard, *([f"not given, so at home: {', '.join(some(kept))}"] if kept else [])]
         return Case(robot, pose, source, wrench, wrench if self.at_load else None, changes, notes)
 
 
@@ -341,19 +337,6 @@ class Sight(Question):
         str | None,
         typer.Option(metavar="fx=300,mz=100", help="Load on the tool, base axes. Without it no deflection is drawn."),
     ] = None
-
-
-@contextmanager
-def limits_as_notes(notes: list[str]) -> Iterator[None]:
-    """Collect warnings about joint limits; others go their way."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", JointLimitWarning)
-        yield
-    for item in caught:
-        if issubclass(item.category, JointLimitWarning):
-            notes.append(str(item.message))
-        else:
-            warnings.warn_explicit(item.message, item.category, item.filename, item.lineno)
 
 
 def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPose, str, list[str]]:
