@@ -67,6 +67,7 @@ ConventionOption = Annotated[
         "otherwise), not as it declares; docs/recording_file.md. Repeatable.",
     ),
 ]
+ModelFile = Annotated[Path, typer.Argument(metavar="MODEL.json", help="A corrected model: robot and effects.")]
 ModelOption = Annotated[
     Path | None, typer.Option("--model", metavar="MODEL.json", help="A corrected model: robot and effects.")
 ]
@@ -193,10 +194,6 @@ def _joint_values(text: str, option: str, dimension: str) -> dict[str, float]:
     return parse_assignments(text, {}, option, "joint", default_dimension=dimension)
 
 
-def _bring(context: typer.Context, files: list[Path]) -> None:
-    context.with_resource(along(*files))
-
-
 _WITH = inspect.Parameter(
     "brought",
     inspect.Parameter.KEYWORD_ONLY,
@@ -207,7 +204,7 @@ _WITH = inspect.Parameter(
             "--with",
             metavar="FILE.py",
             help="Laws, modules, log readers and robots of a file of yours; may be repeated. docs/bring_your_own.md.",
-            callback=_bring,
+            callback=lambda context, files: context.with_resource(along(*files)),
             is_eager=True,  # before other options ask for names
             expose_value=False,
         ),

@@ -415,10 +415,10 @@ def _known(fitted: FittedParameter, largest: float) -> tuple[str, str]:
         value = f"below {number(factor * high, 3)} {unit}".strip()
     else:
         value, drawn, before = (
-            None if each is None else number(factor * each, 4) for each in (fitted.value, fitted.drawn, fitted.before)
+            "" if each is None else number(factor * each, 4) for each in (fitted.value, fitted.drawn, fitted.before)
         )
-        instead = "" if drawn in (None, value) else f" instead of {drawn}"
-        value = f"{f'{value} {unit}'.strip()}{instead}{'' if before is None else f', before {before}'}"
+        instead = "" if drawn in ("", value) else f" instead of {drawn}"
+        value = f"{f'{value} {unit}'.strip()}{instead}{before and f', before {before}'}"
     return value, f"{_end(factor * low)} to {_end(factor * high)} {unit}".strip()
 
 
