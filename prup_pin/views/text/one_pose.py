@@ -15,7 +15,7 @@ from ...robot import Robot
 from ...spatial import TWIST_NAMES, wrench_text
 from . import answer as words
 from .answer import Answer, MatrixTable, ranked
-from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, print_table, show_table
+from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, print_table, show_table, title
 from .values import percent_text, pose_text, position_text, value_text, workshop_text
 
 if TYPE_CHECKING:
@@ -53,8 +53,8 @@ def print_answer(
     for table in (*words.stiffness_tables(answer), words.compliance_table(answer)):
         _print_matrix(out, table)
     _print_deflection(out, answer)
-    for title, text in words.along_texts(answer).items():
-        heading(out, f"{title}:", f"{text}; {words.ALONG}")
+    for what, text in words.along_texts(answer).items():
+        heading(out, f"{what}:", f"{text}; {words.ALONG}")
     _print_shares(out, answer)
     _print_sag(out, answer)
     bullets(out, "Assumed", words.assumptions(robot, answer))
@@ -69,7 +69,7 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
         "task coordinates": "(by --at; what it does not name is at home)",
         "actuators": "(from the actuators)",
     }
-    out.print(Text(robot.name, style="bold"))
+    title(out, robot.name)
     for name, value in changes.items():
         listed(out, "changed", [f"{name} = {value_text(value)} {robot.parameters[name].unit}"])
     if robot.mechanism.locked:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
-from rich.text import Text
 
 from ... import robots
 from ...errors import MissingExtraError, PrupPinError, UnknownNameError
@@ -25,7 +24,7 @@ from ...recordings import KINDS_OF_TOLERANCE, Recording, Tolerances
 from ...review import robot_remarks
 from ...robot import Robot
 from .bench_tests import print_hidden
-from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, show_table
+from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, show_table, title
 from .values import (
     clean,
     default_parameters,
@@ -46,7 +45,7 @@ def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None)
     """Print what a robot file says and what was made of it, with its own tolerances and those of all its kinds."""
     mechanism = robot.mechanism
     description = mechanism.description
-    out.print(Text(robot.name, style="bold"))
+    title(out, robot.name)
     listed(out, "file", [str(description.path)])
     listed(out, "tool", [f"'{mechanism.tool.name}'" if mechanism.tool else "none: --tool FRAME says where forces act"])
     gravity = [number(clean(value), 6) for value in mechanism.gravity]
@@ -237,7 +236,7 @@ def print_kinds(out: Console, kinds: Sequence[CompliantModule] = KINDS) -> None:
     for index, kind in enumerate(kinds):
         if index:
             out.print()
-        out.print(Text(kind.kind, style="bold"))
+        title(out, kind.kind)
         traits = ["body" if kind.is_body else "joint", f"loads {' '.join(kind.loads)}"]
         if kind.spans_frames:
             traits.append("needs root and tip")
@@ -265,7 +264,7 @@ def _default(quantity: Quantity) -> str:
 def print_check(out: Console, robot: Robot) -> None:
     """Print what the file holds, what a reviewer would ask, and what is assumed."""
     mechanism = robot.mechanism
-    out.print(Text(robot.name, style="bold"))
+    title(out, robot.name)
     listed(out, "file", [str(mechanism.description.path)])
     listed(
         out,
@@ -306,7 +305,7 @@ def print_prospects(out: Console, robot: Robot, recording: Recording, found: Pro
         rows = []
         for item in found.joints:
             travel, speed = f"{number(item.travel, 3)} {item.unit}", f"{number(item.speed, 3)} {item.unit}/s"
-            unit = "N" if item.unit == "m" else "N m"
+            unit = robot.mechanism.joint(item.joint).effort_unit
             effort = "not recorded" if item.effort is None else f"up to {number(item.effort, 3)} {unit}"
             rows.append((item.joint, travel, speed, f"{100 * item.rest:.0f} %", effort))
         show_table(out, ("joint", ">travel", ">top speed", ">at rest", ">effort"), rows)
@@ -391,7 +390,7 @@ def print_laws(out: Console, laws: Sequence[Law], robot: Robot) -> None:
     for index, law in enumerate(laws):
         if index:
             out.print()
-        out.print(Text(law.physics + (", in efforts" if isinstance(law, EffortLaw) else ""), style="bold"))
+        title(out, law.physics + (", in efforts" if isinstance(law, EffortLaw) else ""))
         for text in (inspect.getdoc(law) or law.summary).split("\n\n"):
             paragraph(out, " ".join(text.split()))
         if law.source:

@@ -118,6 +118,12 @@ def heading(out: Console, text: str, detail: str = "") -> None:
         out.print(styled, soft_wrap=True)
 
 
+def title(out: Console, text: str) -> None:
+    """Print what all that follows is about, bold and at the margin."""
+    for line in lines_of(text, out.width):
+        out.print(Text(line, style="bold"), soft_wrap=True)
+
+
 def listed(out: Console, label: str, items: Iterable[str], separator: str = "   ", indent: int = 2) -> None:
     """Print 'label  item   item', broken between items; an item longer than a line is wrapped."""
     start = " " * indent + (f"{label:<11} " if label else "")
