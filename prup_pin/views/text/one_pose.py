@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -16,7 +17,7 @@ from ...spatial import TWIST_NAMES, wrench_text
 from . import answer as words
 from .answer import Answer, MatrixTable, ranked
 from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, print_table, show_table, title
-from .values import percent_text, pose_text, position_text, value_text, workshop_text
+from .values import direction_text, percent_text, pose_text, position_text, value_text, workshop_text
 
 if TYPE_CHECKING:
     from ...sensitivity import Sensitivity
@@ -143,17 +144,18 @@ def _bar(fraction: float) -> Text:
 
 
 def _print_sag(out: Console, answer: Answer) -> None:
-    found = words.sag_cells(answer)
-    if found is None:
+    gravity = answer.mechanism.gravity
+    if not gravity.any():
         heading(out, "Sag by own weight:", "the robot file sets no gravity")
         return
-    (*moved, total), unit, down = found
+    down = f"down is {direction_text(gravity / np.linalg.norm(gravity))}"
+    unit, factor = readable_unit(float(np.linalg.norm(answer.sag[:3])), "m")
+    *moved, total = words.displacement_cells(answer.sag, ((unit, factor), ("rad", 1.0)))[:4]
     if total == "0":
-        heading(out, "Sag by own weight:", f"none at the tool; down is {down}")
+        heading(out, "Sag by own weight:", f"none at the tool; {down}")
         return
     heading(out, f"Sag by own weight [{unit}]")
-    parts = [f"{name} {value}" for name, value in zip(TWIST_NAMES, moved, strict=False)]
-    listed(out, "", [*parts, f"total {total}", f"down is {down}"])
+    listed(out, "", [*map(" ".join, zip(TWIST_NAMES, moved, strict=False)), f"total {total}", down])
 
 
 def _print_matrix(out: Console, matrix: MatrixTable) -> None:

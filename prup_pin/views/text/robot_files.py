@@ -61,7 +61,9 @@ def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None)
     _print_mobility(out, robot)
     own = value_tolerances(mechanism, tolerances.declared if tolerances else {})
     _print_modules(out, robot, own)
-    _print_lengths(out, robot, own)
+    if description.lengths:
+        heading(out, "Lengths that place joints")
+        _print_parameters(out, [length.parameter for length in description.lengths], own, full=True)
     if tolerances is not None:
         _print_tolerances(out, tolerances)
     if description.variants:
@@ -169,13 +171,6 @@ def _tolerance_text(parameter: Parameter, tolerance: float | None) -> str:
     if declared is not None and not declared.relative:
         return value_text(tolerance)
     return f"{number(100 * tolerance / abs(parameter.value), 3)} %"
-
-
-def _print_lengths(out: Console, robot: Robot, tolerances: Mapping[str, float]) -> None:
-    lengths = robot.mechanism.description.lengths
-    if lengths:
-        heading(out, "Lengths that place joints")
-        _print_parameters(out, [length.parameter for length in lengths], tolerances, full=True)
 
 
 def _print_tolerances(out: Console, tolerances: Tolerances) -> None:
