@@ -348,17 +348,17 @@ def laws_named(word: str | None, mechanism: Mechanism) -> list[Law]:
 
     Raises UnknownNameError where none is.
     """
+    every = _all()
     if word is None:
-        return list(_all())
-    names = {law.physics for law in _all()}
+        return list(every)
     plain = "_".join(re.split(r"[\s_-]+", word.strip().lower()))
-    if plain not in names:
+    physics = {law.physics for law in every if law.physics == plain}
+    if not physics and word.strip():
         said = re.compile(rf"\b{re.escape(word.strip())}", re.IGNORECASE)
-        spoken = {law.physics for law in _all() if said.search(_spoken(law, mechanism))} if word.strip() else set()
-        if not spoken:
-            raise UnknownNameError("law", word, sorted(names))
-        return [law for law in _all() if law.physics in spoken]
-    return [law for law in _all() if law.physics == plain]
+        physics = {law.physics for law in every if said.search(_spoken(law, mechanism))}
+    if not physics:
+        raise UnknownNameError("law", word, sorted({law.physics for law in every}))
+    return [law for law in every if law.physics in physics]
 
 
 def _spoken(law: Law, mechanism: Mechanism) -> str:

@@ -132,11 +132,11 @@ def listed(out: Console, label: str, items: Iterable[str], separator: str = "   
     for item in items:
         first, *more = lines_of(item, room - len(separator.rstrip())) or [""]
         joined = f"{lines[-1]}{separator}{first}" if lines[-1] else first
-        if len(joined) <= room - 1:
-            lines[-1] = joined
+        if lines[-1] and len(joined) > room - 1:
+            lines[-1] += separator.rstrip()
+            lines.append(first)
         else:
-            lines[-1] += separator.rstrip() if lines[-1] else ""
-            lines.append(first) if lines[-1] else lines.__setitem__(-1, first)
+            lines[-1] = joined
         lines += more
     for index, line in enumerate(lines):
         out.print(Text((blank if index else start) + line), soft_wrap=True)
