@@ -597,10 +597,8 @@ def multiple_text(diagnosis: Diagnosis) -> str:
     """Return what a multiple of the noise is, where one may be asked what less than 1 means; else nothing."""
     if diagnosis.efforts is None or math.isnan(diagnosis.after["heldout"]):
         return ""
-    text = "1 × noise is the scatter of a single sample of an effort"
-    return (
-        text if diagnosis.efforts.standing else f"{text}; the comparison filters samples, so that less than 1 is normal"
-    )
+    less = "" if diagnosis.efforts.standing else "; the comparison filters samples, so that less than 1 is normal"
+    return f"1 × noise is the scatter of a single sample of an effort{less}"
 
 
 def places_text(names: Iterable[str]) -> str:
@@ -634,12 +632,11 @@ def hidden_rows(hidden: Sequence[Detectable]) -> list[tuple[str, str, str]]:
 
 
 def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
-    sized = [(item.smallest, item.location) for item in items if item.smallest is not None]
     below = items[0].below
-    if not below and min(sized)[0] > _ABSURD:
+    sized = [(item.smallest, item.location) for item in items if item.smallest is not None]
+    sized = [each for each in sized if below or each[0] <= _ABSURD]
+    if not sized:
         return "never visible in this test"
-    if not below:
-        sized = [each for each in sized if each[0] <= _ABSURD]
     ends = [end(sized, key=lambda each: each[0]) for end in ((max, min) if below else (min, max))]
     sizes = _from_to_at([quantity(size, unit, 2) for size, _ in ends], [place for _, place in ends])
     return f"{parameter.replace('_', ' ')} {'below' if below else 'above'} {sizes}"
@@ -668,11 +665,10 @@ def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
     before, after = (number(values["heldout"], 3) for values in (diagnosis.before, diagnosis.after))
     named = [item for item in diagnosis.findings if item.physics != "unknown" and item.parameters]
     if diagnosis.verdict == "nothing_missing":
-        seen = [*_largest_unseen(since)]
-        number_ = f" {seen[0][:1].upper()}{'; '.join(seen)[1:]}." if seen else ""
+        seen = "; ".join(_largest_unseen(since))
         return (
             "Nothing has changed since the earlier test beyond what that could know: what its model leaves is noise "
-            f"({after} times it).{number_}"
+            f"({after} times it).{seen and f' {capital(seen)}.'}"
         )
     told = ", ".join(f"{finding_text(item)}{_from_to(item)}{_or_else(item)}" for item in named)
     takes = f"the residual falls from {before} to {after} times the noise" if before != after else f"{after} are left"
@@ -702,7 +698,8 @@ def _from_to(finding: Finding) -> str:
         if item.before is not None:
             unit, factor = readable_unit(item.value, item.unit)
             ends = [number(factor * value, 3) for value in (item.before, item.value)]
-            return f" ({name.replace('_', ' ')} from {ends[0]} to {ends[1]} {unit})".replace(" )", ")")
+            told = f"{name.replace('_', ' ')} from {ends[0]} to {ends[1]} {unit}"
+            return f" ({told.strip()})"
     return ""
 
 
@@ -728,8 +725,7 @@ def then_and_now_rows(since: Since) -> list[tuple[str, str, str, str, str]]:
         apart = "as it was"
         if item.has_changed:
             low, high = (number(factor * end, 3) for end in sorted(item.difference.interval))
-            sign = "+" if item.difference.value > 0 else ""
-            apart = f"{sign}{number(factor * item.difference.value, 3)} ({low} to {high})"
+            apart = f"{number(factor * item.difference.value, 3, signed=True)} ({low} to {high})"
         shown = "none" if item.seen is None else number(factor * item.seen, 2)
         rows.append((f"{what} [{unit}]" if unit else what, then, now, apart, shown))
     return rows
