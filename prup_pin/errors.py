@@ -282,18 +282,24 @@ def nearest_names(name: str, valid: Sequence[str], count: int = 4) -> str:
 
 
 @contextmanager
-def limits_heard() -> Iterator[list[str]]:
-    """Yield a list that hears, once for all postures, that joints stand beyond their limits; others go their way."""
-    told: list[str] = []
+def limits_heard() -> Iterator[dict[str, None]]:
+    """Yield what hears, each once and in order, that joints stand beyond their limits; other warnings go their way."""
+    heard: dict[str, None] = {}
     with warnings.catch_warnings():
         usual = warnings.showwarning
         warnings.simplefilter("always", JointLimitWarning)
 
         def show(message, category, *place, **more) -> None:
-            if not issubclass(category, JointLimitWarning):
+            if issubclass(category, JointLimitWarning):
+                heard[str(message)] = None
+            else:
                 usual(message, category, *place, **more)
-            elif not told:
-                told.append(f"some postures are beyond the joint limits of the robot file, such as: {message}")
 
         warnings.showwarning = show
-        yield told
+        yield heard
+
+
+def postures_beyond(heard: Iterable[str]) -> tuple[str, ...]:
+    """Return one remark on all postures that `limits_heard` heard of; nothing where there are none."""
+    first = next(iter(heard), None)
+    return () if first is None else (f"some postures are beyond the joint limits of the robot file, such as: {first}",)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from .errors import JointLimitWarning, MissingExtraError, NoStiffnessError, PrupPinError
+from .errors import MissingExtraError, NoStiffnessError, PrupPinError, limits_heard
 from .kinematics import Mobility
 from .mechanism import Mechanism
 from .mechanism.assumed import without_weight
@@ -240,8 +239,7 @@ _BESIDE = 0.05
 def yielding_beside(robot: Robot, compliance: Compliance) -> int | None:
     """Return in how many directions the tool yields a little beside a pose, or None where no such pose is found."""
     pose = compliance.pose
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", JointLimitWarning)
+    with limits_heard():
         try:
             if pose.mechanism.loops:
                 units = [pose.mechanism.joint(name).unit for name in pose.actuators]
@@ -339,8 +337,7 @@ def _is_given(parameter: Parameter) -> bool:
 def _deflection(robot: Robot, compliance: Compliance, wrench: Array, changes: Mapping[str, Any]) -> Array | None:
     """Return the deflection of the changed robot's tool; None where there is no such robot at this pose."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", JointLimitWarning)
+        with limits_heard():
             changed = robot.with_parameters(changes)
             pose = changed.pose_from_configuration(compliance.pose.q.tolist())
             return changed.compliance(pose, load=compliance.load).deflection(wrench)

@@ -69,11 +69,8 @@ class Robot:
     @property
     def task_coordinates(self) -> tuple[str, ...]:
         """Names of the task coordinates, in order; for a plain tree the joints."""
-        return tuple(task.name for task in self.mechanism.tasks) or self._plain_coordinates
-
-    @property
-    def _plain_coordinates(self) -> tuple[str, ...]:
-        return () if self.mechanism.loops else self.mechanism.actuated
+        tasks = tuple(task.name for task in self.mechanism.tasks)
+        return tasks or (() if self.mechanism.loops else self.mechanism.actuated)
 
     @cached_property
     def _kinematics(self) -> LoopKinematics:
@@ -122,11 +119,8 @@ class Robot:
         non-finite coordinates, UnreachablePoseError or SingularPoseError with the nearest feasible ones.
         """
         if not self.mechanism.loops and not self.mechanism.tasks:
-            return self._pose_of_joints(coordinates)
+            return self._kinematics.pose_of_joints(coordinates)
         return self._kinematics.pose(coordinates)
-
-    def _pose_of_joints(self, values: Mapping[str, float]) -> ClosedPose:
-        return self._kinematics.pose_of_joints(values)
 
     def pose_from_actuators(
         self, positions: Mapping[str, float] | Sequence[float], near: ClosedPose | None = None

@@ -155,7 +155,7 @@ def test_serve_serves_this_machine_until_interrupted(tmp_path):
 def test_what_is_there_stays_until_the_new_file_is_complete(tmp_path):
     path = tmp_path / "page.html"
     path.write_text("old")
-    with pytest.raises(UnicodeEncodeError):
+    with pytest.raises(InputError, match="half a character"):
         write(path, "new \ud800", "--out")
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["page.html"]

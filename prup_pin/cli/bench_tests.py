@@ -25,10 +25,11 @@ from ..simulation import CorrectedModel, Prediction, as_recorded, in_format, rea
 from ..views.text import terminal
 from ..views.text.bench_tests import print_exported, print_simulation
 from . import progress
-from .files import check_csv, check_folder, file_name, folder_for, list_written
+from .files import blamed, check_csv, check_folder, file_name, folder_for, list_written, same_file
 from .options import (
     ConventionOption,
     Effects,
+    ModelFile,
     ModelOption,
     PredictionFile,
     Reading,
@@ -39,7 +40,7 @@ from .options import (
     Workers,
 )
 from .progress import processes
-from .recorded import Bench, modelled, note_foreign_joints, recording_typed, robot_beside
+from .recorded import Bench, modelled, note_foreign_joints, recording_typed, refuse_unanswered, robot_beside
 
 
 def simulate(
@@ -102,7 +103,7 @@ def simulate(
 
 
 def predict(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="A corrected model: robot and effects.")],
+    model: ModelFile,
     recording: RecordingFile,
     out: PredictionFile,
     convention: ConventionOption = None,
@@ -140,16 +141,14 @@ def predict(
 
 
 def export(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="A corrected model: robot and effects.")],
+    model: ModelFile,
     to: Annotated[Path, typer.Option("--to", metavar="FILE", help="The robot file: .urdf, or .xml for MuJoCo's MJCF.")],
 ) -> None:
     """A corrected model as a robot file that other simulators load, and what of it that file cannot say."""
     check_folder(to, "--to", whole=True)
     corrected = read_model(model)
-    try:
+    with blamed("--to", to):
         made = export_model(corrected, to)
-    except InputError as error:
-        raise InputError(f"--to: {error}") from error
     print_exported(terminal.console(), made)
     list_written([to])
 
@@ -218,8 +217,7 @@ def _simulated(
             robot, recording, effects, markers=markers, band=band, workers=workers, stop=stop, progress=show
         )
     if len(prediction) and "ok" not in prediction.status:
-        reasons = "\n".join(f"  {word}: {text}" for word, text in prediction.reasons.items())
-        raise PrupPinError(f"none of {len(prediction)} rows has an answer\n{reasons}")
+        refuse_unanswered(len(prediction), "an answer", prediction.reasons)
     return prediction
 
 
@@ -420,7 +418,9 @@ def import_(
             print_log(shown, content)
             typer.echo()
             typer.echo(first.text.rstrip())
-            _tell(first.doubts)
+            doubtful = f"{counted(len(first.doubts), 'line')} must be looked at (CHECK)"
+            said = doubtful if first.doubts else "Nothing in it is doubtful; read it once"
+            typer.echo(f"\n{said}. Then: --map and --out RECORDING.csv.")
             list_written((plan,))
             return
     open_ = unanswered(plan) if out is not None else []
@@ -454,12 +454,5 @@ def _check(logs: list[Path], plan: Path, out: Path | None) -> None:
     check_folder(out, "--out")
     if out is not None and out.suffix.lower() != ".csv":
         raise InputError(f"--out: '{out}' has the ending '{out.suffix}'; expected .csv")
-    if out is not None and out.exists() and any(log.exists() and out.samefile(log) for log in logs):
+    if out is not None and any(same_file(out, log) for log in logs):
         raise InputError(f"--out: '{out}' is the log itself; give another name")
-
-
-def _tell(doubts: tuple[str, ...]) -> None:
-    if doubts:
-        typer.echo(f"\n{counted(len(doubts), 'line')} must be looked at (CHECK). Then: --map and --out RECORDING.csv.")
-    else:
-        typer.echo("\nNothing in it is doubtful; read it once. Then: --map and --out RECORDING.csv.")

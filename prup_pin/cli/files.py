@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import webbrowser
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,17 @@ def file_name(robot: str) -> str:
     return re.sub(r"[^\w.-]+", "_", Path(robot).stem).strip("._-")[:80] or "robot"
 
 
+@contextmanager
+def blamed(option: str, path: Path) -> Iterator[None]:
+    """Have an error about a path name the option by which it was typed."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{option}: {error}") from error
+    except (OSError, ValueError) as error:  # a NUL character
+        raise InputError(f"{option}: cannot write '{path}': {getattr(error, 'strerror', '') or error}") from error
+
+
 def check_folder(path: Path | None, option: str, whole: bool = False) -> None:
     """Raise InputError, before anything is computed, where a file cannot be written.
 
@@ -29,17 +41,13 @@ def check_folder(path: Path | None, option: str, whole: bool = False) -> None:
     """
     if path is None:
         return
-    try:
+    with blamed(option, path):
         if path.is_dir():
             raise InputError(f"'{path}' is a folder; give a file in it")
         if not path.parent.is_dir():
             raise InputError(f"cannot write '{path}': there is no folder '{path.parent}'")
         if whole or path.is_file() or not path.exists():
             check_takes_files(writable(path).parent)
-    except (InputError, ValueError) as error:  # a NUL character
-        raise InputError(f"{option}: {error}") from error
-    except OSError as error:
-        raise InputError(f"{option}: cannot write '{path}': {error.strerror or error}") from error
 
 
 def check_csv(out: Path, source: Path | None, what: str) -> None:
@@ -52,11 +60,12 @@ def check_csv(out: Path, source: Path | None, what: str) -> None:
         raise InputError(f"--out: '{out}' would be a table in a .json file; give a .csv file")
     if source is None:
         check_folder(out.with_suffix(".json"), "--out", whole=True)
-    elif _same_file(out, source):
+    elif same_file(out, source):
         raise InputError(f"--out: '{out}' is the {what} itself; give another file")
 
 
-def _same_file(out: Path, source: Path) -> bool:
+def same_file(out: Path, source: Path) -> bool:
+    """Return True where a file would be written over what it is made from."""
     try:
         return source.exists() and out.exists() and out.samefile(source)
     except (OSError, ValueError):  # a path that cannot be; who reads it says so
@@ -67,20 +76,11 @@ def folder_for(folder: Path | None, option: str) -> None:
     """Raise InputError, before anything is computed, where no files can be written into a folder, there or not yet."""
     if folder is None:
         return
-    there = folder
-    try:
-        while not there.exists() and there != there.parent:
-            there = there.parent
-    except (OSError, ValueError) as error:  # a name too long, a NUL character
-        raise InputError(
-            f"{option}: cannot make the folder '{folder}': {getattr(error, 'strerror', '') or error}"
-        ) from error
-    if not there.is_dir():
-        raise InputError(f"{option}: '{there}' is a file; give a folder")
-    try:
+    with blamed(option, folder):
+        there = next(place for place in (folder, *folder.parents) if place.exists())
+        if not there.is_dir():
+            raise InputError(f"'{there}' is a file; give a folder")
         check_takes_files(there)
-    except InputError as error:
-        raise InputError(f"{option}: {error}") from error
 
 
 def write_figures(
@@ -90,11 +90,9 @@ def write_figures(
     from ..views.drawing.plotting import encoded
 
     made = {folder / f"{name}.{kind}": (encoded(figure, kind),) for name, figure in figures.items() for kind in kinds}
-    try:
+    with blamed(option, folder):
         folder.mkdir(parents=True, exist_ok=True)
         write_whole(made)
-    except (InputError, OSError) as error:
-        raise InputError(f"{option}: {error}") from error
     return list(made)
 
 
@@ -103,17 +101,12 @@ def write(path: Path, content: str, option: str) -> None:
 
     What is no file, a pipe or a device, is written into.
     """
-    content.encode("utf-8")
     check_folder(path, option)
-    try:
-        if path.exists() and not path.is_file() and not path.is_dir():
+    with blamed(option, path):
+        if path.exists() and not path.is_file():
             path.write_text(content, encoding="utf-8")
-            return
-        write_whole({path: (content,)})
-    except (InputError, ValueError) as error:
-        raise InputError(f"{option}: {error}") from error
-    except OSError as error:
-        raise InputError(f"{option}: cannot write '{path}': {error.strerror or error}") from error
+        else:
+            write_whole({path: (content,)})
 
 
 def list_written(paths: Iterable[Path], missing: Iterable[str] = ()) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -12,11 +12,10 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from ..compensation import Compensation, write_commands
 from ..compensation import compensate as compensated
 from ..compensation import read_path as path_of
+from ..compensation import write_commands
 from ..errors import InputError, PrupPinError, UnknownNameError, shortened
-from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import robot_named_beside
 from ..review import yielding_beside
@@ -28,12 +27,12 @@ from ..sweep.places import MAX_DRAWS
 from ..sweep.table import FORMATS
 from ..views.text import terminal
 from ..views.text.many_poses import print_compensation, print_sweep
-from ..views.text.values import coordinate_text
+from ..views.text.values import coordinate_dimensions, coordinate_text, dimension
 from . import progress
 from .files import check_csv, check_folder, folder_for, list_written, write_figures
 from .options import Effects, ModelOption, Reading, RobotName, RobotOption, SetParameters, Workers
 from .progress import processes
-from .recorded import modelled, robot_beside
+from .recorded import modelled, refuse_unanswered, robot_beside
 from .typed import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
 
 #: Units of the half sides of the box of wrenches.
@@ -96,7 +95,8 @@ def sweep(
     """Stiffness over the workspace: grids or draws of poses, indices, extremes over a box of loads."""
     names = [name.strip() for name in (quantities or "").split(",") if name.strip()]
     if names == ["help"]:
-        _print_quantities()
+        rows = [(quantity.name, quantity.summary, quantity.unit) for quantity in QUANTITIES.values()]
+        terminal.show_table(terminal.console(), ("name", "what", "unit"), rows)
         return
     folder_for(plots, "--plots")
     check_folder(out, "--out")
@@ -107,7 +107,7 @@ def sweep(
         loaded_by = {"extremes": force is not None or moment is not None, "deflection": wrench is not None}
         names = [*(name for name, given in loaded_by.items() if given), "translational", *_index(loaded)]
     asked: dict[str, Any] = _axes(loaded, over or [], draws)
-    kinds = _dimensions(loaded.mechanism)
+    kinds = _dimensions(loaded)
     whole = loaded._kinematics.completed(asked)
     text = {"over": "; ".join(_axis(name, kinds[name], value) for name, value in asked.items())}
     if len(whole) > len(asked):
@@ -153,7 +153,7 @@ def _index(robot: Robot) -> list[str]:
 
 def _axes(robot: Robot, over: Sequence[str], draws: int | None) -> dict[str, Any]:
     """Return coordinates as `Robot.sweep` takes them, of 'theta=-30deg..30deg:41'."""
-    dimensions = _dimensions(robot.mechanism)
+    dimensions = _dimensions(robot)
     values: dict[str, Any] = {}
     for item in over:
         name, equals, text = item.partition("=")
@@ -198,10 +198,10 @@ def _values(text: str, dimension: str, item: str, ends: bool) -> Any:
     return np.linspace(first, last, int(count))
 
 
-def _dimensions(mechanism: Mechanism) -> dict[str, str]:
-    if mechanism.tasks:
-        return {task.name: "length" if task.component in "xyz" else "angle" for task in mechanism.tasks}
-    return {name: "length" if mechanism.joint(name).slides else "angle" for name in mechanism.actuated}
+def _dimensions(robot: Robot) -> Mapping[str, str]:
+    """Return the dimension of each coordinate of a sweep: of tasks, of a tree's joints, else of actuated joints."""
+    mechanism = robot.mechanism
+    return coordinate_dimensions(robot) or {name: dimension(mechanism, name) for name in mechanism.actuated}
 
 
 def _axis(name: str, kind: str, value: Any) -> str:
@@ -210,12 +210,6 @@ def _axis(name: str, kind: str, value: Any) -> str:
     ends = (value[0], value[-1]) if grid else value if isinstance(value, tuple) else (value,)
     text = " … ".join(coordinate_text(end, kind, 4) for end in ends)
     return f"{name} {text} in {len(value)}" if grid else f"{name} {text}"
-
-
-def _print_quantities() -> None:
-    """Print what can be asked of a pose."""
-    rows = [(quantity.name, quantity.summary, quantity.unit) for quantity in QUANTITIES.values()]
-    terminal.show_table(terminal.console(), ("name", "what", "unit"), rows)
 
 
 # -- compensate --------------------------------------------------------------------------------------------------------
@@ -247,7 +241,8 @@ def compensate(
     read = path_of(loaded, path)
     with progress.stages() as tell:
         found = compensated(loaded, read, effects=effects, workers=workers, tell=tell)
-    _check_any(found)
+    if all(word in found.failures and word != "not cancelled" for word in set(found.status)):
+        refuse_unanswered(len(found), "a command", found.reasons)
     commands = replace(found.commands, robot=name)
     written = [out, out.with_suffix(".json")]
     write_commands(replace(found, commands=commands), out)
@@ -257,10 +252,3 @@ def compensate(
         written += write_figures(plots, {"path": path_figure(found)}, "--plots")
     print_compensation(terminal.console(), loaded, effects, found)
     list_written(written)
-
-
-def _check_any(found: Compensation) -> None:
-    """Raise where no row has a command: an empty table helps nobody."""
-    if all(word in found.failures and word != "not cancelled" for word in set(found.status)):
-        reasons = "\n".join(f"  {word}: {text}" for word, text in found.reasons.items())
-        raise PrupPinError(f"none of {len(found)} rows has a command\n{reasons}")

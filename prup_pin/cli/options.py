@@ -8,9 +8,7 @@ from __future__ import annotations
 import fnmatch
 import inspect
 import json
-import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
@@ -18,7 +16,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from .. import loading
-from ..errors import InputError, JointLimitWarning, UnknownNameError
+from ..errors import InputError, UnknownNameError, limits_heard
 from ..kinematics import ClosedPose
 from ..numbers import some
 from ..plugins import along, blaming
@@ -69,6 +67,7 @@ ConventionOption = Annotated[
         "otherwise), not as it declares; docs/recording_file.md. Repeatable.",
     ),
 ]
+ModelFile = Annotated[Path, typer.Argument(metavar="MODEL.json", help="A corrected model: robot and effects.")]
 ModelOption = Annotated[
     Path | None, typer.Option("--model", metavar="MODEL.json", help="A corrected model: robot and effects.")
 ]
@@ -195,10 +194,6 @@ def _joint_values(text: str, option: str, dimension: str) -> dict[str, float]:
     return parse_assignments(text, {}, option, "joint", default_dimension=dimension)
 
 
-def _bring(context: typer.Context, files: list[Path]) -> None:
-    context.with_resource(along(*files))
-
-
 _WITH = inspect.Parameter(
     "brought",
     inspect.Parameter.KEYWORD_ONLY,
@@ -209,7 +204,7 @@ _WITH = inspect.Parameter(
             "--with",
             metavar="FILE.py",
             help="Laws, modules, log readers and robots of a file of yours; may be repeated. docs/bring_your_own.md.",
-            callback=_bring,
+            callback=lambda context, files: context.with_resource(along(*files)),
             is_eager=True,  # before other options ask for names
             expose_value=False,
         ),
@@ -317,8 +312,7 @@ class Question:
             wrench = as_wrench(parse_assignments(self.wrench, WRENCH_DIMENSIONS, "--wrench", "component"))
         if self.at_load and wrench is None:
             raise InputError("--at-load needs the load: --wrench fx=300")
-        notes: list[str] = []
-        with limits_as_notes(notes):
+        with limits_heard() as heard:
             robot = self.reading.load(self.robot)
             changes = changes_of(robot, self.set_parameters or ())
             if changes:
@@ -328,8 +322,7 @@ class Question:
             if frame is not None:
                 robot.mechanism.frame(frame)
             pose, source, kept = _pose(robot, self.at, self.actuators)
-        if kept:
-            notes.append(f"not given, so at home: {', '.join(some(kept))}")
+        notes = [*heard, *([f"not given, so at home: {', '.join(some(kept))}"] if kept else [])]
         return Case(robot, pose, source, wrench, wrench if self.at_load else None, changes, notes)
 
 
@@ -341,19 +334,6 @@ class Sight(Question):
         str | None,
         typer.Option(metavar="fx=300,mz=100", help="Load on the tool, base axes. Without it no deflection is drawn."),
     ] = None
-
-
-@contextmanager
-def limits_as_notes(notes: list[str]) -> Iterator[None]:
-    """Collect warnings about joint limits; others go their way."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", JointLimitWarning)
-        yield
-    for item in caught:
-        if issubclass(item.category, JointLimitWarning):
-            notes.append(str(item.message))
-        else:
-            warnings.warn_explicit(item.message, item.category, item.filename, item.lineno)
 
 
 def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPose, str, list[str]]:

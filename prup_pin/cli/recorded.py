@@ -6,13 +6,13 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import typer
 
 from .. import loading
-from ..errors import InputError, RecordingFileError, UnknownNameError, folder_holds, nearest_names
+from ..errors import InputError, PrupPinError, RecordingFileError, UnknownNameError, folder_holds, nearest_names
 from ..files import as_path, is_file, is_path
 from ..laws import Effect, Law, Place
 from ..mechanism import Mechanism
@@ -27,13 +27,23 @@ from .options import ConventionOption, Reading, RecordingFiles, RobotOption, Set
 from .typed import dimension_of, parse_quantity
 
 
-def robot_of_model(reading: Reading, model: CorrectedModel, settings: Sequence[str] | None) -> Robot:
-    """Return the robot of a corrected model with parameters changed as typed; what was typed of its file wins."""
-    typed = reading.understood()
-    options = {item.name: getattr(typed, item.name) for item in fields(typed)}
-    robot = replace(model.read, **{name: value for name, value in options.items() if value}).load(model.robot)
-    reading.checked(robot)
-    return robot.with_parameters(changes_of(robot, settings or ()))
+def robot_read(
+    reading: Reading,
+    robot: str | None,
+    model: CorrectedModel | None,
+    named: Callable[[], str],
+    settings: Sequence[str] | None,
+) -> tuple[str, Robot, loading.Reading]:
+    """Return a robot's name, it with parameters changed as typed, and how it was read.
+
+    The one that is typed, else a corrected model's, of whose file what is typed wins, else the one `named`.
+    """
+    if robot is not None or model is None:
+        name = robot or named()
+        return name, *reading.changed(name, settings)
+    typed = {name: value for name, value in vars(reading.understood()).items() if value}
+    loaded = reading.checked(replace(model.read, **typed).load(model.robot))
+    return model.robot, loaded.with_parameters(changes_of(loaded, settings or ())), model.read
 
 
 def modelled(
@@ -44,14 +54,16 @@ def modelled(
     effects: Sequence[str] | None,
     settings: Sequence[str] | None,
 ) -> tuple[str, Robot, list[Effect]]:
-    """Return name and robot, the model's where none is typed, else what is typed or `named`; and all effects."""
-    if robot is None and model is not None:
-        name, loaded = model.robot, robot_of_model(reading, model, settings)
-    else:
-        name = robot or named()
-        loaded, _ = reading.changed(name, settings)
+    """Return name and robot, as `robot_read` does, and all effects: the model's, and those that are typed."""
+    name, loaded, _ = robot_read(reading, robot, model, named, settings)
     typed = [parse_effect(text, loaded.mechanism) for text in effects or ()]
     return name, loaded, [*(model.effects if model else ()), *typed]
+
+
+def refuse_unanswered(count: int, what: str, reasons: Mapping[str, str]) -> None:
+    """Raise PrupPinError, with the reasons, where no row has what was asked for: an empty table helps nobody."""
+    told = "\n".join(f"  {word}: {text}" for word, text in reasons.items())
+    raise PrupPinError(f"none of {count} rows has {what}\n{told}")
 
 
 def robot_beside(named: str | None, source: Path) -> str:
@@ -112,18 +124,15 @@ class Bench:
 
         What is typed wins over the model, and over what the recordings say.
         """
-        of_model = earlier is not None and self.robot is None
-        named = earlier.robot if earlier is not None and of_model else self.robot
+        of_model = None if earlier is None else earlier.robot
         read = [
-            _with_tolerances(recording_typed(path, named, self.convention), self.tolerances) for path in self.recordings
+            _with_tolerances(recording_typed(path, self.robot or of_model, self.convention), self.tolerances)
+            for path in self.recordings
         ]
-        if named is None:
-            first = next((recording for recording in read if recording.robot is not None), read[0])
-            named = robot_beside(first.robot, Path(first.path))
-        if earlier is not None and of_model:
-            loaded, understood = robot_of_model(self.reading, earlier, self.set_parameters), earlier.read
-        else:
-            loaded, understood = self.reading.changed(named, self.set_parameters)
+        first = next((recording for recording in read if recording.robot is not None), read[0])
+        named, loaded, understood = robot_read(
+            self.reading, self.robot, earlier, lambda: robot_beside(first.robot, Path(first.path)), self.set_parameters
+        )
         note_foreign_joints(read, loaded)
         return read, named, loaded, understood
 
@@ -180,11 +189,11 @@ _FORM = re.compile(r"\s*(?P<physics>[^@\s]+)@(?P<place>[^@=]*?)(?P<values>(?:\s+
 _EXPECTED = "expected 'physics@place[:aspect] name=value …', for example 'backlash@leg2/ball_nut half_gap=30um …'"
 
 
-def parse_effect(text: str, mechanism: Mechanism, option: str = "--effect") -> Effect:
+def parse_effect(text: str, mechanism: Mechanism) -> Effect:
     """Return an effect on this robot; values are SI, or carry a unit. Raises InputError with what was expected."""
     match = _FORM.fullmatch(text)
     if match is None:
-        raise InputError(f"{option} '{text}': {_EXPECTED}; `prup-pin laws` lists them")
+        raise InputError(f"--effect '{text}': {_EXPECTED}; `prup-pin laws` lists them")
     physics, typed = match["physics"], match["place"].strip()
     try:
         law_named(physics)
@@ -200,11 +209,11 @@ def parse_effect(text: str, mechanism: Mechanism, option: str = "--effect") -> E
             if key in values:
                 raise InputError(f"{key} is given twice")
             unit = quantities[key].unit
-            values[key] = parse_quantity(value, dimension_of(unit), option, text, text.index(assignment), unit)
+            values[key] = parse_quantity(value, dimension_of(unit), "--effect", text, text.index(assignment), unit)
         left_out = _neutral_beside(values, law, place, mechanism)
         if left_out:
             taken = ", ".join(f"{key} = {number(value)}" for key, value in left_out.items())
-            typer.echo(f"{option} {physics}@{typed}: not given, so without effect: {taken}", err=True)
+            typer.echo(f"--effect {physics}@{typed}: not given, so without effect: {taken}", err=True)
         values |= left_out
         missing = [item for item in quantities.values() if item.name not in {*values, *law.optional}]
         if missing:
@@ -216,7 +225,7 @@ def parse_effect(text: str, mechanism: Mechanism, option: str = "--effect") -> E
         return Effect(law, place, values).checked(mechanism)
     except InputError as error:
         message = str(error)
-        raise InputError(message if message.startswith(option) else f"{option} '{text}': {message}") from None
+        raise InputError(message if message.startswith("--effect") else f"--effect '{text}': {message}") from None
 
 
 def _neutral_beside(values: Mapping[str, float], law: Law, place: Place, mechanism: Mechanism) -> dict[str, float]:

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from .. import __version__
-from ..errors import InputError, SingularPoseError, UnknownNameError, UnreachablePoseError
+from ..errors import InputError, SingularPoseError, UnknownNameError, UnreachablePoseError, limits_heard
 from ..files import write_whole
 from ..modules import KINDS
 from ..robots import examples_folder, packaged_names
@@ -28,7 +28,7 @@ from ..views.text.robot_files import (
 )
 from . import progress
 from .files import list_written, write
-from .options import AsJson, ConventionOption, Reading, RobotName, RobotOption, TolerancesOption, limits_as_notes
+from .options import AsJson, ConventionOption, Reading, RobotName, RobotOption, TolerancesOption
 from .recorded import note_foreign_joints, recording_typed, robot_beside, tolerances_named
 
 
@@ -36,7 +36,7 @@ def info(
     robot: RobotName = "3prup", tolerances: TolerancesOption = None, as_json: AsJson = None, *, reading: Reading
 ) -> None:
     """Joints, loops, mobility, modules and parameters of a robot, with their tolerances."""
-    with limits_as_notes([]):
+    with limits_heard():
         wanted = None if tolerances is None else tolerances_named(tolerances)
         loaded = reading.load(robot)
         document = dump(info_as_json(loaded, wanted, __version__)) if as_json is not None else ""
@@ -117,7 +117,7 @@ def check(
 
 
 def _check_robot(file: str, reading: Reading) -> None:
-    with limits_as_notes([]):
+    with limits_heard():
         loaded = reading.load(file)
         print_check(terminal.console(), loaded)
         try:

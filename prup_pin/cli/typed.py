@@ -83,39 +83,31 @@ def parse_quantity(
     whole = text if whole is None else whole
     stripped = text.strip()
     offset += len(text) - len(text.lstrip())
+
+    def refuse(position: int, message: str) -> InputError:
+        return _refuse(option, whole, position, message)
+
     match = _NUMBER.match(stripped)
     if match is None:
         given = f"'{stripped}' is not a number" if stripped else "a value is missing"
-        raise _refuse(option, whole, offset, f"{given}; expected {_units_in_words(dimension, si)}")
-    unit = plain_unit(stripped[match.end() :])
+        raise refuse(offset, f"{given}; expected {_units_in_words(dimension, si)}")
+    unit, typed = plain_unit(stripped[match.end() :]), match.group()
     at = offset + match.end()
     if unit.startswith(","):
-        raise _refuse(option, whole, at, "numbers take a decimal point, not a comma")
+        raise refuse(at, "numbers take a decimal point, not a comma")
     units = UNITS[dimension]
-    if not unit:
-        value = float(match.group())
-        most, si, meant = _LARGEST_BARE.get(dimension, (math.inf, "", ""))
-        if abs(value) > most:
-            typed = re.split(r"[,;]", whole[:offset])[-1].strip() + match.group()
-            raise _refuse(
-                option,
-                whole,
-                offset,
-                f"{typed} would be {match.group()} {si}; write {typed}{meant}, or {typed}{si} if it is meant",
-            )
-    elif unit in units:
-        value = float(match.group()) * units[unit]
-    else:
+    if unit and unit not in units:
         other = next((name for name, known in UNITS.items() if unit in known), None)
-        if other is not None:
-            raise _refuse(
-                option, whole, at, f"'{unit}' is a unit of {_article(other)}; expected {_units_in_words(dimension, si)}"
-            )
-        near = did_you_mean(unit, list(units))
-        hint = f" ({near})" if near else ""
-        raise _refuse(option, whole, at, f"unknown unit '{unit}'; expected {_units_in_words(dimension, si)}{hint}")
+        what = f"unknown unit '{unit}'" if other is None else f"'{unit}' is a unit of {_article(other)}"
+        near = did_you_mean(unit, list(units)) if other is None else ""
+        raise refuse(at, f"{what}; expected {_units_in_words(dimension, si)}{near and f' ({near})'}")
+    value = float(typed) * units.get(unit, 1.0)
+    most, si, meant = _LARGEST_BARE.get(dimension, (math.inf, "", ""))
+    if not unit and abs(value) > most:
+        name = re.split(r"[,;]", whole[:offset])[-1].strip() + typed
+        raise refuse(offset, f"{name} would be {typed} {si}; write {name}{meant}, or {name}{si} if it is meant")
     if not math.isfinite(value):
-        raise _refuse(option, whole, offset, f"'{stripped}' is too large; expected a finite number")
+        raise refuse(offset, f"'{stripped}' is too large; expected a finite number")
     return value
 
 

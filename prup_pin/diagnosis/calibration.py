@@ -9,7 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..channels import Noise
-from ..errors import InputError, limits_heard
+from ..errors import InputError, limits_heard, postures_beyond
 from ..laws import Effect
 from ..recordings import Convention, Recording
 from ..robot import Robot
@@ -60,7 +60,7 @@ def calibrated(
 
     Raises InputError where nothing has a tolerance or nothing can be compared, and as `diagnose` does.
     """
-    with threadpool_limits(1, user_api="blas"), limits_heard() as beyond:
+    with threadpool_limits(1, user_api="blas"), limits_heard() as heard:
         declared = [recording] if isinstance(recording, Recording) else list(recording)
         logs = read_logs(robot, declared)
         every = {(*item.conventions, *own) for item, own in zip(declared, logs.conventions, strict=True)}
@@ -86,5 +86,5 @@ def calibrated(
             effects=(*problem.tolerances.at(first.x), *prepared.placed.every),
             samples=len(first.samples),
             conventions=every.pop() if len(every) == 1 else (),
-            remarks=tuple(dict.fromkeys((*logs.statements, *prepared.remarks, *beyond))),
+            remarks=tuple(dict.fromkeys((*logs.statements, *prepared.remarks, *postures_beyond(heard)))),
         )

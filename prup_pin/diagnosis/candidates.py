@@ -85,8 +85,12 @@ class Candidate:
 
     @property
     def is_proportional(self) -> bool:
-        """True where what it does is in proportion to a size that the first parameter tells, to first order."""
-        return bool(self.logarithmic[0]) and not self.remembers and not self.known.any()
+        """True where what it does is in proportion to a size that the first parameter tells, to first order.
+
+        Not of one that takes the place of what acted before, which does nothing at the value of that.
+        """
+        acts_anew = self.law.instead_of is None and not self.known.any()
+        return bool(self.logarithmic[0]) and acts_anew and not self.remembers
 
     @property
     def size(self) -> int:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from threadpoolctl import threadpool_limits
 
 from ..dynamics import is_standing
-from ..errors import InputError, limits_heard
+from ..errors import InputError, limits_heard, postures_beyond
 from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import CorrectedModel, as_recorded
@@ -74,7 +74,7 @@ def diagnose(
     UnknownNameError where a recording lacks the actuators' positions.
     """
     # With several threads the last digits of a product may differ from run to run, and a close race with them.
-    with threadpool_limits(1, user_api="blas"), limits_heard() as told:
+    with threadpool_limits(1, user_api="blas"), limits_heard() as heard:
         tell = _only_forward(tell)
         tell("how the log is written", 0.0)
         earlier = None
@@ -89,7 +89,7 @@ def diagnose(
             found = logs.before(_of_channels(robot, logs.recordings, tell, propose))
         else:
             found = logs.before(_changed(robot, logs.recordings, earlier, tell))
-    remarks = (*taking_part(robot.mechanism), *found.remarks, *told)
+    remarks = (*taking_part(robot.mechanism), *found.remarks, *postures_beyond(heard))
     premises, unused = (*dead, *found.premises), (*columns, *found.unused_columns)
     return replace(found, remarks=tuple(dict.fromkeys(remarks)), premises=premises, unused_columns=unused)
 

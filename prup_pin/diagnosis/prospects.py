@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..errors import limits_heard
+from ..errors import limits_heard, postures_beyond
 from ..numbers import counted
 from ..recordings import Recording, suspicions
 from ..robot import Robot
@@ -55,7 +55,7 @@ class Prospects:
 
 def prospects(robot: Robot, recording: Recording) -> Prospects:
     """Return what a recording of a robot could show. Raises as `diagnose` does where it cannot be read that way."""
-    with threadpool_limits(1, user_api="blas"), limits_heard() as beyond:
+    with threadpool_limits(1, user_api="blas"), limits_heard() as heard:
         check_measured(robot, [recording])
         kept, dead, columns = without_dead_efforts([recording], robot.mechanism)
         logs = read_logs(robot, kept)
@@ -81,7 +81,7 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
             remarks += more
         if not (efforts or poses):
             remarks.append("neither a pose, nor a marker, nor an effort was measured: nothing can be compared")
-        remarks += [*told, *beyond]
+        remarks += [*told, *postures_beyond(heard)]
     unused = (*columns, *unused)
     return Prospects(
         joints, tuple(hidden), tuple(alike), unused, tuple(dict.fromkeys(remarks)), logs.statements, tuple(dead)

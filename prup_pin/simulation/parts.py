@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import pickle
-import warnings
 from collections.abc import Iterator, Sequence, Set
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -18,7 +17,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..errors import JointLimitWarning
+from ..errors import limits_heard
 from ..laws import Effect, Inputs
 from ..laws.deeds import BLOCK, RUN
 from ..mechanism import Frame
@@ -159,8 +158,9 @@ def solve_chain(wanted: Wanted, parts: Sequence[np.ndarray], inputs: Sequence[In
         solver = _PartSolver(wanted, Part.empty(rows, wanted), given)
         # What diverges on the way overflows; it is told by its status. With several threads the last digits of a
         # product may differ from process to process.
-        with np.errstate(all="ignore"), threadpool_limits(1, "blas"), _limits_as_remarks(solver.part):
+        with np.errstate(all="ignore"), threadpool_limits(1, "blas"), limits_heard() as heard:
             memory = solver.solve(np.arange(len(rows)), memory)
+        solver.part.remarks |= heard
         yield solver.part
 
 
@@ -245,19 +245,6 @@ class _PartSolver:
             position, rotation = run.pose_of(frame)
             part.markers[rows, column, :3] = position[run.solved]
             part.markers[rows, column, 3:] = rotation_log(rotation[run.solved])
-
-
-@contextlib.contextmanager
-def _limits_as_remarks(part: Part) -> Iterator[None]:
-    """Turn warnings about joint limits into remarks; others go their way."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        yield
-    for warning in caught:
-        if issubclass(warning.category, JointLimitWarning):
-            part.remarks[str(warning.message)] = None
-        else:
-            warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
 
 
 # -- side by side ------------------------------------------------------------------------------------------------------

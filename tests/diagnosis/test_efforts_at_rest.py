@@ -81,7 +81,7 @@ def test_a_body_that_no_pose_shows_is_found_by_what_drives_hold(ur5, bench):
     # moments of inertia are about a point that is told, and links that are fixed to one another are one body
     assert "Ixx to Izz are about the origin and axes of tool0, not about the centre of mass" in finding.statement
     assert {"wrist_3_link", "ee_link"} <= {*finding.candidates}
-    assert alternative_text(found, finding) == [
+    assert alternative_text(finding) == [
         "tool0 is one rigid body with wrist_3_link: only the mass, centre and inertia of the whole show"
     ]
 

@@ -149,7 +149,7 @@ def test_what_has_no_effect_of_its_own_is_told_by_its_physics(diagnosed):
     masses = replace(many, physics="inertial_parameters", law=None)
     assert replace(masses, law=InertialParameters().together(())).remedy.startswith("take the masses of the corrected")
     assert replace(masses, location="elbow").remedy.startswith("weigh elbow")
-    assert alternative_text(SimpleNamespace(), many) == []
+    assert alternative_text(many) == []
     assert "look at the robot itself" in Finding("unknown", "robot", ("robot",), {}, 0.0, "left").remedy
 
 
@@ -226,9 +226,9 @@ def test_a_part_and_what_it_belongs_to_are_no_rivals(diagnosed):
     _, _, diagnosis = diagnosed
     names = ("joint3/drive", "joint3")
     drive = dataclasses.replace(diagnosis.findings[0], location="joint3/drive", candidates=names, alternatives=())
-    assert alternative_text(diagnosis, drive) == ["joint3/drive is part of joint3, which may be meant as a whole"]
+    assert alternative_text(drive) == ["joint3/drive is part of joint3, which may be meant as a whole"]
     joint = dataclasses.replace(drive, location="joint3", candidates=(*names, "joint30"))
-    assert alternative_text(diagnosis, joint) == [
+    assert alternative_text(joint) == [
         "these data cannot tell joint3 from joint30",
         "of joint3, joint3/drive alone would explain as much",
     ]

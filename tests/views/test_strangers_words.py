@@ -287,7 +287,7 @@ def test_a_noise_that_is_what_was_left_makes_no_multiples_of_itself(diagnosed):
 def test_of_many_laws_that_fit_as_well_a_few_are_told(diagnosed):
     _, _, diagnosis = diagnosed
     many = replace(diagnosis.findings[0], alternatives=tuple(f"some_law at j{k}" for k in range(20)))
-    (told,) = (text for text in alternative_text(diagnosis, many) if text.startswith("as good a fit"))
+    (told,) = (text for text in alternative_text(many) if text.startswith("as good a fit"))
     assert told.endswith("some law at j3 and 16 more, in diagnosis.json")
 
 

@@ -2,15 +2,19 @@
 
 import io
 import re
+import warnings
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 import prup_pin
+from prup_pin.errors import JointLimitWarning, limits_heard, postures_beyond
 from prup_pin.views.text.answer import Answer
+from prup_pin.views.text.bench_tests import print_failures
 from prup_pin.views.text.one_pose import print_answer
 from prup_pin.views.text.robot_files import print_info
-from prup_pin.views.text.terminal import lines_of, listed, make_table, print_table
+from prup_pin.views.text.terminal import capital, lines_of, listed, make_table, print_table
 
 
 def console(width: int) -> Console:
@@ -84,3 +88,36 @@ def test_a_name_too_long_for_its_row_has_a_line_of_its_own():
     assert above.strip() == name
     assert row.split() == " ".join(numbers).split()
     assert len(row) <= 40
+
+
+# -- words that several pages share ------------------------------------------------------------------------------------
+
+
+def test_a_sentence_that_begins_with_a_place_or_a_name_keeps_its_letters():
+    assert [capital(text) for text in ("leg1/ball_nut has a play", "tool0 carries 2 kg", "w.fx is a reaction", "")] == [
+        "leg1/ball_nut has a play",
+        "tool0 carries 2 kg",
+        "w.fx is a reaction",
+        "",
+    ]
+    assert capital("the base yields") == "The base yields"
+
+
+def test_of_rows_without_an_answer_eight_are_listed():
+    out = console(80)
+    print_failures(out, {"unreachable": np.arange(9)}, {})
+    assert "9 rows: lines 2, 3, 4, 5, 6, 7, 8, 9, …" in out.file.getvalue()
+
+
+def test_joint_limits_are_heard_once_each_and_other_warnings_go_their_way():
+    with warnings.catch_warnings(record=True) as others:
+        warnings.simplefilter("always")
+        with limits_heard() as heard:
+            for text in ("joint1 is beyond", "joint2 is beyond", "joint1 is beyond"):
+                warnings.warn(text, JointLimitWarning, stacklevel=1)
+            warnings.warn("something else", UserWarning, stacklevel=1)
+    assert list(heard) == ["joint1 is beyond", "joint2 is beyond"]
+    assert [str(other.message) for other in others] == ["something else"]
+    (remark,) = postures_beyond(heard)
+    assert remark.endswith("such as: joint1 is beyond")
+    assert postures_beyond({}) == ()

@@ -169,7 +169,7 @@ def draw_mechanism(drawing: Drawing, parts: Skeleton, pale: bool = False) -> Non
     for at, style, shape in marks.values():
         edge = GHOST if pale else INK
         drawing.mark(at, shape, 10.5 if style == "actuated" else 7.5, ROLES[style], edge, label=f"{style} joint")
-    for first, second, _, _ in parts.closures:
+    for first, second in parts.closures:
         if np.linalg.norm(first - second) > 1e-6:
             drawing.line(np.array([first, second]), INK, 1.2, linestyle=":")
         drawing.mark(second, "D", 10, "none", INK, lift=19, label="loop closure")

@@ -7,14 +7,13 @@ back is what of the scene the browser says that it does not have.
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Container, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, JointLimitWarning, PrupPinError
+from ...errors import InputError, PrupPinError, limits_heard
 from ...kinematics import ClosedPose
 from ...robot import Robot
 from ...spatial import WRENCH_NAMES, Array, as_wrench
@@ -149,11 +148,10 @@ class Explorer(Served):
             if scale is not None and not 0 < float(scale) < np.inf:
                 raise InputError(f"the deflection cannot be drawn {scale} times larger; expected a number above 0")
             wrench = as_wrench({name: float(value) for name, value in load.items()})
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always", JointLimitWarning)
+            with limits_heard() as heard:
                 pose = self.pose_at(values)
             scene = self.scene(pose, wrench, None if scale is None else float(scale))
-            said = {"scale": scene.scale or None, "trouble": " ".join(str(item.message) for item in caught)}
+            said = {"scale": scene.scale or None, "trouble": " ".join(heard)}
             return {**said, **self._told(scene, pose, wrench, known)}
         except PrupPinError as error:
             return {"trouble": str(error)}

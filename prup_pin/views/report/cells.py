@@ -6,11 +6,10 @@ A few lines and tables, without script or network. Colours are the notebook's ow
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
 
 from ...diagnosis import Diagnosis
 from ...errors import PrupPinError
-from ...numbers import number, quantity
+from ...numbers import number, quantity, some
 from ...robot import Robot
 from ...statics import Compliance
 from ..text.answer import Answer, compliance_table, first_shares, load_text, rigid_texts, stiffness_tables
@@ -33,28 +32,23 @@ def robot_html(robot: Robot) -> str:
     """Return what a robot consists of, and what is assumed."""
     mechanism = robot.mechanism
     try:
-        home = _some(pose_text(robot, robot.home.coordinates or robot.home.actuators, 4, "°"))
+        home = ", ".join(some(pose_text(robot, robot.home.coordinates or robot.home.actuators, 4, "°")))
     except PrupPinError as error:
         home = f"none: {error}"
     kinds = Counter(module.kind.kind.replace("_", " ") for module in mechanism.modules)
-    actuated = f"of which {len(mechanism.actuated)} actuated: {_some(mechanism.actuated)}"
+    actuated = f"of which {len(mechanism.actuated)} actuated: {', '.join(some(mechanism.actuated))}"
     tool = "none; load(..., tool=…) says where forces act" if mechanism.tool is None else mechanism.tool.name
     facts = {
         "joints": f"{mechanism.model.njoints - 1}, {actuated}",
         "loops": str(len(mechanism.loops) or "none"),
         "tool": tool,
-        "task coordinates": _some(robot.task_coordinates) or "none",
+        "task coordinates": ", ".join(some(robot.task_coordinates)) or "none",
         "home": home,
         "compliant modules": ", ".join(f"{count} × {kind}" for kind, count in kinds.items()) or "none",
         "parameters": f"{len(robot.parameters)}: robot.parameters, robot.to_dataframe()",
         "assumed": "; ".join(robot.assumptions) or "nothing besides small deflections",
     }
     return _cell(robot.name, facts=facts)
-
-
-def _some(names: Iterable[str]) -> str:
-    shown = list(names)
-    return ", ".join(shown[:8]) + (f", … ({len(shown)})" if len(shown) > 8 else "")
 
 
 def compliance_html(compliance: Compliance) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ... import __version__
-from ..text.terminal import with_units_held
+from ..text.terminal import capital, with_units_held
 
 if TYPE_CHECKING:
     from ...robot import Robot
@@ -69,7 +69,5 @@ def picture(draw: Callable[..., Figure], *about: Any, pixels: bool = False) -> P
 
 def as_sentence(text: str) -> str:
     """Return a text with a capital and a full stop; a text that begins with a name keeps its letters."""
-    first = text.split(" ", 1)[0]
-    named = any(letter in "/_" or letter.isdigit() for letter in first)
-    started = text if named else text[:1].upper() + text[1:]
+    started = capital(text)
     return started if not started or started.endswith(".") else f"{started}."

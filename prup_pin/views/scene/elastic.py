@@ -93,14 +93,19 @@ class Deflections:
         What moves a beam's tip besides the beam, such as a slide that slips, stretches the picture towards it.
         """
         s = np.linspace(0, 1, SECTIONS)[:, None]
-        ends = zip(segment.bodies, (segment.start, segment.end), strict=True)
-        first, last = (self.shift(body, end, scale) for body, end in ends)
-        moved = np.tile(first, (SECTIONS, 1))
         if segment.kind == "beam":
-            moved = scale * self._lines[segment.name].displacement
-            if segment.bodies[0] == segment.bodies[1]:  # nothing slides within a link
-                last = moved[-1]
-        return segment.start + s * (segment.end - segment.start) + moved + s * (last - moved[-1])
+            moved = scale * (
+                self._lines[segment.name].displacement + s * self._gap(segment.name, *segment.bodies, segment.end)
+            )
+        else:
+            ends = zip(segment.bodies, (segment.start, segment.end), strict=True)
+            first, last = (self.shift(body, end, scale) for body, end in ends)
+            moved = first + s * (last - first)
+        return segment.start + s * (segment.end - segment.start) + moved
+
+    def _gap(self, name: str, root: int, tip: int, end: Array) -> Array:
+        """Return how far a beam's tip goes beside the beam's own end; nothing slides within a link."""
+        return np.zeros(3) if root == tip else self.shift(tip, end, 1.0) - self._lines[name].displacement[-1]
 
     def bent(self, module: Module, pose: ClosedPose, scale: float, *, stretched: bool) -> BentLine:
         """Return the scaled elastic line of a beam, as a whole turned to where its tip goes, by hinges at its root too.
@@ -109,11 +114,9 @@ class Deflections:
         """
         line = self._lines[module.name]
         frame, length = beam_frame(module, pose)
-        root, tip, along = module.root, module.frame, frame[:3, 2]
-        assert root is not None
-        gap = np.zeros(3)
-        if root.joint != tip.joint:
-            gap = self.shift(tip.joint, frame[:3, 3] + length * along, 1.0) - line.displacement[-1]
+        assert module.root is not None
+        along = frame[:3, 2]
+        gap = self._gap(module.name, module.root.joint, module.frame.joint, frame[:3, 3] + length * along)
         turn = np.cross(along, gap) / max(length, 1e-12)
         gap = gap if stretched else gap - (gap @ along) * along
         displacement = line.displacement + np.linspace(0, 1, SECTIONS)[:, None] * gap

@@ -52,7 +52,7 @@ class Skeleton:
     segments: list[Segment]
     joints: list[Joint]
     plates: list[Plate]
-    closures: list[tuple[Array, Array, int, int]]
+    closures: list[tuple[Array, Array]]
     anchors: Array
     tool: Array
     tool_body: int
@@ -111,7 +111,7 @@ def skeleton(pose: ClosedPose) -> Skeleton:
     for loop in mechanism.loops:
         for end in (loop.first, loop.second):
             points[end.joint].append(position(end))
-        closures.append((position(loop.first), position(loop.second), loop.first.joint, loop.second.joint))
+        closures.append((position(loop.first), position(loop.second)))
     tool = mechanism.tip
     points[tool.joint].append(position(tool))
     anchors = _unique(points[0])

@@ -16,7 +16,7 @@ from ...spatial import Array
 from ...statics import Compliance
 from ...workspace import Workspace
 from ..text.values import coordinate_text, pose_words
-from .colours import BEAM, FAINT, INK, MAP, map_rgb
+from .colours import BEAM, FAINT, INK, map_rgb
 from .motions import compliance_of
 from .painter import Painter
 from .scene import Label, Legend, Lines, Mesh, Part, Row, Scene, dots
@@ -77,7 +77,7 @@ def workspace_cloud(
         lines.append(f"A dot stands {number(1e3 * pointer, 3)} mm from the tool's point along the tool's z axis")
     lines.append(f"Most at {pose_words(robot, poses[worst], 3)}")
     lines.append(f"Least at {pose_words(robot, poses[best], 3)}")
-    legend = Legend(robot.name, tuple(lines), title, (shown(low), shown(high)), MAP, notes=painter.notes)
+    legend = Legend(robot.name, tuple(lines), title, (shown(low), shown(high)), notes=painter.notes)
     pale = tuple(replace(part, opacity=0.45 * part.opacity) for part in scene.parts if part.path != "floor/grid")
     floor = tuple(part for part in scene.parts if part.path == "floor/grid")
     return replace(scene, parts=(*pale, *floor, cloud), labels=(*scene.labels, *labels), legend=legend)

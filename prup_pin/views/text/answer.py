@@ -5,7 +5,7 @@ First the numbers, then tables and phrases of them, where they get their units.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -84,9 +84,10 @@ def softest(shares: Mapping[str, float]) -> list[str]:
     return [first, *(name for name in others if round(shares[name], _SHARE_DIGITS) == least)]
 
 
-def _rounded(vector: Array) -> Array:
-    """Return a vector (3,) without components that are only rounding of the others."""
-    return np.where(np.abs(vector) < _ROUNDING * np.abs(vector).max(), 0.0, vector)
+def _rounded(displacement: Array) -> Array:
+    """Return a displacement (6,) without components of its translation or rotation that are only rounding of others."""
+    sizes = np.abs(displacement).reshape(2, 3)
+    return np.where((sizes < _ROUNDING * sizes.max(axis=1, keepdims=True)).ravel(), 0.0, displacement)
 
 
 class Answer:
@@ -156,14 +157,12 @@ class Answer:
         """Deflection (6,) of the other frame asked for, rounding away, or None."""
         if self.frame is None:
             return None
-        found = self.compliance.deflection(self.load.wrench, frame=self.frame)
-        return np.concatenate([_rounded(found[:3]), _rounded(found[3:])])
+        return _rounded(self.compliance.deflection(self.load.wrench, frame=self.frame))
 
     @cached_property
     def sag(self) -> Array:
         """Deflection (6,) of the tool under the robot's weight [m, rad], rounding away."""
-        found = self.compliance.sag()
-        return np.concatenate([_rounded(found[:3]), _rounded(found[3:])])
+        return _rounded(self.compliance.sag())
 
     @cached_property
     def shares(self) -> dict[str, float] | None:
@@ -428,22 +427,9 @@ def displacements(answer: Answer) -> tuple[tuple[str, ...], dict[str, list[str]]
 def displacement_cells(values: Array, units: Units) -> list[str]:
     """Return dx dy dz, their length, rx ry rz in such units."""
     (_, moves), (_, turns) = units
-    return _small([*values[:3], float(np.linalg.norm(values[:3]))], moves) + _small(values[3:], turns)
-
-
-def _small(values: Iterable[float], factor: float) -> list[str]:
-    """Return small displacements [m, rad], times a factor; what is smaller than an atom's nucleus is rounding."""
-    return fixed([factor * value if abs(value) > 1e-15 else 0.0 for value in values])
-
-
-def sag_cells(answer: Answer) -> tuple[list[str], str, str] | None:
-    """Return dx dy dz and their length under the robot's weight, their unit, where down is; None without gravity."""
-    gravity = answer.mechanism.gravity
-    if not gravity.any():
-        return None
-    total = float(np.linalg.norm(answer.sag[:3]))
-    unit, factor = readable_unit(total, "m")
-    return _small([*answer.sag[:3], total], factor), unit, direction_text(gravity / np.linalg.norm(gravity))
+    rows = ([*values[:3], float(np.linalg.norm(values[:3]))], moves), (values[3:], turns)
+    # what is smaller than an atom's nucleus is rounding
+    return [text for each, factor in rows for text in fixed(factor * value * (abs(value) > 1e-15) for value in each)]
 
 
 def assumptions(robot: Robot, answer: Answer) -> list[str]:

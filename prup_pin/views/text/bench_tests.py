@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
-from rich.text import Text
 
 from ...laws import Effect
 from ...laws.drawn import load_units
@@ -20,7 +19,7 @@ from ...recordings.columns import AS_LOGGED, unit_of
 from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
 from . import diagnosis_words as words
-from .terminal import bullets, heading, lines_of, listed, paragraph, show_table
+from .terminal import bullets, heading, listed, paragraph, show_table, title
 
 if TYPE_CHECKING:  # the command line begins without them
     from ...diagnosis import Diagnosis
@@ -32,7 +31,7 @@ if TYPE_CHECKING:  # the command line begins without them
 
 def print_log(out: Console, log: Log) -> None:
     """Print what a log holds, stream by stream."""
-    out.print(Text(log.path, style="bold"))
+    title(out, log.path)
     for stream in log.streams:
         size = f"{counted(len(stream), 'row')}, {counted(len(stream.columns), 'column')}"
         listed(out, "", [f"{stream.name}: {size} of numbers"])
@@ -77,7 +76,7 @@ def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> 
 
 
 #: So many row numbers are listed.
-_SHOWN = 8
+_ROWS = 8
 #: More effects than this are counted by their physics.
 _MOST_EFFECTS = 6
 #: More values than this are counted, not written out: a calibration's.
@@ -100,7 +99,7 @@ def print_simulation(
     band: as `compare` takes it. source: the file that the effects are from, where they are from one.
     """
     how = "the efforts of its motion" if not prediction.position.shape[1] else "loaded, in its deformed position"
-    out.print(Text(f"{robot.name}, {how}", style="bold"))
+    title(out, f"{robot.name}, {how}")
     listed(out, "with", _effects_told(effects, source), "; ")
     failures = prediction.failures
     failed = sum(len(rows) for rows in failures.values())
@@ -156,8 +155,8 @@ def _in_own_units(effects: Sequence[Effect]) -> frozenset[str]:
 def print_failures(out: Console, failures: Mapping[str, np.ndarray], reasons: Mapping[str, str]) -> None:
     """Print which rows, counted from 0, have no answer, as lines of the file, whose first one holds names, and why."""
     for word, rows in failures.items():
-        first = ", ".join(str(row + 2) for row in rows[:_SHOWN].tolist())
-        more = ", …" if len(rows) > _SHOWN else ""
+        first = ", ".join(str(row + 2) for row in rows[:_ROWS].tolist())
+        more = ", …" if len(rows) > _ROWS else ""
         listed(out, word, [f"{counted(len(rows), 'row')}: line{'s' if len(rows) > 1 else ''} {first}{more}"])
         if word in reasons:
             paragraph(out, f"line {rows[0] + 2}: {reasons[word]}", "  ")
@@ -185,7 +184,7 @@ def _unit(robot: Robot, channel: str, own: Collection[str]) -> tuple[str, float]
     if kind == "effort" and name in own:
         return AS_LOGGED, 1.0
     if kind == "effort":
-        return ("N", 1.0) if robot.mechanism.joint(name).slides else ("N m", 1.0)
+        return robot.mechanism.joint(name).effort_unit, 1.0
     return ("µrad", 1e6) if channel.endswith("rotation") else ("µm", 1e6)
 
 
@@ -202,8 +201,8 @@ def print_diagnosis(
 ) -> None:
     """Print the verdict, the findings with intervals, the residuals before and after, doubts and remarks."""
     for premise in diagnosis.premises:
-        _verdict(out, premise)
-    _verdict(out, words.verdict_text(diagnosis))
+        title(out, premise)
+    title(out, words.verdict_text(diagnosis))
     out.print()
     listed(out, "robot", [robot.name])
     recordings = [recording] if isinstance(recording, Recording) else list(recording)
@@ -266,12 +265,6 @@ def print_hidden(out: Console, hidden: Sequence[Detectable]) -> None:
     bullets(out, "What these data could not show", texts, "(and from which size they would)")
 
 
-def _verdict(out: Console, text: str) -> None:
-    """Print a bold paragraph at the margin."""
-    for line in lines_of(text, out.width):
-        out.print(Text(line, style="bold"), soft_wrap=True)
-
-
 # -- a calibration -----------------------------------------------------------------------------------------------------
 
 
@@ -289,7 +282,7 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
     end = (
         "which is noise" if found.is_explained else "more than noise: the model lacks something, see prup-pin diagnose"
     )
-    _verdict(out, f"The drawing leaves {before} times the noise; within its tolerances it leaves {after}, {end}.")
+    title(out, f"The drawing leaves {before} times the noise; within its tolerances it leaves {after}, {end}.")
     out.print()
     listed(out, "robot", [robot.name])
     for recording in recordings:

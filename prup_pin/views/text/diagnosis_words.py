@@ -14,6 +14,7 @@ from ...laws.efforts import EFFORT
 from ...numbers import counted, number, quantity, readable_unit, uncertain
 from ...recordings import SENSORS, Convention, Recording
 from ...recordings.columns import AS_LOGGED
+from .terminal import capital
 
 if TYPE_CHECKING:
     from ...diagnosis import Diagnosis, Finding
@@ -54,6 +55,7 @@ _SOURCES = {
 }
 _NO_MOTION = ", and does not depend on the motion to an extent that matters"
 _NO_FAULT = "The robot's deflection under load changes how it carries the load; that is no fault."
+_UNDETERMINED = "not determined by this recording"
 #: Share of the squared residual that is nothing; how many times as much is beyond counting.
 _NO_GAIN, _BEYOND_COUNTING = 5e-4, 1000
 
@@ -61,49 +63,44 @@ _NO_GAIN, _BEYOND_COUNTING = 5e-4, 1000
 def verdict_text(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence."""
     before, after = diagnosis.before["heldout"], diagnosis.after["heldout"]
-    only_efforts = diagnosis.efforts is not None and not diagnosis.columns
+    efforts, explained = diagnosis.efforts, diagnosis.verdict == "explained"
+    alone = None if diagnosis.columns else efforts  # efforts, where nothing else was compared
+    unknown = next((finding for finding in diagnosis.findings if finding.physics == "unknown"), None)
     if diagnosis.since is not None and not math.isnan(before):
         return verdict_since(diagnosis, diagnosis.since)
-    if math.isnan(before) and not only_efforts:
-        statement = next(finding.statement for finding in diagnosis.findings if finding.physics == "unknown")
-        return f"{statement[0].upper()}{statement[1:]}."
-    left = "" if diagnosis.efforts is None else f"{_percent(diagnosis.efforts.shares['all']['heldout'])} of the efforts"
+    if math.isnan(before) and alone is None and unknown is not None:
+        return f"{capital(unknown.statement)}."
+    left = "" if efforts is None else f"{_percent(efforts.shares['all']['heldout'])} of the efforts"
     if diagnosis.verdict == "nothing_missing":
         return _nothing_missing(diagnosis, left)
-    named = [item for item in diagnosis.told if item.physics != "unknown" and not item.conventions]
-    told = _joined([*_all_told(named), *_unnamed(diagnosis)])
-    efforts = None if diagnosis.columns else diagnosis.efforts
-    if efforts is not None and not efforts.declared and math.isfinite(after):
-        takes, left = _of_efforts(efforts.shares["all"], after, diagnosis.verdict == "explained"), ""
-    elif diagnosis.verdict == "explained" and (sizes := _not_declared(diagnosis)):
-        takes = sizes
+    if alone is not None and not alone.declared and math.isfinite(after):
+        takes, left = _of_efforts(alone.shares["all"], after, explained), ""
     else:
-        takes = _takes(before, after)
+        takes = (_not_declared(diagnosis) if explained else "") or _takes(before, after)
     read = [convention for item in diagnosis.findings for convention in item.conventions]
     if read:
         takes = f"{takes} (the log read {_read_so(read)})"
-    if diagnosis.verdict == "explained" and not named:
-        return f"Explained: {takes}{left and f', which leaves {left}'}."
-    if diagnosis.verdict == "explained" and not read and not any(item.is_fault for item in named):
-        own = _joined([item.effect.law.summary if item.effect else finding_text(item) for item in named])
-        return f"Nothing is missing but {own}: with {'it' if len(named) == 1 else 'them'} {takes}."
-    if diagnosis.verdict == "explained":
-        return f"Explained: with {told} {takes}{left and f', which leaves {left}'}."
-    unknown = next((finding for finding in diagnosis.findings if finding.physics == "unknown"), None)
+    named = [item for item in diagnosis.told if item.physics != "unknown" and not item.conventions]
+    told = _joined([*_all_told(named), *_unnamed(diagnosis)])
+    if explained:
+        if named and not read and not any(item.is_fault for item in named):
+            own = _joined([item.effect.law.summary if item.effect else finding_text(item) for item in named])
+            return f"Nothing is missing but {own}: with {'it' if len(named) == 1 else 'them'} {takes}."
+        return f"Explained: {f'with {told} ' if named else ''}{takes}{left and f', which leaves {left}'}."
     if unknown is not None and unknown.untold:
-        return f"{_capital(unknown.statement)}{left and f'; the robot file leaves {left}'}."
-    where = f"; it is largest in {unknown.location}" if unknown is not None and unknown.location != "robot" else ""
+        return f"{capital(unknown.statement)}{left and f'; the robot file leaves {left}'}."
     if told:
-        return (
-            f"Unexplained: with {told} {takes}, but no law of the library explains the "
-            f"rest{left and f', {left}'}{where}."
-        )
-    stands = (
-        "no noise is known to compare with"
-        if math.isnan(before)
-        else f"the residual is {number(before, 3)} times the noise"
-    )
-    return f"Unexplained: {stands}, and no law of the library explains it{left and f': it is {left}'}{where}."
+        stands = f"with {told} {takes}, but no law of the library explains the rest{left and f', {left}'}"
+    else:
+        known = f"the residual is {number(before, 3)} times the noise"
+        stands = "no noise is known to compare with" if math.isnan(before) else known
+        stands = f"{stands}, and no law of the library explains it{left and f': it is {left}'}"
+    return f"Unexplained: {stands}{_largest_in(unknown)}."
+
+
+def _largest_in(unknown: Finding | None) -> str:
+    """Return '; it is largest in leg2' of what no law explains; nothing where it is everywhere."""
+    return "" if unknown is None or unknown.location == "robot" else f"; it is largest in {unknown.location}"
 
 
 def _read_so(conventions: Sequence[Convention]) -> str:
@@ -116,17 +113,14 @@ def _read_so(conventions: Sequence[Convention]) -> str:
 
 
 def _nothing_missing(diagnosis: Diagnosis, left: str) -> str:
-    after = diagnosis.after["heldout"]
-    efforts = diagnosis.efforts
-    if efforts is None or efforts.declared or diagnosis.columns:
-        besides = f"; the residual is {left}" if left else ""
-        noise = f"noise only ({number(after, 3)} times it)"
-        loaded = ""
-        if diagnosis.findings:  # what is no fault: equilibrium in the deformed position
-            loaded = ". The loads move the robot so far that equilibrium must be taken in its deformed position"
-        return f"Nothing is missing: simulation and recording differ by {noise}{besides}{loaded}."
-    loud = "" if math.isnan(after) else f", {number(after, 3)} times the scatter of a single sample"
-    return f"Nothing is missing: the residual is {left}{loud}{_NO_MOTION}."
+    after, efforts = diagnosis.after["heldout"], diagnosis.efforts
+    if efforts is not None and not efforts.declared and not diagnosis.columns:
+        loud = "" if math.isnan(after) else f", {number(after, 3)} times the scatter of a single sample"
+        return f"Nothing is missing: the residual is {left}{loud}{_NO_MOTION}."
+    besides = f"; the residual is {left}" if left else ""
+    if diagnosis.findings:  # what is no fault: equilibrium in the deformed position
+        besides += ". The loads move the robot so far that equilibrium must be taken in its deformed position"
+    return f"Nothing is missing: simulation and recording differ by noise only ({number(after, 3)} times it){besides}."
 
 
 def _takes(before: float, after: float) -> str:
@@ -141,34 +135,27 @@ def _takes(before: float, after: float) -> str:
 
 def _not_declared(diagnosis: Diagnosis) -> str:
     """Return from where to where what is left falls in millimetres where its end is all that is known of the noise."""
-    if diagnosis.noise.source != "residual" or diagnosis.efforts is not None:
+    channels = [diagnosis.by_channel.get(name, {}) for name, unit, _ in diagnosis.columns if unit == "m"]
+    sizes = [
+        (each["before_um"], each["after_um"]) for each in channels if math.isfinite(each.get("before_um", math.nan))
+    ]
+    if diagnosis.noise.source != "residual" or diagnosis.efforts is not None or not sizes:
         return ""
-    squares: dict[str, list[float]] = {"before": [], "after": []}
-    for name, unit, _ in diagnosis.columns:
-        values = diagnosis.by_channel.get(name, {})
-        if unit == "m" and math.isfinite(values.get("before_um", math.nan)):
-            for key, each in squares.items():
-                each.append((1e-6 * values[f"{key}_um"]) ** 2)
-    if not squares["after"]:
-        return ""
-    before, after = (math.sqrt(sum(each) / len(each)) for each in squares.values())
+    before, after = 1e-6 * np.sqrt(np.mean(np.square(sizes), axis=0))
     after *= diagnosis.after["heldout"] / diagnosis.after["fit"]
-    ends = [quantity(size, "m") for size in (before, after)]
-    taken = quantity(diagnosis.noise.position, "m")
+    first, last, taken = (quantity(size, "m") for size in (before, after, diagnosis.noise.position))
     return (
-        f"the residual of the positions falls from {ends[0]} to {ends[1]} (root mean square, held out); no noise was "
+        f"the residual of the positions falls from {first} to {last} (root mean square, held out); no noise was "
         f"declared, and {taken}, the residual with everything free to vary, was taken for it"
     )
 
 
-def _of_efforts(shares: Mapping[str, float], after: float, ends_there: bool = True) -> str:
+def _of_efforts(shares: Mapping[str, float], after: float, ends_there: bool) -> str:
     """Return what is left of efforts whose noise nobody declared: as a share, for that noise proves little."""
-    ends = [_percent(shares[key]) for key in ("rigid", "heldout")]
-    falls = "" if ends[0] == ends[1] else f"the residual of the efforts falls from {ends[0]} to {ends[1]}"
-    return (
-        f"{falls or f'the residual is {ends[1]} of the efforts'}, {number(after, 3)} times the scatter of a single "
-        f"sample{_NO_MOTION if ends_there else ''}"
-    )
+    rigid, left = (_percent(shares[key]) for key in ("rigid", "heldout"))
+    falls = f"the residual of the efforts falls from {rigid} to {left}"
+    stands = f"the residual is {left} of the efforts" if rigid == left else falls
+    return f"{stands}, {number(after, 3)} times the scatter of a single sample{_NO_MOTION if ends_there else ''}"
 
 
 def _percent(share: float) -> str:
@@ -252,18 +239,23 @@ def finding_groups(diagnosis: Diagnosis) -> dict[str, list[tuple[int, Finding]]]
 def finding_lines(diagnosis: Diagnosis, finding: Finding, most: int = MOST_PARAMETERS) -> list[str]:
     """Return what is told of a finding below its name; of more than `most` values, that there are more."""
     places = by_place(finding)
-    alone = [] if places else parameter_texts(finding.parameters)
-    shown = most if len(alone) > most + 1 else len(alone)
-    lines = [] if stands_in_verdict(diagnosis, finding) else [finding.statement]
-    for place, texts in places.items():
-        told = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in texts)
-        lines.append(f"{place}: {told}")
-    lines += [f"{name} {value} (95 %: {interval})" for name, value, interval in alone[:shown]]
-    if shown < len(alone):
-        lines.append(f"and {len(alone) - shown} more, in diagnosis.json")
-    lines += [*alternative_text(diagnosis, finding), cost_text(finding)]
-    lines.append(f"to do: {finding.remedy}" if finding.remedy else "")
+    values = [] if places else _in_lines(parameter_texts(finding.parameters))
+    if len(values) > most + 1:
+        values[most:] = [f"and {len(values) - most} more, in diagnosis.json"]
+    lines = [
+        "" if stands_in_verdict(diagnosis, finding) else finding.statement,
+        *(f"{place}: {', '.join(_in_lines(texts))}" for place, texts in places.items()),
+        *values,
+        *alternative_text(finding),
+        cost_text(finding),
+        finding.remedy and f"to do: {finding.remedy}",
+    ]
     return [line for line in lines if line]
+
+
+def _in_lines(texts: Iterable[tuple[str, str, str]]) -> list[str]:
+    """Return 'half gap 30.2 µm (95 %: 29.9 to 30.6 µm)' of each of `parameter_texts`."""
+    return [f"{name} {value} (95 %: {interval})" for name, value, interval in texts]
 
 
 def stands_in_verdict(diagnosis: Diagnosis, finding: Finding) -> bool:
@@ -283,30 +275,31 @@ def summary_text(diagnosis: Diagnosis) -> str:
     if not first:
         return ""
     logs = [finding for finding in diagnosis.findings if finding.conventions]
-    every = [finding for finding in diagnosis.told if finding.physics != "unknown"]
-    every = [finding for finding in every if finding not in logs]
+    every = [item for item in diagnosis.told if item.physics != "unknown" and not item.conventions]
     # large deflections are no fault
     named = [finding for finding in every if finding.physics != "finite_deflection"]
-    causes = [f"{f.statement}{_or_else(f)}" for f in named] if len(named) <= _MOST_TOLD else _all_told(named)
+    faults = any(finding.is_fault for finding in named)
+    # of many causes only the names are told
+    few = len(named) <= _MOST_TOLD
+    causes = [f"{f.statement}{_or_else(f)}" for f in named] if few else _all_told(named)
     them = "it" if len(causes) == 1 else "them"
     read = [convention for finding in logs for convention in finding.conventions]
-    if len(read) <= _IN_A_SENTENCE:
-        texts = [*(f"{_capital(finding.statement)}." for finding in logs), first]
-    else:  # which ones, the findings say
-        texts = [f"The log is read {_read_so(read)}.", first]
-    if logs:
-        texts[-1] = f"Read this way: {first}"
+    said = [f"{capital(finding.statement)}." for finding in logs]
+    if len(read) > _IN_A_SENTENCE:  # which ones, the findings say
+        said = [f"The log is read {_read_so(read)}."]
+    texts = [*said, f"Read this way: {first}" if logs else first]
     if diagnosis.verdict == "nothing_missing":
         if every:
-            texts += [f"{_NO_FAULT} Simulated in that way, {last}."]
+            texts.append(f"{_NO_FAULT} Simulated in that way, {last}.")
         return f"{' '.join(texts)} That is the sensors' own scatter: nothing needs repair."
     if causes:
         count = _COUNTED[len(causes)] if len(causes) < len(_COUNTED) else str(len(causes))
-        things = f"{count} thing{'s' if len(causes) > 1 else ''}"
+        things = "thing accounts" if len(causes) == 1 else "things account"
         much = "it" if diagnosis.verdict == "explained" else "a part of it"
-        texts.append(f"{things} account{'s' if len(causes) == 1 else ''} for {much}: {'; '.join(causes)}.")
+        texts.append(f"{count} {things} for {much}: {'; '.join(causes)}.")
         if len(named) < len(every):
             texts.append(_NO_FAULT)
+    unknown = [finding for finding in diagnosis.findings if finding.physics == "unknown"]
     if diagnosis.verdict == "explained":
         times = diagnosis.after.get("heldout", math.nan)
         scatter = ", little more than the sensors' own scatter"
@@ -314,38 +307,27 @@ def summary_text(diagnosis: Diagnosis) -> str:
             known = f"{number(times, 3)} times" if math.isfinite(times) else "an unknown multiple of"
             scatter = f"; what was left out of the fit lies {known} the sensors' own scatter off"
         texts.append(f"With {them} in the model {last}{scatter}.")
-        if named and not logs and not any(finding.is_fault for finding in named):
+        if named and not logs and not faults:
             return f"{' '.join(texts)} Nothing needs repair: {named[0].remedy}."
     elif untold := [finding.statement for finding in diagnosis.findings if finding.untold]:
-        texts.append(f"{_capital(untold[0])}.")
+        texts.append(f"{capital(untold[0])}.")
     else:
-        model = _joined([them, *_unnamed(diagnosis)])
-        texts.append(f"With {model} in the model {last}" if causes else "No law of the library explains it")
-        places = dict.fromkeys(item.location for item in diagnosis.findings if item.physics == "unknown")
-        where = _joined([place for place in places if place != "robot"])
-        texts[-1] += (
-            f": something is missing{where and f' at {where}'} that no law describes, and the corrected model is "
-            "valid only near these data."
+        model = f"With {_joined([them, *_unnamed(diagnosis)])} in the model {last}"
+        where = _joined([*dict.fromkeys(item.location for item in unknown if item.location != "robot")])
+        texts.append(
+            f"{model if causes else 'No law of the library explains it'}: something is missing"
+            f"{where and f' at {where}'} that no law describes, and the corrected model is valid only near these data."
         )
-    doubted = [finding for finding in diagnosis.findings if finding.physics == "unknown"]
-    if any(finding.is_fault for finding in named):  # which is repaired first
-        doubted = [finding for finding in doubted if finding.advice]
-    # how a log is written is one thing, and what the machine needs another
+    # how a log is written is one thing, and what the machine needs another; of that, what is repaired first
+    doubted = [finding for finding in unknown if finding.advice or not faults]
     firsts = [next((item for item in items if item.remedy), None) for items in (logs, (*doubted, *named))]
     for word, to_do in zip(("To do first", "Then" if firsts[0] else "To do first"), firsts, strict=True):
         if to_do is not None:
             others = places_text(to_do.rivals)
             also = f", or look at {others}: these data cannot tell them from it" if others else ""
-            # of many causes only the names were told
-            named_first = f"{to_do.statement}: " if to_do in named and len(named) > _MOST_TOLD else ""
+            named_first = "" if few or to_do not in named else f"{to_do.statement}: "
             texts.append(f"{word}: {named_first}{to_do.remedy}{also}.")
     return " ".join(texts)
-
-
-def _capital(text: str) -> str:
-    """Return a text as a sentence begins; one that begins with a column or a place keeps its letters."""
-    first = text.partition(" ")[0]
-    return text if {"/", "_", "."} & {*first} else f"{text[:1].upper()}{text[1:]}"
 
 
 def _beside(diagnosis: Diagnosis) -> tuple[str, str]:
@@ -379,73 +361,70 @@ def cost_text(finding: Finding) -> str:
     at = None if finding.effect is None or finding.one_body else finding.effect.place.name
     if of and at == finding.location != "robot":
         of = f" of {at}"
-    of = of if finding.is_fault else " of a simulation"
     if finding.cost > _BEYOND_COUNTING:
-        return f"without it the residual{of} would be more than {_BEYOND_COUNTING} times as large"
-    if finding.cost < 1 + _NO_GAIN:
-        return f"without it the residual{of} would be no larger in all"
-    if finding.cost < 2:
-        return f"without it the residual{of} would be {number(100 * (finding.cost - 1), 2)} % larger"
-    return f"without it the residual{of} would be {number(finding.cost, 3)} times as large"
+        size = f"more than {_BEYOND_COUNTING} times as large"
+    elif finding.cost < 1 + _NO_GAIN:
+        size = "no larger in all"
+    elif finding.cost < 2:
+        size = f"{number(100 * (finding.cost - 1), 2)} % larger"
+    else:
+        size = f"{number(finding.cost, 3)} times as large"
+    return f"without it the residual{of if finding.is_fault else ' of a simulation'} would be {size}"
 
 
 def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str, str, str]]:
     """Return (name, value with unit, 95 % interval) of fitted parameters."""
-    rows = []
     largest: dict[tuple[str, str], float] = {}  # of a vector's components: they are told in one unit
     for name, fitted in parameters.items():
         key = _vector(name, fitted)
         largest[key] = max(largest.get(key, 0.0), abs(fitted.value))
-    for name, fitted in parameters.items():
-        unit, factor = readable_unit(largest[_vector(name, fitted)], fitted.unit)
-        low, high = sorted(fitted.interval)
-        value = f"{number(factor * fitted.value, 4)} {unit}".strip()
-        if fitted.drawn is not None and number(factor * fitted.drawn, 4) != number(factor * fitted.value, 4):
-            value = f"{value} instead of {number(factor * fitted.drawn, 4)}"
-        if fitted.before is not None:
-            value = f"{value}, before {number(factor * fitted.before, 4)}"
-        words = name if "." in name else name.replace("_", " ")  # else it names a part of the robot
-        if fitted.value == 0 and factor * max(abs(low), abs(high)) > 0.99 * _ABSURD:
-            rows.append((words, "not determined by this recording", "any size"))
-            continue
+    return [
+        # a name with a dot is that of a part of the robot
+        (name if "." in name else name.replace("_", " "), *_known(fitted, largest[_vector(name, fitted)]))
+        for name, fitted in parameters.items()
+    ]
+
+
+def _known(fitted: FittedParameter, largest: float) -> tuple[str, str]:
+    """Return what is known of a parameter (a number, a bound, nothing) and its interval, in the unit of `largest`."""
+    low, high = sorted(fitted.interval)
+    least, most = sorted((abs(low), abs(high)))
+    size = abs(fitted.value)
+    unit, factor = readable_unit(largest, fitted.unit)
+    if size == 0 and factor * most > 0.99 * _ABSURD:
+        return _UNDETERMINED, "any size"
+    # it is about the least that its law has, and may be far larger
+    is_least = 0 < low <= 1.001 * fitted.least and fitted.value < 10 * low
+    if is_least and _MUCH_MORE * fitted.value < high < _ABSURD and not fitted.untold:
+        bound = quantity(high, fitted.unit, 4)
+        return f"below {bound}", f"0 to {bound}"
+    # its interval holds values a hundred times as large and a hundredth as large, or any size
+    is_open = most >= _ANY_SIZE if size == 0 else most > _MUCH_MORE * size and least < size / _MUCH_MORE
+    if fitted.untold or is_open:
+        value = _UNDETERMINED
         if fitted.untold:
             unit, factor = readable_unit(high, fitted.unit)
-        if not fitted.untold and _is_least(fitted):
-            rows.append((words, f"below {quantity(high, fitted.unit, 4)}", f"0 to {quantity(high, fitted.unit, 4)}"))
-            continue
-        if fitted.untold or _is_open(fitted):
-            value = "not determined by this recording"
-        elif max(abs(fitted.value), 0.5 * abs(high)) < fitted.seen:
-            # it may be nothing: what is known is a bound, no finer than the encoder shows
-            bound, seen = (quantity(size, fitted.unit) for size in (max(high, fitted.seen), fitted.seen))
-            rows.append((words, f"below {bound}", f"0 to {bound}; the encoder shows no less than {seen}"))
-            continue
-        elif high > _MUCH_MORE * abs(fitted.value) and 0 < low <= fitted.value:
-            value = f"above {number(factor * low, 3)} {unit}"
-        elif low == 0 < high:  # it may be nothing, and is no more than that
-            unit, factor = readable_unit(high, fitted.unit)
-            value = f"below {number(factor * high, 3)} {unit}".strip()
-        rows.append((words, value, f"{_end(factor * low)} to {_end(factor * high)} {unit}".strip()))
-    return rows
+    elif max(size, 0.5 * abs(high)) < fitted.seen:
+        # it may be nothing: what is known is a bound, no finer than the encoder shows
+        bound, seen = (quantity(each, fitted.unit) for each in (max(high, fitted.seen), fitted.seen))
+        return f"below {bound}", f"0 to {bound}; the encoder shows no less than {seen}"
+    elif 0 < low <= fitted.value and high > _MUCH_MORE * size:
+        value = f"above {number(factor * low, 3)} {unit}"
+    elif low == 0 < high:  # it may be nothing, and is no more than that
+        unit, factor = readable_unit(high, fitted.unit)
+        value = f"below {number(factor * high, 3)} {unit}".strip()
+    else:
+        value, drawn, before = (
+            "" if each is None else number(factor * each, 4) for each in (fitted.value, fitted.drawn, fitted.before)
+        )
+        instead = "" if drawn in ("", value) else f" instead of {drawn}"
+        value = f"{f'{value} {unit}'.strip()}{instead}{before and f', before {before}'}"
+    return value, f"{_end(factor * low)} to {_end(factor * high)} {unit}".strip()
 
 
 def _vector(name: str, fitted: FittedParameter) -> tuple[str, str]:
     """Return what the components of a vector have in common: a name but for x, y or z at its end, and the unit."""
     return name[:-1] if name[-1:] in ("x", "y", "z") else name, fitted.unit
-
-
-def _is_open(fitted: FittedParameter) -> bool:
-    """Return whether an interval holds values a hundred times as large and a hundredth as large, or any size."""
-    low, high = sorted(abs(end) for end in fitted.interval)
-    if fitted.value == 0:
-        return high >= _ANY_SIZE
-    return high > _MUCH_MORE * abs(fitted.value) and low < abs(fitted.value) / _MUCH_MORE
-
-
-def _is_least(fitted: FittedParameter) -> bool:
-    """Return whether a value is about the least that its law has, and an interval from there holds far larger ones."""
-    low, high = fitted.interval
-    return 0 < low <= 1.001 * fitted.least and _MUCH_MORE * fitted.value < high < _ABSURD and fitted.value < 10 * low
 
 
 def by_place(finding: Finding) -> dict[str, list[tuple[str, str, str]]]:
@@ -485,21 +464,21 @@ def proposal_lines(proposal: Proposal) -> list[str]:
         f"{name} of {joint} {number(low, 3)} to {number(high, 3)}"
         for (name, joint), (low, high) in proposal.law.recorded.items()
     ]
-    beside = proposal.beside
     curve = f" (the curve of no law: {_percent(proposal.of_curve)})" if proposal.of_curve > 0 else ""
-    return [
+    lines = [
         f"{proposal.law.symbol} = {proposal.text}",
-        *(f"{name}: {value} (95 %: {interval})" for name, value, interval in parameter_texts(proposal.parameters)),
+        *_in_lines(parameter_texts(proposal.parameters)),
         f"it takes away {_percent(proposal.share)} of the held-out squares that are left without it{curve}; "
         f"it was seen in: {'; '.join(ranges)}",
-        *([f"beside it stands what its shape leaves: {beside.text}"] if beside else []),
-        *([proposal.instead] * bool(proposal.instead)),
+        proposal.beside and f"beside it stands what its shape leaves: {proposal.beside.text}",
+        proposal.instead,
         *(f"the data do not tell it from {other.text}" for other in proposal.equals),
         *proposal.doubts,
     ]
+    return [line for line in lines if line]
 
 
-def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
+def alternative_text(finding: Finding) -> list[str]:
     """Return what these data cannot tell from a finding, as sentences."""
     texts = []
     here = finding.location
@@ -605,16 +584,10 @@ def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 def noise_text(diagnosis: Diagnosis) -> list[str]:
     """Return the noise of each sensor that measured something; what is zero was not declared."""
     noise = diagnosis.noise
-    items = (
-        ("position", "m"),
-        ("rotation", "rad"),
-        ("force", "N"),
-        ("moment", "N m"),
-        ("effort", _effort_unit(diagnosis)),
-    )
+    items = {"position": "m", "rotation": "rad", "force": "N", "moment": "N m", "effort": _effort_unit(diagnosis)}
     texts = []
     compared = {unit for name, unit, _ in diagnosis.columns if name in diagnosis.by_channel}
-    for name, unit in items:
+    for name, unit in items.items():
         value = getattr(noise, name)
         if value and unit and (unit not in ("m", "rad") or unit in compared):
             texts.append(f"{name} {quantity(value, unit)}")
@@ -628,39 +601,33 @@ def noise_text(diagnosis: Diagnosis) -> list[str]:
 def _effort_unit(diagnosis: Diagnosis) -> str:
     """Return the unit of efforts' noise; '' where estimates are in several units: none is all theirs."""
     efforts = diagnosis.efforts
-    units = sorted({*efforts.units}) if efforts is not None else ["N", "N m"]
-    if AS_LOGGED in units and efforts is not None and not efforts.declared:
-        return ""
-    return " or ".join(units) if len(units) == 1 or efforts is None or efforts.declared else ""
+    units = ["N", "N m"] if efforts is None else sorted({*efforts.units})
+    if efforts is None or efforts.declared:
+        return " or ".join(units)
+    return "" if len(units) > 1 or units == [AS_LOGGED] else units[0]
 
 
 def multiple_text(diagnosis: Diagnosis) -> str:
     """Return what a multiple of the noise is, where one may be asked what less than 1 means; else nothing."""
     if diagnosis.efforts is None or math.isnan(diagnosis.after["heldout"]):
         return ""
-    text = "1 × noise is the scatter of a single sample of an effort"
-    return (
-        text if diagnosis.efforts.standing else f"{text}; the comparison filters samples, so that less than 1 is normal"
-    )
+    less = "" if diagnosis.efforts.standing else "; the comparison filters samples, so that less than 1 is normal"
+    return f"1 × noise is the scatter of a single sample of an effort{less}"
 
 
 def places_text(names: Iterable[str]) -> str:
     """Return places with their legs folded: 'leg1, leg2: ball_nut, motor; robot'."""
     legs: dict[str, list[str]] = {}
     for name in dict.fromkeys(names):
-        leg, slash, part = name.partition("/")
-        legs.setdefault(part if slash else name, [])
-        if slash:
-            legs[part].append(leg)
+        *leg, part = name.split("/", 1)
+        legs.setdefault(part, []).extend(leg)
     parts: dict[tuple[str, ...], list[str]] = {}
     for part, found in legs.items():
         parts.setdefault(tuple(sorted(found)), []).append(part)
     texts = []
     for found_in, listed in sorted(parts.items(), key=lambda item: (-len(item[0]), item[0])):
-        if len(found_in) == 1 and len(listed) == 1:
-            texts.append(f"{found_in[0]}/{listed[0]}")
-        else:
-            texts.append(f"{', '.join(found_in)}: {', '.join(listed)}" if found_in else ", ".join(listed))
+        single = len(found_in) == len(listed) == 1
+        texts.append(("/" if single else ": ").join(", ".join(each) for each in (found_in, listed) if each))
     return "; ".join(texts)
 
 
@@ -679,12 +646,11 @@ def hidden_rows(hidden: Sequence[Detectable]) -> list[tuple[str, str, str]]:
 
 
 def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
-    sized = [(item.smallest, item.location) for item in items if item.smallest is not None]
     below = items[0].below
-    if not below and min(sized)[0] > _ABSURD:
+    sized = [(item.smallest, item.location) for item in items if item.smallest is not None]
+    sized = [each for each in sized if below or each[0] <= _ABSURD]
+    if not sized:
         return "never visible in this test"
-    if not below:
-        sized = [each for each in sized if each[0] <= _ABSURD]
     ends = [end(sized, key=lambda each: each[0]) for end in ((max, min) if below else (min, max))]
     sizes = _from_to_at([quantity(size, unit, 2) for size, _ in ends], [place for _, place in ends])
     return f"{parameter.replace('_', ' ')} {'below' if below else 'above'} {sizes}"
@@ -713,11 +679,10 @@ def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
     before, after = (number(values["heldout"], 3) for values in (diagnosis.before, diagnosis.after))
     named = [item for item in diagnosis.findings if item.physics != "unknown" and item.parameters]
     if diagnosis.verdict == "nothing_missing":
-        seen = [*_largest_unseen(since)]
-        number_ = f" {seen[0][:1].upper()}{'; '.join(seen)[1:]}." if seen else ""
+        seen = "; ".join(_largest_unseen(since))
         return (
             "Nothing has changed since the earlier test beyond what that could know: what its model leaves is noise "
-            f"({after} times it).{number_}"
+            f"({after} times it).{seen and f' {capital(seen)}.'}"
         )
     told = ", ".join(f"{finding_text(item)}{_from_to(item)}{_or_else(item)}" for item in named)
     takes = f"the residual falls from {before} to {after} times the noise" if before != after else f"{after} are left"
@@ -732,8 +697,7 @@ def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
             f"{before} times the noise here{beside}. Whether that has changed or was there before, both recordings "
             "diagnosed together would say."
         )
-    where = next((item.location for item in diagnosis.findings if item.physics == "unknown"), "robot")
-    at = "" if where == "robot" else f"; it is largest in {where}"
+    at = _largest_in(next((item for item in diagnosis.findings if item.physics == "unknown"), None))
     if told:
         return f"Something has changed that is not understood: with {told} {takes}, and no law explains the rest{at}."
     return (
@@ -748,7 +712,8 @@ def _from_to(finding: Finding) -> str:
         if item.before is not None:
             unit, factor = readable_unit(item.value, item.unit)
             ends = [number(factor * value, 3) for value in (item.before, item.value)]
-            return f" ({name.replace('_', ' ')} from {ends[0]} to {ends[1]} {unit})".replace(" )", ")")
+            told = f"{name.replace('_', ' ')} from {ends[0]} to {ends[1]} {unit}"
+            return f" ({told.strip()})"
     return ""
 
 
@@ -774,8 +739,7 @@ def then_and_now_rows(since: Since) -> list[tuple[str, str, str, str, str]]:
         apart = "as it was"
         if item.has_changed:
             low, high = (number(factor * end, 3) for end in sorted(item.difference.interval))
-            sign = "+" if item.difference.value > 0 else ""
-            apart = f"{sign}{number(factor * item.difference.value, 3)} ({low} to {high})"
+            apart = f"{number(factor * item.difference.value, 3, signed=True)} ({low} to {high})"
         shown = "none" if item.seen is None else number(factor * item.seen, 2)
         rows.append((f"{what} [{unit}]" if unit else what, then, now, apart, shown))
     return rows

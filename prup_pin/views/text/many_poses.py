@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from rich.console import Console
-from rich.text import Text
 
 from ...compensation import Compensation
 from ...laws import Effect
@@ -15,7 +14,7 @@ from ...numbers import counted, fixed, number, readable_unit
 from ...robot import Robot
 from ...sweep import QUANTITIES, Quantity, SweepFile, SweepResult
 from .bench_tests import effect_text, print_failures
-from .terminal import bullets, heading, in_options, listed, paragraph, show_table
+from .terminal import bullets, heading, in_options, listed, paragraph, show_table, title
 from .values import clean, coordinate_text
 
 #: Quantities with more entries are named, not listed.
@@ -27,7 +26,7 @@ _ROUNDING, _NOTHING = 1e-10, {"m": 1e-15, "rad": 1e-15}
 def print_sweep(out: Console, found: SweepResult | SweepFile, about: Mapping[str, str]) -> None:
     """Print the summary of a sweep; `about` says where it went and under what."""
     robot = found.mechanism
-    out.print(Text(f"{robot.name}, {counted(found.status.size, 'pose')}", style="bold"))
+    title(out, f"{robot.name}, {counted(found.status.size, 'pose')}")
     for label, text in about.items():
         listed(out, label, [text])
     counts = found.counts
@@ -128,7 +127,7 @@ _LEAST_ERROR = 1e-2
 
 def print_compensation(out: Console, robot: Robot, effects: Sequence[Effect], found: Compensation) -> None:
     """Print what the tool missed before and after, and the largest correction of each actuator."""
-    out.print(Text(f"{robot.name}, loaded, put where it was wanted", style="bold"))
+    title(out, f"{robot.name}, loaded, put where it was wanted")
     listed(out, "with", [effect_text(effect) for effect in effects] or ["nothing added to the robot file"], "; ")
     count = found.status.count("ok")
     good = "all compensated" if count == len(found) else f"{count} compensated"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -15,8 +16,8 @@ from ...robot import Robot
 from ...spatial import TWIST_NAMES, wrench_text
 from . import answer as words
 from .answer import Answer, MatrixTable, ranked
-from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, print_table, show_table
-from .values import percent_text, pose_text, position_text, value_text, workshop_text
+from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, print_table, show_table, title
+from .values import direction_text, percent_text, pose_text, position_text, value_text, workshop_text
 
 if TYPE_CHECKING:
     from ...sensitivity import Sensitivity
@@ -53,8 +54,8 @@ def print_answer(
     for table in (*words.stiffness_tables(answer), words.compliance_table(answer)):
         _print_matrix(out, table)
     _print_deflection(out, answer)
-    for title, text in words.along_texts(answer).items():
-        heading(out, f"{title}:", f"{text}; {words.ALONG}")
+    for what, text in words.along_texts(answer).items():
+        heading(out, f"{what}:", f"{text}; {words.ALONG}")
     _print_shares(out, answer)
     _print_sag(out, answer)
     bullets(out, "Assumed", words.assumptions(robot, answer))
@@ -69,7 +70,7 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
         "task coordinates": "(by --at; what it does not name is at home)",
         "actuators": "(from the actuators)",
     }
-    out.print(Text(robot.name, style="bold"))
+    title(out, robot.name)
     for name, value in changes.items():
         listed(out, "changed", [f"{name} = {value_text(value)} {robot.parameters[name].unit}"])
     if robot.mechanism.locked:
@@ -143,17 +144,18 @@ def _bar(fraction: float) -> Text:
 
 
 def _print_sag(out: Console, answer: Answer) -> None:
-    found = words.sag_cells(answer)
-    if found is None:
+    gravity = answer.mechanism.gravity
+    if not gravity.any():
         heading(out, "Sag by own weight:", "the robot file sets no gravity")
         return
-    (*moved, total), unit, down = found
+    down = f"down is {direction_text(gravity / np.linalg.norm(gravity))}"
+    unit, factor = readable_unit(float(np.linalg.norm(answer.sag[:3])), "m")
+    *moved, total = words.displacement_cells(answer.sag, ((unit, factor), ("rad", 1.0)))[:4]
     if total == "0":
-        heading(out, "Sag by own weight:", f"none at the tool; down is {down}")
+        heading(out, "Sag by own weight:", f"none at the tool; {down}")
         return
     heading(out, f"Sag by own weight [{unit}]")
-    parts = [f"{name} {value}" for name, value in zip(TWIST_NAMES, moved, strict=False)]
-    listed(out, "", [*parts, f"total {total}", f"down is {down}"])
+    listed(out, "", [*map(" ".join, zip(TWIST_NAMES, moved, strict=False)), f"total {total}", down])
 
 
 def _print_matrix(out: Console, matrix: MatrixTable) -> None:

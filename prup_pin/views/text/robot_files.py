@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
-from rich.text import Text
 
 from ... import robots
 from ...errors import MissingExtraError, PrupPinError, UnknownNameError
@@ -25,7 +24,7 @@ from ...recordings import KINDS_OF_TOLERANCE, Recording, Tolerances
 from ...review import robot_remarks
 from ...robot import Robot
 from .bench_tests import print_hidden
-from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, show_table
+from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, show_table, title
 from .values import (
     clean,
     default_parameters,
@@ -46,7 +45,7 @@ def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None)
     """Print what a robot file says and what was made of it, with its own tolerances and those of all its kinds."""
     mechanism = robot.mechanism
     description = mechanism.description
-    out.print(Text(robot.name, style="bold"))
+    title(out, robot.name)
     listed(out, "file", [str(description.path)])
     listed(out, "tool", [f"'{mechanism.tool.name}'" if mechanism.tool else "none: --tool FRAME says where forces act"])
     gravity = [number(clean(value), 6) for value in mechanism.gravity]
@@ -62,7 +61,9 @@ def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None)
     _print_mobility(out, robot)
     own = value_tolerances(mechanism, tolerances.declared if tolerances else {})
     _print_modules(out, robot, own)
-    _print_lengths(out, robot, own)
+    if description.lengths:
+        heading(out, "Lengths that place joints")
+        _print_parameters(out, [length.parameter for length in description.lengths], own, full=True)
     if tolerances is not None:
         _print_tolerances(out, tolerances)
     if description.variants:
@@ -172,13 +173,6 @@ def _tolerance_text(parameter: Parameter, tolerance: float | None) -> str:
     return f"{number(100 * tolerance / abs(parameter.value), 3)} %"
 
 
-def _print_lengths(out: Console, robot: Robot, tolerances: Mapping[str, float]) -> None:
-    lengths = robot.mechanism.description.lengths
-    if lengths:
-        heading(out, "Lengths that place joints")
-        _print_parameters(out, [length.parameter for length in lengths], tolerances, full=True)
-
-
 def _print_tolerances(out: Console, tolerances: Tolerances) -> None:
     heading(out, "Tolerances", "(one standard deviation; the robot file's own win)")
     if not tolerances.declared:
@@ -237,7 +231,7 @@ def print_kinds(out: Console, kinds: Sequence[CompliantModule] = KINDS) -> None:
     for index, kind in enumerate(kinds):
         if index:
             out.print()
-        out.print(Text(kind.kind, style="bold"))
+        title(out, kind.kind)
         traits = ["body" if kind.is_body else "joint", f"loads {' '.join(kind.loads)}"]
         if kind.spans_frames:
             traits.append("needs root and tip")
@@ -265,7 +259,7 @@ def _default(quantity: Quantity) -> str:
 def print_check(out: Console, robot: Robot) -> None:
     """Print what the file holds, what a reviewer would ask, and what is assumed."""
     mechanism = robot.mechanism
-    out.print(Text(robot.name, style="bold"))
+    title(out, robot.name)
     listed(out, "file", [str(mechanism.description.path)])
     listed(
         out,
@@ -306,7 +300,7 @@ def print_prospects(out: Console, robot: Robot, recording: Recording, found: Pro
         rows = []
         for item in found.joints:
             travel, speed = f"{number(item.travel, 3)} {item.unit}", f"{number(item.speed, 3)} {item.unit}/s"
-            unit = "N" if item.unit == "m" else "N m"
+            unit = robot.mechanism.joint(item.joint).effort_unit
             effort = "not recorded" if item.effort is None else f"up to {number(item.effort, 3)} {unit}"
             rows.append((item.joint, travel, speed, f"{100 * item.rest:.0f} %", effort))
         show_table(out, ("joint", ">travel", ">top speed", ">at rest", ">effort"), rows)
@@ -354,17 +348,17 @@ def laws_named(word: str | None, mechanism: Mechanism) -> list[Law]:
 
     Raises UnknownNameError where none is.
     """
+    every = _all()
     if word is None:
-        return list(_all())
-    names = {law.physics for law in _all()}
+        return list(every)
     plain = "_".join(re.split(r"[\s_-]+", word.strip().lower()))
-    if plain not in names:
+    physics = {law.physics for law in every if law.physics == plain}
+    if not physics and word.strip():
         said = re.compile(rf"\b{re.escape(word.strip())}", re.IGNORECASE)
-        spoken = {law.physics for law in _all() if said.search(_spoken(law, mechanism))} if word.strip() else set()
-        if not spoken:
-            raise UnknownNameError("law", word, sorted(names))
-        return [law for law in _all() if law.physics in spoken]
-    return [law for law in _all() if law.physics == plain]
+        physics = {law.physics for law in every if said.search(_spoken(law, mechanism))}
+    if not physics:
+        raise UnknownNameError("law", word, sorted({law.physics for law in every}))
+    return [law for law in every if law.physics in physics]
 
 
 def _spoken(law: Law, mechanism: Mechanism) -> str:
@@ -391,7 +385,7 @@ def print_laws(out: Console, laws: Sequence[Law], robot: Robot) -> None:
     for index, law in enumerate(laws):
         if index:
             out.print()
-        out.print(Text(law.physics + (", in efforts" if isinstance(law, EffortLaw) else ""), style="bold"))
+        title(out, law.physics + (", in efforts" if isinstance(law, EffortLaw) else ""))
         for text in (inspect.getdoc(law) or law.summary).split("\n\n"):
             paragraph(out, " ".join(text.split()))
         if law.source:

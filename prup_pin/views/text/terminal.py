@@ -61,6 +61,13 @@ def with_units_held(text: str) -> str:
     return _KEPT.sub(_HELD, text)
 
 
+def capital(text: str) -> str:
+    """Return a text as a sentence begins; one that begins with a column, a place or a name keeps its letters."""
+    first = text.partition(" ")[0]
+    named = any(letter in "/_." or letter.isdigit() for letter in first)
+    return text if named else f"{text[:1].upper()}{text[1:]}"
+
+
 def lines_of(text: str, width: int, first: str = "", then: str = "") -> list[str]:
     """Return a text broken into lines, in which a number keeps its unit.
 
@@ -111,6 +118,12 @@ def heading(out: Console, text: str, detail: str = "") -> None:
         out.print(styled, soft_wrap=True)
 
 
+def title(out: Console, text: str) -> None:
+    """Print what all that follows is about, bold and at the margin."""
+    for line in lines_of(text, out.width):
+        out.print(Text(line, style="bold"), soft_wrap=True)
+
+
 def listed(out: Console, label: str, items: Iterable[str], separator: str = "   ", indent: int = 2) -> None:
     """Print 'label  item   item', broken between items; an item longer than a line is wrapped."""
     start = " " * indent + (f"{label:<11} " if label else "")
@@ -119,11 +132,11 @@ def listed(out: Console, label: str, items: Iterable[str], separator: str = "   
     for item in items:
         first, *more = lines_of(item, room - len(separator.rstrip())) or [""]
         joined = f"{lines[-1]}{separator}{first}" if lines[-1] else first
-        if len(joined) <= room - 1:
-            lines[-1] = joined
+        if lines[-1] and len(joined) > room - 1:
+            lines[-1] += separator.rstrip()
+            lines.append(first)
         else:
-            lines[-1] += separator.rstrip() if lines[-1] else ""
-            lines.append(first) if lines[-1] else lines.__setitem__(-1, first)
+            lines[-1] = joined
         lines += more
     for index, line in enumerate(lines):
         out.print(Text((blank if index else start) + line), soft_wrap=True)
