@@ -48,15 +48,14 @@ def likelier_rate(values: Array, logged: Array, piece: np.ndarray, rate: float, 
     ours, theirs = low(moved, piece), low(told, piece)
     if float(ours @ theirs) < _OWN * float(theirs @ theirs):
         return Rate(moved)
-    seen = _as_differences_see(told, piece)
-    frequency, share = _shares(moved, seen, piece, rate)
+    frequency, share = _shares(moved, told, piece, rate)
     if not len(frequency):
         return Rate(told, delay)
     # what is drawn through samples says nothing of what is faster than they
     fastest_moved, fastest_told = (rate / (2 * own) for own in every)
     share = np.where(frequency > fastest_told, 1.0, share)
     share = np.where(frequency > fastest_moved, 0.0, share)
-    return Rate(told + _filtered(moved - seen, piece, rate, frequency, share), delay)
+    return Rate(told + _filtered(moved - told, piece, rate, frequency, share), delay)
 
 
 def _in_step(moved: Array, logged: Array, piece: np.ndarray, rate: float, band: float) -> tuple[Array, float]:
@@ -100,15 +99,6 @@ def _earlier(values: Array, piece: np.ndarray, by: float) -> Array:
     for where in pieces(piece):
         at = np.arange(where.stop - where.start, dtype=float)
         out[where] = CubicSpline(at, values[where])(np.clip(at + by, 0, at[-1])) if len(at) > 3 else values[where]
-    return out
-
-
-def _as_differences_see(values: Array, piece: np.ndarray) -> Array:
-    """Return rates (N,) as central differences see them: their mean over two steps, by Simpson's rule."""
-    out = np.array(values)
-    for where in pieces(piece):
-        own = values[where]
-        out[where][1:-1] = (own[:-2] + 4 * own[1:-1] + own[2:]) / 6
     return out
 
 
