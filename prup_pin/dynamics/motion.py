@@ -232,13 +232,13 @@ def motion_of(
         thin = rates.every.get(key, 1)
         return bandwidth(values[::thin], parts[::thin], rate / thin)
 
+    of_position = [band_of(f"q.{name}", position[:, column]) for column, name in enumerate(names)]
+    of_speed = {name: band_of(f"qd.{name}", logged_speed[name]) for name in speeds}
     speed_delays, logged_speed = _likelier(
         names, dict(zip(names, position.T, strict=True)), logged_speed, ("q", "qd"), clock, rates.every
     )
     remarks += _lateness("speeds", "positions", speed_delays)
     _, logged_acceleration = _likelier(names, logged_speed, logged_acceleration, ("qd", "qdd"), clock, rates.every)
-    of_position = [band_of(f"q.{name}", position[:, column]) for column, name in enumerate(names)]
-    of_speed = {name: band_of(f"qd.{name}", logged_speed[name]) for name in speeds}
     moving = [of_speed.get(name, band) for name, band in zip(names, of_position, strict=True)]
     moving = [band for band in moving if band > 0]
     compared = [f"q.{name}" for name in names] + [f"tau.{name}" for name in drives]

@@ -41,21 +41,23 @@ def likelier_rate(values: Array, logged: Array, piece: np.ndarray, rate: float, 
     """
     if not np.ptp(values) > 0 or not np.ptp(logged) > 0:
         return Rate(logged)
-    moved = differences(values, piece, 1 / rate)
+    # straight lines from row to row hear less of what is faster than the motion, and of both sensors alike
+    moved = np.concatenate([np.gradient(values[where], 1 / rate) for where in pieces(piece)])
     band = min(max(_SLOWEST, min(bandwidth(values, piece, rate), bandwidth(logged, piece, rate))), 0.2 * rate)
     told, delay = _in_step(moved, logged, piece, rate, band)
     low = LowPass(band, rate)
     ours, theirs = low(moved, piece), low(told, piece)
     if float(ours @ theirs) < _OWN * float(theirs @ theirs):
-        return Rate(moved)
-    frequency, share = _shares(moved, told, piece, rate)
+        return Rate(differences(values, piece, 1 / rate))
+    apart = moved - _as_differences_see(told, piece)
+    frequency, share = _shares(apart, told, piece, rate)
     if not len(frequency):
         return Rate(told, delay)
     # what is drawn through samples says nothing of what is faster than they
     fastest_moved, fastest_told = (rate / (2 * own) for own in every)
     share = np.where(frequency > fastest_told, 1.0, share)
     share = np.where(frequency > fastest_moved, 0.0, share)
-    return Rate(told + _filtered(moved - told, piece, rate, frequency, share), delay)
+    return Rate(told + _filtered(apart, piece, rate, frequency, share), delay)
 
 
 def _in_step(moved: Array, logged: Array, piece: np.ndarray, rate: float, band: float) -> tuple[Array, float]:
@@ -67,12 +69,15 @@ def _in_step(moved: Array, logged: Array, piece: np.ndarray, rate: float, band: 
     low = LowPass(band, rate)
     inside, ours = low.settled(piece), low(moved, piece)
 
+    def apart(told: Array) -> Array:
+        return np.asarray((ours - _as_differences_see(told, piece))[inside])
+
     def left(told: Array) -> float:
-        return float(np.sum((ours - told)[inside] ** 2))
+        return float(np.sum(apart(told) ** 2))
 
     def by(told: Array, change: Array) -> float:
         size = float(change[inside] @ change[inside])
-        return float((ours - told)[inside] @ change[inside]) / size if size > 0 else 0.0
+        return float(apart(told) @ change[inside]) / size if size > 0 else 0.0
 
     delay, told = 0.0, low(logged, piece)
     before = left(told)
@@ -85,7 +90,7 @@ def _in_step(moved: Array, logged: Array, piece: np.ndarray, rate: float, band: 
         delay, told = 0.0, low(logged, piece)
     out = _earlier(logged, piece, delay * rate)
     bent = differences(differences(told, piece, 1 / rate), piece, 1 / rate)
-    less = by(told, bent)
+    less = min(by(told, bent), 0.0)  # a filter takes away from what is fast
     return (out + less * bent, delay) if left(told + less * bent) < (1 - _GAIN) * left(told) else (out, delay)
 
 
@@ -102,17 +107,27 @@ def _earlier(values: Array, piece: np.ndarray, by: float) -> Array:
     return out
 
 
-def _shares(moved: Array, told: Array, piece: np.ndarray, rate: float) -> tuple[Array, Array]:
-    """Return frequencies (f,) [Hz] and the share (f,) of `moved` in the mean of both that has the least power."""
+def _as_differences_see(rates: Array, piece: np.ndarray) -> Array:
+    """Return rates (N,) as central differences see them: their mean over two steps, by Simpson's rule."""
+    out = np.array(rates)
+    for where in pieces(piece):
+        own = rates[where]
+        out[where][1:-1] = (own[:-2] + 4 * own[1:-1] + own[2:]) / 6
+        out[where][[0, -1]] = (own[[0, -1]] + own[[1, -2]]) / 2
+    return out
+
+
+def _shares(apart: Array, told: Array, piece: np.ndarray, rate: float) -> tuple[Array, Array]:
+    """Return frequencies (f,) [Hz] and the share (f,) by which told + share apart has the least power."""
     from scipy import signal  # heavy; not needed to load a robot
 
     longest = max(pieces(piece), key=lambda where: where.stop - where.start, default=slice(0, 0))
-    ours, theirs = moved[longest], told[longest]
-    if len(ours) < _FEWEST:
+    apart, told = apart[longest], told[longest]
+    if len(told) < _FEWEST:
         return np.zeros(0), np.zeros(0)
-    window = {"nperseg": min(_WINDOW, len(ours)), "detrend": "linear"}
-    frequency, power = signal.welch(ours - theirs, rate, **window)
-    common = -signal.csd(theirs, ours - theirs, rate, **window)[1].real
+    window = {"nperseg": min(_WINDOW, len(told)), "detrend": "linear"}
+    frequency, power = signal.welch(apart, rate, **window)
+    common = -signal.csd(told, apart, rate, **window)[1].real
     power, common = by_bands(frequency, power), by_bands(frequency, common)
     return frequency, np.clip(common / np.maximum(power, np.finfo(float).tiny), 0.0, 1.0)
 
