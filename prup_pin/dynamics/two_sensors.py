@@ -1,8 +1,9 @@
-"""A rate of change that was logged beside what changes: two measurements of one motion, each with its noise and delay.
+"""A rate of change that was logged beside what changes: two measurements of one motion, each with noise and delay.
 
-What was logged may come late, filtered or in counts; positions may be coarse, and their stamps may jitter. The delay and
-the filter are those by which both agree best. Of what is left each sensor has its own part, and at each frequency that
-mean of both is the likeliest rate which has the least power: what both have in common is the motion, and is in any mean. A logged rate that has little in common with what moved is none of it.
+What was logged may come late, filtered or in counts; positions may be coarse, and their stamps may jitter. The delay
+and the filter are those by which both agree best. Of what is left each sensor has its own part, and at each frequency
+that mean of both is the likeliest rate which has the least power: what both have in common is the motion, and is in any
+mean. A logged rate that has little in common with what moved is none of it.
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ class Rate:
     delay: float = 0.0
 
 
-def likelier_rate(values: Array, logged: Array, piece: np.ndarray, rate: float, every: tuple[int, int] = (1, 1)) -> Rate:
+def likelier_rate(
+    values: Array, logged: Array, piece: np.ndarray, rate: float, every: tuple[int, int] = (1, 1)
+) -> Rate:
     """Return the likelier rate of values (N,) whose rate was logged too (N,), at `rate` samples a second.
 
     every: of how many samples each was measured at one, the others drawn through these.
@@ -133,7 +136,7 @@ def _shares(apart: Array, told: Array, piece: np.ndarray, rate: float) -> tuple[
 
 
 def _filtered(values: Array, piece: np.ndarray, rate: float, frequency: Array, share: Array) -> Array:
-    """Return a share (f,) of values (N,) at each frequency (f,), nothing delayed; beyond its ends a piece is mirrored."""
+    """Return a share (f,) of values (N,) at each frequency (f,), nothing delayed; a piece is mirrored at its ends."""
     out = np.empty(len(values))
     for where in pieces(piece):
         own = values[where]
