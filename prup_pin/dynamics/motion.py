@@ -19,6 +19,7 @@ from .rates import one_rate
 from .saturation import at_limit, limits_told
 from .smoothing import Band, LowPass, bandwidth, differences, floor_of, pieces, spectrum
 from .travel import Path
+from .two_sensors import likelier_rate
 
 #: The slowest cut-off [Hz]: what a drive's friction does at a reversal is faster than the motion itself.
 _SLOWEST = 10.0
@@ -47,6 +48,8 @@ _MOST_ROWS, _MOST_SAMPLES, _PIECES = 100_000, 10_000, 10
 _OF_SPECTRA, _LONG_PIECES = 48_000, 4
 #: Steps of a clock [s] beyond which its rows are postures, and the share of rows below which joints hardly ever move.
 _SLOW_CLOCK, _MOVING = 0.3, 0.3
+#: Rates that come later than what changes by less than this [s] are not told to.
+_NO_DELAY = 1e-4
 _OTHER_UNITS = (
     (57.29578, "they seem to be in degrees per second"),
     (1 / 57.29578, "the positions seem to be in degrees"),
@@ -233,6 +236,11 @@ def motion_of(
 
     of_position = [band_of(f"q.{name}", position[:, column]) for column, name in enumerate(names)]
     of_speed = {name: band_of(f"qd.{name}", logged_speed[name]) for name in speeds}
+    speed_delays, logged_speed = _likelier(
+        names, dict(zip(names, position.T, strict=True)), logged_speed, ("q", "qd"), clock, rates.every
+    )
+    remarks += _lateness("speeds", "positions", speed_delays)
+    _, logged_acceleration = _likelier(names, logged_speed, logged_acceleration, ("qd", "qdd"), clock, rates.every)
     moving = [of_speed.get(name, band) for name, band in zip(names, of_position, strict=True)]
     moving = [band for band in moving if band > 0]
     compared = [f"q.{name}" for name in names] + [f"tau.{name}" for name in drives]
@@ -301,6 +309,33 @@ def motion_of(
         path=Path(path, parts, keep, every),
         remarks=tuple(remarks),
     )
+
+
+def _likelier(
+    names: Sequence[str],
+    values: Mapping[str, Array],
+    rates: Mapping[str, Array],
+    prefixes: tuple[str, str],
+    clock: EvenClock,
+    every: Mapping[str, int],
+) -> tuple[dict[str, float], dict[str, Array]]:
+    """Return by how much later [s] each logged rate came than what changes, and the likelier rate of both, by joint."""
+    delays, out = {}, dict(rates)
+    for name in names:
+        if name in values and name in rates:
+            thin = (every.get(f"{prefixes[0]}.{name}", 1), every.get(f"{prefixes[1]}.{name}", 1))
+            likelier = likelier_rate(values[name], rates[name], clock.piece, 1 / clock.step, thin)
+            delays[name], out[name] = likelier.delay, likelier.values
+    return delays, out
+
+
+def _lateness(what: str, of_what: str, delays: Mapping[str, float]) -> list[str]:
+    """Return what is said of rates that were logged at another moment than what changes."""
+    late = {name: delay for name, delay in delays.items() if abs(delay) > _NO_DELAY}
+    if not late:
+        return []
+    each = ", ".join(f"{name} {number(1e3 * delay, 2)}" for name, delay in late.items())
+    return [f"logged {what} come later than the {of_what} by so many ms, and were taken earlier by that: {each}"]
 
 
 def _compared(verb: str, drives: Sequence[str], cutoffs: Sequence[float], rigid: bool) -> str:

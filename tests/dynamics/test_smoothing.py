@@ -68,3 +68,12 @@ def test_no_end_grows_where_few_samples_come_in_a_period_of_the_cutoff(rate):
     noise, piece = np.random.default_rng(6).normal(size=(400, 200)), np.zeros(400, int)
     passed = LowPass(1.0, rate, of_motion=True)(noise, piece)
     assert np.sqrt(np.mean(passed**2, axis=1)).max() < 1.4
+
+
+@pytest.mark.parametrize(("rate", "frequency"), [(25.0, 2.0), (100.0, 8.0)])
+def test_a_fast_motion_in_few_rows_a_second_keeps_its_acceleration(rate, frequency):
+    turn, time = 2 * np.pi * frequency, np.arange(0, 10, 1 / rate)
+    piece, inside = np.zeros(len(time), int), slice(4, -4)
+    found = differences(differences(np.sin(turn * time), piece, 1 / rate), piece, 1 / rate)
+    # straight lines from row to row lose 8 %
+    assert found[inside] == pytest.approx(-(turn**2) * np.sin(turn * time)[inside], abs=0.01 * turn**2)
