@@ -186,11 +186,13 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     # would do without; of two drives a load may be so much as well
     light, right = (float(x @ drawn) / float(drawn @ drawn) for x in (_inertial(whole, drawn, 1.0, alike)[0], found))
     unlikely = not 1 / AS_GOOD < light < AS_GOOD and 1 / AS_GOOD < right < AS_GOOD
-    unit = len(log) >= FEWEST_OF_KIND and abs(np.median(log)) > np.log(AS_GOOD) and _several(log, covariance)
-    if not (declared or (much and are_apart(log, covariance)) or (unlikely and unit)):
+    apart = are_apart(log, covariance)
+    other = abs(np.median(log)) > np.log(AS_GOOD) and _several(log, covariance)
+    unit = unlikely and len(log) >= FEWEST_OF_KIND and other and not apart
+    if not (declared or (much and apart) or unit):
         return None
     common = float(np.sqrt(covariance.mean()))
-    return Gains(np.exp(log), common, covariance, _Bodies(whole, drawn), unlikely and unit)
+    return Gains(np.exp(log), common, covariance, _Bodies(whole, drawn), unit)
 
 
 def likeliest_logs(normal: Array, moment: Array, prior: Array, middle: Array) -> tuple[Array, Array]:
