@@ -300,7 +300,7 @@ def test_laws_that_fit_as_well_stand_in_the_first_line_of_text_and_report(diagno
     )
     assert f"with either {finding_text(first)} or creep at leg2/motor" in verdict_text(one)
     assert f"{first.statement} or creep at leg2/motor" in summary_text(one)
-    assert f"with either {finding_text(first)} or one of 2 other laws" in verdict_text(two)
+    assert f"with {finding_text(first)} (2 other laws fit as well)" in verdict_text(two)
     assert "either" not in verdict_text(diagnosis)
 
 

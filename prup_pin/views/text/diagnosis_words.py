@@ -165,7 +165,7 @@ def _percent(share: float) -> str:
 def _all_told(named: Sequence[Finding]) -> list[str]:
     """Return findings for a sentence: each for itself, or where there are many of them, each physics once."""
     if len(named) <= _IN_A_SENTENCE:
-        return [f"{'either ' * bool(f.alternatives)}{finding_text(f)}{_or_else(f)}" for f in named]
+        return [_or_else(finding_text(finding), finding) for finding in named]
     kinds: dict[str, list[Finding]] = {}
     for finding in named:
         kinds.setdefault(finding.physics, []).append(finding)
@@ -178,10 +178,12 @@ def _unnamed(diagnosis: Diagnosis) -> list[str]:
     return [f"{counted(count, 'law')} that {'are no findings' if count > 1 else 'is no finding'}"] if count else []
 
 
-def _or_else(finding: Finding) -> str:
-    """Return ' or creep at leg2/motor' of the law that fits as well, ' or one of 3 other laws' of several."""
+def _or_else(text: str, finding: Finding) -> str:
+    """Return what is told of a finding with the law that fits as well, or how many do."""
     laws = _alternative_laws(finding)
-    return f" or {laws[0] if len(laws) == 1 else f'one of {len(laws)} other laws'}" if laws else ""
+    if len(laws) == 1:
+        return f"either {text} or {laws[0]}"
+    return f"{text} ({len(laws)} other laws fit as well)" if laws else text
 
 
 def _alternative_laws(finding: Finding) -> list[str]:
@@ -281,7 +283,7 @@ def summary_text(diagnosis: Diagnosis) -> str:
     faults = any(finding.is_fault for finding in named)
     # of many causes only the names are told
     few = len(named) <= _MOST_TOLD
-    causes = [f"{f.statement}{_or_else(f)}" for f in named] if few else _all_told(named)
+    causes = [_or_else(finding.statement, finding) for finding in named] if few else _all_told(named)
     them = "it" if len(causes) == 1 else "them"
     read = [convention for finding in logs for convention in finding.conventions]
     said = [f"{capital(finding.statement)}." for finding in logs]
@@ -684,7 +686,7 @@ def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
             "Nothing has changed since the earlier test beyond what that could know: what its model leaves is noise "
             f"({after} times it).{seen and f' {capital(seen)}.'}"
         )
-    told = ", ".join(f"{finding_text(item)}{_from_to(item)}{_or_else(item)}" for item in named)
+    told = ", ".join(_or_else(f"{finding_text(item)}{_from_to(item)}", item) for item in named)
     takes = f"the residual falls from {before} to {after} times the noise" if before != after else f"{after} are left"
     if diagnosis.verdict == "explained":
         sensors = all(item.effect is not None and item.effect.law.sensor in SENSORS for item in named)
