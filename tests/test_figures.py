@@ -235,8 +235,8 @@ def test_motions_are_those_of_the_compliance(robot, compliance):
     np.testing.assert_allclose(
         moved.shift(tool.joint, at, 1.0), compliance.deflection(WRENCH)[:3], rtol=1e-9, atol=1e-15
     )
-    for first, second, one, other in skeleton(pose).closures:
-        np.testing.assert_allclose(there(one, first), there(other, second), atol=1e-9)
+    for (first, second), loop in zip(skeleton(pose).closures, pose.mechanism.loops, strict=True):
+        np.testing.assert_allclose(there(loop.first.joint, first), there(loop.second.joint, second), atol=1e-9)
     for segment in skeleton(pose).segments:
         curve = moved.curve(segment, 1.0)
         np.testing.assert_allclose(curve[0], there(segment.bodies[0], segment.start), atol=1e-15)

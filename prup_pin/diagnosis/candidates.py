@@ -87,10 +87,13 @@ class Candidate:
     def is_proportional(self) -> bool:
         """True where what it does is in proportion to a size that the first parameter tells, to first order.
 
-        Not of one that takes the place of what acted before, which does nothing at the value of that.
+        Not of one that takes the place of what acted before, which does nothing at the value of that, nor of one with
+        several sizes.
         """
+        size, *others = self.quantities
         acts_anew = self.law.instead_of is None and not self.known.any()
-        return bool(self.logarithmic[0]) and acts_anew and not self.remembers
+        several = any(other.unit == size.unit for other in others)
+        return bool(self.logarithmic[0]) and acts_anew and not several and not self.remembers
 
     @property
     def size(self) -> int:
@@ -150,10 +153,11 @@ class Candidate:
             low, high = self.bounds
             moved = np.zeros(self.size)
             moved[0] = np.log(10.0)
+            sizes = (0,) if self.is_proportional else (-1, 0, 1, 2)
             trials = [] if self.is_proportional else [found[0] + size * moved for size in (-2, 2)]
             far = np.array([0.0, *(q.unit in ("N", "N m") for q in self.quantities[1:])]) * self.logarithmic
             if far.any() and not self.remembers:
-                trials.append(found[0] + _FAR_LOAD * np.log(10.0) * far)
+                trials += [found[0] + size * moved + _FAR_LOAD * np.log(10.0) * far for size in sizes]
             found += [trial for trial in trials if low[0] < trial[0] < high[0] and (trial < high)[far > 0].all()]
         return found
 

@@ -157,7 +157,7 @@ def _yielding(law, place, values, at):
     rates += [np.gradient(rates[0], at.motion.time)]
     rates += [np.gradient(rates[1], at.motion.time)]
     out = values["compliance"] * _slope(at, column, rates, 1e-8)
-    out[[0, 1, -2, -1]] = np.nan  # where rates have one side
+    out[[*range(4), *range(-4, 0)]] = np.nan  # where rates have one side, once or twice
     return out
 
 

@@ -152,11 +152,13 @@ def _simpler(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
         single = [c for c in single if not any(term.excludes(c) or c.replaces(term) for term in rest.terms)]
         if not single:
             continue
-        best = single[int(np.argmin(CrossValidation(rest).with_each(single).sum(axis=1)))]
-        one = refined(efforts, rest.with_term(best), [len(rest.terms)])
-        richer = [term for term in others if _is_earned(one, model, term)]
-        if not richer and is_plausible(one, one.terms[-1]):
-            model = one
+        for best in np.argsort(CrossValidation(rest).with_each(single).sum(axis=1)):
+            one = refined(efforts, rest.with_term(single[best]), [len(rest.terms)])
+            if any(_is_earned(one, model, term) for term in others):
+                break
+            if is_plausible(one, one.terms[-1]):
+                model = one
+                break
         model.problem.columns.cut(len(model.problem.prior))
     return model
 
