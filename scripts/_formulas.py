@@ -15,7 +15,7 @@ from _efforts import STANDING
 from scipy.signal import butter, sosfiltfilt
 
 import prup_pin
-from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis import Diagnosis, diagnose
 from prup_pin.diagnosis.proposal import Proposal, proposed_files
 from prup_pin.errors import InputError
 from prup_pin.laws.formulas import KNOWN
@@ -100,13 +100,16 @@ def trial(seed: int, robot: str, what: str) -> dict[str, Any]:
         joint = drawn["effects"][0]["location"]
         mine = next((item for item in found.proposals if item.joint == joint), None)
         result |= {"joint": joint, "elsewhere": sum(item.joint != joint for item in found.proposals)}
-        result["left_by_curve"] = _left(drawn, 1, joint, simulate(loaded, logs[1], found.effects).efforts[joint])
+        band = found.efforts.band
+        by_curve = simulate(loaded, logs[1], found.effects, band=band)
+        result["left_by_curve"] = _left(drawn, 1, joint, by_curve.efforts[joint])
         if mine is None:
             return result
         result |= {"equals": [other.text for other in mine.equals], "true": _is_true(mine, KINDS[what])}
-        result["left"] = _left(drawn, 1, joint, simulate(loaded, logs[1], mine.effects).efforts[joint])
+        by_formula = simulate(loaded, logs[1], mine.effects, band=band)
+        result["left"] = _left(drawn, 1, joint, by_formula.efforts[joint])
         with suppress(InputError):  # a five-bar may not go so far
-            result |= _beyond(drawn, joint, mine, loaded, logs[2], found.effects)
+            result |= _beyond(drawn, joint, mine, loaded, logs[2], found)
         (word, text), *_ = proposed_files([mine], [Path("motion0.csv")])
         (folder / f"{word}.py").write_text(text)
         kinds = list(KINDS)
@@ -188,7 +191,7 @@ def _left(drawn: Mapping[str, Any], k: int, joint: str, predicted: np.ndarray) -
 
 
 def _beyond(
-    drawn: Mapping[str, Any], joint: str, mine: Proposal, robot: Any, log: Recording, curve: Sequence[Any]
+    drawn: Mapping[str, Any], joint: str, mine: Proposal, robot: Any, log: Recording, found: Diagnosis
 ) -> dict[str, float]:
     """Return the errors of the formula's model and of the curve's where a variable is outside its recorded range."""
     from prup_pin.diagnosis.efforts.band import band_of, in_motion
@@ -202,8 +205,8 @@ def _beyond(
     time, column = drawn["logs"][2]["time"], drawn["joints"].index(joint)
     there = np.interp(time, at.motion.time, outside) > 0.5
     out = {"outside": float(there.mean()) if len(rows) else 0.0}
-    for key, effects in (("beyond", mine.effects), ("beyond_by_curve", curve)):
-        predicted = _low(drawn, 2, simulate(robot, log, effects).efforts[joint])
+    for key, effects in (("beyond", mine.effects), ("beyond_by_curve", found.effects)):
+        predicted = _low(drawn, 2, simulate(robot, log, effects, band=found.efforts.band).efforts[joint])
         error = (predicted - _low(drawn, 2, drawn["clean"][2][:, column]))[there]
         out[key] = float(np.sqrt(np.mean(error**2))) if there.any() else float("nan")
     return out

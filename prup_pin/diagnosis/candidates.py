@@ -83,7 +83,7 @@ class Candidate:
         """True where what happened before matters."""
         return any(deed.memory for deed in self.deeds)
 
-    @property
+    @cached_property
     def is_proportional(self) -> bool:
         """True where what it does is in proportion to a size that the first parameter tells, to first order.
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from ..laws import Effect
 from ..spatial import Array
 from .candidates import Candidate, Term
 from .criteria import WIDEST_STEP
@@ -19,21 +20,40 @@ from .problem import Fit, Problem
 _MOST_EVALUATIONS, _AGREED = 25, 1e-4
 
 
-class FirstOrderFit:
-    """A candidate on top of `kept`, to first order about `fit`: what values of its coordinates leave.
+class Remainder:
+    """What `kept` terms leave about `fit`, for candidates on top of them: the same of all of these.
 
-    nuisance: what the kept terms and the toleranced parameters may do with it, which are so fitted together with it.
-    What these data do not tell stays near what is usual.
+    nuisance: what the kept terms and the toleranced parameters may do with a candidate, which are so fitted together
+    with it. What these data do not tell stays near what is usual.
     """
 
-    def __init__(
-        self, problem: Problem, fit: Fit, kept: Sequence[Term], candidate: Candidate, nuisance: Nuisance | None = None
-    ):
-        self.problem, self.fit, self.candidate, self.nuisance = problem, fit, candidate, nuisance
+    def __init__(self, problem: Problem, fit: Fit, kept: Sequence[Term], nuisance: Nuisance | None = None):
+        self.problem, self.fit, self.nuisance = problem, fit, nuisance
         self.effects = [term.effect for term in kept]
         self.target = problem.target(fit, nuisance)
         self.measured = problem.stack.exists.any(axis=0)  # the other columns are zero once whitened
-        self.bounds = candidate.bounds
+
+    @cached_property
+    def bare(self) -> Array:
+        """What is left of what was measured without any candidate, (m,)."""
+        return self.beside(self.change())
+
+    def change(self, *effects: Effect) -> Array:
+        """Return the whitened change (n, K) from the fit to the kept terms and other effects."""
+        return self.problem.change(self.fit, [*self.effects, *effects])
+
+    def beside(self, change: Array) -> Array:
+        """Return what a change (n, K) leaves of what was measured, the nuisance fitted beside it, (m,)."""
+        with np.errstate(invalid="ignore"):
+            rest = np.nan_to_num((self.target - change).ravel(), nan=1e6, posinf=1e6, neginf=-1e6)
+        return without(rest, self.nuisance).reshape(change.shape)[:, self.measured].ravel()
+
+
+class FirstOrderFit:
+    """A candidate on top of what is kept, to first order: what values of its coordinates leave."""
+
+    def __init__(self, remainder: Remainder, candidate: Candidate):
+        self.remainder, self.candidate, self.bounds = remainder, candidate, candidate.bounds
         self._known: dict[bytes, tuple[Array, Array]] = {}
 
     def best(self, thorough: bool = False, promising: float = np.inf) -> tuple[float, Term, Array]:
@@ -53,7 +73,8 @@ class FirstOrderFit:
         coordinates = min(found, key=self.chi_squared)
         change, left = self._at(coordinates)
         chi2 = float(left @ left) - float((self.candidate.prior_residuals(coordinates) ** 2).sum())
-        return chi2, Term(self.candidate, coordinates), without(change.ravel(), self.nuisance).reshape(change.shape)
+        beyond = without(change.ravel(), self.remainder.nuisance).reshape(change.shape)
+        return chi2, Term(self.candidate, coordinates), beyond
 
     def chi_squared(self, coordinates: Array) -> float:
         """Return what coordinates leave, and what they cost by being unusual."""
@@ -76,36 +97,27 @@ class FirstOrderFit:
         """Return change (n, K) and residual (m,); one is asked for when starts are compared and when a fit begins."""
         key = coordinates.tobytes()
         if key not in self._known:
-            change = self.problem.change(self.fit, [*self.effects, self.candidate.effect(coordinates)])
+            change = self.remainder.change(self.candidate.effect(coordinates))
             firm = self.candidate.known > 0
             off = self.candidate.known[firm] * coordinates[firm]
-            left = self._beside(change), self.candidate.prior_residuals(coordinates), off
+            left = self.remainder.beside(change), self.candidate.prior_residuals(coordinates), off
             self._known[key] = change, np.concatenate(left)
         return self._known[key]
 
-    def _beside(self, change: Array) -> Array:
-        """Return what a change (n, K) leaves of what was measured, the nuisance fitted beside it."""
-        with np.errstate(invalid="ignore"):
-            rest = np.nan_to_num((self.target - change).ravel(), nan=1e6, posinf=1e6, neginf=-1e6)
-        return without(rest, self.nuisance).reshape(change.shape)[:, self.measured].ravel()
-
-    @cached_property
-    def _bare(self) -> Array:
-        """What is left of what was measured without the candidate."""
-        return self._beside(self.problem.change(self.fit, self.effects))
-
     def _sized(self, begin: Array) -> Array:
         """Return a start at the size that leaves least: what a law does is in proportion to it."""
-        does = self._bare - self.left(begin)[: len(self._bare)]
+        bare = self.remainder.bare
+        does = bare - self.left(begin)[: len(bare)]
         size = float(does @ does)
-        times = max(float(self._bare @ does) / size, 1e-9) if size else 1.0
+        times = max(float(bare @ does) / size, 1e-9) if size else 1.0
         value = self.candidate.law.magnified(float(np.exp(begin[0])), times)
         return np.clip(np.concatenate(([np.log(value)], begin[1:])), *self.bounds)
 
     def _is_sized(self, coordinates: Array) -> bool:
         """Return True where no other size could gain anything."""
-        left = self.left(coordinates)[: len(self._bare)]
-        does = self._bare - left
+        bare = self.remainder.bare
+        left = self.left(coordinates)[: len(bare)]
+        does = bare - left
         return float(left @ does) ** 2 < _AGREED * float(left @ left) * float(does @ does)
 
     def _fitted(self, begin: Array) -> Array:

@@ -39,7 +39,7 @@ from .criteria import (
     beyond_tolerance,
 )
 from .evidence import Rival, cost_of, cross_validated, is_clean, penalty, scale_of, threshold
-from .first_order_fit import FirstOrderFit
+from .first_order_fit import FirstOrderFit, Remainder
 from .locate import least_left
 from .nuisance import Nuisance, without
 from .problem import Fit, Problem, Term
@@ -275,9 +275,9 @@ def screen(
     each of their starts: no step leads from a joint that only sticks to one that slides.
     """
     rivals = []
-    kept = fit.terms
     present = fit.names
-    nuisance = problem.nuisance(fit, range(len(kept)))
+    nuisance = problem.nuisance(fit, range(len(fit.terms)))
+    remainder = Remainder(problem, fit, fit.terms, nuisance)
     bound = Bound(problem, fit, problem.target(fit), nuisance)
     best = fit.chi2
     for index, candidate in enumerate(sorted(library, key=bound)):
@@ -285,7 +285,7 @@ def screen(
         if candidate.name in present or bound(candidate) > best:
             continue
         promising = fit.chi2 - MOST * (fit.chi2 - best)
-        chi2, term, change = FirstOrderFit(problem, fit, kept, candidate, nuisance).best(promising=promising)
+        chi2, term, change = FirstOrderFit(remainder, candidate).best(promising=promising)
         rivals.append(Rival(term, chi2, change))
         best = min(best, chi2)
     rivals.sort(key=lambda rival: rival.score)
@@ -293,7 +293,7 @@ def screen(
     for place, rival in enumerate(rivals[:TRIED]):
         candidate = rival.term.candidate
         if rival.chi2 <= near and len(candidate.scan()) > 1:
-            chi2, term, change = FirstOrderFit(problem, fit, kept, candidate, nuisance).best(thorough=True)
+            chi2, term, change = FirstOrderFit(remainder, candidate).best(thorough=True)
             rivals[place] = Rival(term, chi2, change)
     return sorted(rivals, key=lambda rival: rival.score)
 
@@ -334,8 +334,9 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
     about, places = fit, others
     if _yields_alone(problem, fit, index):
         about, places = problem.fit_at(kept, like=fit), list(range(len(kept)))
-    nuisance, effects = problem.nuisance(about, places), [term.effect for term in kept]
-    removed = problem.change(about, effects)
+    nuisance = problem.nuisance(about, places)
+    remainder = Remainder(problem, about, kept, nuisance)
+    removed = remainder.change()
 
     def beyond(change: Array) -> Array:
         return without(change.ravel(), nuisance).reshape(change.shape)
@@ -343,11 +344,11 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
     bound = Bound(problem, about, problem.target(about) - removed, nuisance)
     nothing = float(bound.left @ bound.left)
     worst = fit.chi2 + max(MUCH * scale * INDISTINCT, _first_order_error(problem, fit, index))
-    rivals = [Rival(own, fit.chi2, beyond(problem.change(about, [*effects, own.effect]) - removed), scale)]
+    rivals = [Rival(own, fit.chi2, beyond(remainder.change(own.effect) - removed), scale)]
     present, promising = fit.names, nothing - MOST * (nothing - worst)
     for candidate in library:
         if candidate.name not in present and bound(candidate) <= worst:
-            chi2, term, change = FirstOrderFit(problem, about, kept, candidate, nuisance).best(promising=promising)
+            chi2, term, change = FirstOrderFit(remainder, candidate).best(promising=promising)
             rival = Rival(term, chi2, change - beyond(removed), scale)
             rivals += [rival] if chi2 <= worst and rival.score < nothing else []
     return sorted(rivals, key=lambda rival: rival.score)
@@ -438,9 +439,8 @@ def _merged(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterato
         if fit.terms[pair[1]].candidate.parts != parts:
             continue
         places, kept = fit.others(*pair)
-        nuisance = problem.nuisance(fit, places)
-        own = [candidate for candidate in library if candidate.parts == parts]
-        rivals = [FirstOrderFit(problem, fit, kept, candidate, nuisance).best() for candidate in own]
+        remainder = Remainder(problem, fit, kept, problem.nuisance(fit, places))
+        rivals = [FirstOrderFit(remainder, item).best() for item in library if item.parts == parts]
         rivals.sort(key=lambda rival: rival[0] + penalty(rival[1]))
         yield from ([*kept, term] for _, term, _ in rivals[:MOST_SIMULATED])
 

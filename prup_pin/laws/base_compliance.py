@@ -18,6 +18,13 @@ _AXES = "xyz"
 _SETTLED = Quantity(
     "settled", "1", "share of its weight at home under which the base was measured", 1.0, False, upper=1
 )
+_BY_AXIS = (
+    *(Quantity(f"translation_{axis}", "m/N", f"way per force along {axis}", 1e-8, False, upper=1e-3) for axis in _AXES),
+    *(
+        Quantity(f"rotation_{axis}", "rad/(N m)", f"turn per moment about {axis}", 1e-6, False, upper=1e-1)
+        for axis in _AXES
+    ),
+)
 
 
 class BaseCompliance(Law):
@@ -68,24 +75,14 @@ class UnevenBaseCompliance(BaseCompliance):
     """The same with a compliance of its own along and about each axis of the base: a frame is no cube."""
 
     variant = "by axis"
-    quantities: ClassVar[tuple[Quantity, ...]] = (
-        *(
-            Quantity(f"translation_{axis}", "m/N", f"way per force along {axis}", 1e-8, False, upper=1e-3)
-            for axis in _AXES
-        ),
-        *(
-            Quantity(f"rotation_{axis}", "rad/(N m)", f"turn per moment about {axis}", 1e-6, False, upper=1e-1)
-            for axis in _AXES
-        ),
-        _SETTLED,
-    )
-    neutral: ClassVar = {quantity.name: 0.0 for quantity in quantities[:6]}
+    quantities: ClassVar[tuple[Quantity, ...]] = (*_BY_AXIS, _SETTLED)
+    neutral: ClassVar = {quantity.name: 0.0 for quantity in _BY_AXIS}
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
-        return [{**{quantity.name: float(quantity.default) for quantity in self.quantities}, "settled": 0.5}]  # type: ignore[arg-type]
+        return [{**{quantity.name: float(quantity.default) for quantity in _BY_AXIS}, "settled": 0.5}]  # type: ignore[arg-type]
 
     def _compliances(self, values: Mapping[str, float]) -> Sequence[float]:
-        return [values[quantity.name] for quantity in self.quantities[:6]]
+        return [values[quantity.name] for quantity in _BY_AXIS]
 
 
 def _told(compliances: np.ndarray, unit: str) -> str:

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
-import pinocchio as pin
 
 from ..mechanism import REFERENCE_TEMPERATURE, Mechanism
 from ..numbers import number, quantity
@@ -126,13 +125,12 @@ def _held(mechanism: Mechanism) -> dict[str, tuple[int, float]]:
 
 def _extent(place: Place, mechanism: Mechanism) -> float:
     """Return how far off a support may stand [m]: as far as the robot's joints at home, or as the slide goes."""
-    model, data = mechanism.model, mechanism.model.createData()
-    pin.forwardKinematics(model, data, mechanism.home_configuration())
     column, _ = _held(mechanism)[place.name]
     at = mechanism.joint(mechanism.actuated[column]).first_q
+    model = mechanism.model
     ends = abs(float(model.lowerPositionLimit[at])), abs(float(model.upperPositionLimit[at]))
-    farthest = GrowthFromSupport.quantities[1].upper
-    return min(farthest, max(*ends, *(float(np.linalg.norm(joint.translation)) for joint in data.oMi)))
+    joints = mechanism.placements(mechanism.home_configuration())[:, :3, 3]
+    return min(GrowthFromSupport.quantities[1].upper, max(*ends, float(np.linalg.norm(joints, axis=1).max())))
 
 
 def _grow(load: Array, extent: Array) -> tuple[Array, Array]:

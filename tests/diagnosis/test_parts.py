@@ -8,7 +8,7 @@ import pytest
 import prup_pin
 from prup_pin.channels import Noise, PoseChannel, Stack, channels_of, whitening
 from prup_pin.diagnosis.candidates import Candidate, candidates, under_load
-from prup_pin.diagnosis.first_order_fit import FirstOrderFit
+from prup_pin.diagnosis.first_order_fit import FirstOrderFit, Remainder
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.diagnosis.locate import least_left, locate, yieldings
 from prup_pin.diagnosis.noise import is_white, noise_of_the_rest
@@ -65,7 +65,7 @@ def test_a_fit_may_start_where_the_effect_is_nothing(simulator, library, monkeyp
     problem = problem_of(simulator, [truth.effect])
     first = problem.fit_at(())
     monkeypatch.setattr(Candidate, "scan", lambda self: [np.zeros(1)])
-    chi2, found, _ = FirstOrderFit(problem, first, (), truth.candidate).best()
+    chi2, found, _ = FirstOrderFit(Remainder(problem, first, ()), truth.candidate).best()
     assert found.effect.values["factor"] == pytest.approx(0.9, abs=0.01)
     assert chi2 < 1.2 * first.residual.size < 0.5 * first.chi2
 
@@ -76,10 +76,10 @@ def test_a_candidate_is_fitted_together_with_what_is_there(simulator, library):
     turn = term(library, "pose_sensor_misalignment at pose_sensor", 5e-5, 2e-5, 4e-5, 1e-5, 0, 5e-6)
     problem = problem_of(simulator, [bias.effect, turn.effect])
     start = problem.fit_at(())
-    fit = problem.refine([FirstOrderFit(problem, start, (), bias.candidate).best()[1]], start)
+    fit = problem.refine([FirstOrderFit(Remainder(problem, start, ()), bias.candidate).best()[1]], start)
     nuisance = problem.nuisance(fit, [0])
-    alone, _, _ = FirstOrderFit(problem, fit, fit.terms, turn.candidate).best()
-    together, found, change = FirstOrderFit(problem, fit, fit.terms, turn.candidate, nuisance).best()
+    alone, _, _ = FirstOrderFit(Remainder(problem, fit, fit.terms), turn.candidate).best()
+    together, found, change = FirstOrderFit(Remainder(problem, fit, fit.terms, nuisance), turn.candidate).best()
     whole = problem.refine([*fit.terms, found], fit)
     assert together == pytest.approx(whole.chi2, rel=0.02)
     assert together < 0.9 * alone
@@ -94,7 +94,7 @@ def test_no_law_of_a_module_beats_its_bound(simulator, library):
     assert len(bounded) > 60
     for candidate in bounded[::7]:
         bound = least_left(problem, first, candidate.only_module, first.residual)
-        chi2, _, _ = FirstOrderFit(problem, first, (), candidate).best()
+        chi2, _, _ = FirstOrderFit(Remainder(problem, first, ()), candidate).best()
         assert chi2 >= bound * (1 - 1e-9)
     # ... and the bound is worth something: a law elsewhere cannot do what the true one does
     own = least_left(problem, first, "leg2/ball_nut", first.residual)
@@ -108,7 +108,7 @@ def test_no_law_of_a_module_beats_its_bound_beside_a_joint_that_resists_it(simul
     problem = problem_of(simulator, [rubs.effect, soft.effect], scatter=0.1)
     fit = problem.fit_at([rubs])
     bound = least_left(problem, fit, "leg2/linear_rod", fit.residual)
-    chi2, _, _ = FirstOrderFit(problem, fit, fit.terms, soft.candidate).best()
+    chi2, _, _ = FirstOrderFit(Remainder(problem, fit, fit.terms), soft.candidate).best()
     assert bound * (1 - 1e-9) <= chi2 < 10.0 < fit.chi2
 
 
@@ -129,7 +129,7 @@ def test_a_gap_may_close_at_twice_the_load_that_its_module_sees(simulator, libra
     ):
         assert seen[f"backlash at {name}"].quantities[-1].upper == pytest.approx(2 * load, rel=1e-9)
     candidate = seen["backlash at leg2/ball_nut"]
-    _, found, _ = FirstOrderFit(problem, problem.fit_at(()), (), candidate).best()
+    _, found, _ = FirstOrderFit(Remainder(problem, problem.fit_at(()), ()), candidate).best()
     assert found.effect.values["closing_load"] == pytest.approx(20.0, rel=0.1)
     assert found.effect.values["half_gap"] == pytest.approx(3e-5, rel=0.1)
 
