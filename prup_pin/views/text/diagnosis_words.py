@@ -269,7 +269,7 @@ def finding_lines(diagnosis: Diagnosis, finding: Finding, most: int = MOST_PARAM
         *(f"{place}: {', '.join(_in_lines(texts))}" for place, texts in places.items()),
         *values,
         *alternative_text(finding),
-        cost_text(finding),
+        cost_text(finding, () if diagnosis.efforts is None else diagnosis.efforts.joints),
         finding.remedy and f"to do: {finding.remedy}",
     ]
     return [line for line in lines if line]
@@ -377,16 +377,15 @@ def _beside(diagnosis: Diagnosis) -> tuple[str, str]:
     )
 
 
-def cost_text(finding: Finding) -> str:
-    """Return what leaving a finding out would cost."""
+def cost_text(finding: Finding, joints: Sequence[str] = ()) -> str:
+    """Return what leaving a finding out would cost. joints: those whose efforts were measured."""
     if finding.physics == "unknown" or finding.evidence:
         return ""  # their statements say what they are worth, of what is a share or how many times
     if finding.heldout_gain < _NO_GAIN and finding.effect is not None:
         return "other errors could compensate for it" if finding.parameters else "is always present"
     of = "" if math.isnan(finding.times) else " of the efforts"
-    at = None if finding.effect is None or finding.one_body else finding.effect.place.name
-    if of and at == finding.location != "robot":
-        of = f" of {at}"
+    if of and finding.effect is not None and finding.effect.place.name == finding.location in joints:
+        of = f" of {finding.location}"  # what acts on several is told of all of these
     if finding.cost > _BEYOND_COUNTING:
         size = f"more than {_BEYOND_COUNTING} times as large"
     elif finding.cost < 1 + _NO_GAIN:
