@@ -716,7 +716,7 @@ def test_words_say_on_which_side_a_sensor_is_and_no_stiffness_that_nobody_knows(
     """'-9.99 % of it too much', 'off by -34.3 mrad' and '3.88e18 N/m' stood in a stranger's verdicts."""
     mechanism = robot("ur5").mechanism
     drive = Place(mechanism.actuated[0])
-    effort = {law.physics: law for law in EFFORT_LAWS if not law.variant}
+    effort = {law.physics: law for law in reversed(EFFORT_LAWS)}
     gain, offset = effort["effort_gain"], effort["encoder_offset"]
     assert gain.statement(drive, {"gain": -0.0999}, mechanism).endswith(" is 9.99 % of it too little")
     assert gain.statement(drive, {"gain": 0.0999}, mechanism).endswith(" is 9.99 % of it too much")
