@@ -124,8 +124,8 @@ class UnknownNameError(InputError):
     def __init__(self, kind: str, name: object, valid: Iterable[str], hint: str = ""):
         self.kind, self.name, self.valid = kind, str(name), tuple(valid)
         given = f"'{name}'" if isinstance(name, str) else f"{shortened(name)}: a name is a text"
-        near = nearest_names(self.name, self.valid)
-        super().__init__(f"no {kind} named {given}. {near}{' ' + hint if hint else ''}")
+        near = nearest_names(self.name, self.valid) if self.valid or not hint else ""
+        super().__init__(f"no {kind} named {given}. {' '.join(filter(None, (near, hint)))}")
 
 
 class ParameterError(InputError):

@@ -49,6 +49,7 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
     except PrupPinError as error:
         yield str(error)
         return
+    yield from _moved_home(robot)
     with suppress(MissingExtraError):  # a second reader is an opinion more, no condition
         yield from second_opinion(mechanism)
     if mechanism.tool is None:
@@ -83,8 +84,15 @@ def number_remarks(robot: Robot) -> Iterator[str]:
     """Yield what of these remarks makes a stiffness wrong, wherever the robot stands; nothing that takes long."""
     yield from robot.mechanism.description.doubts
     with suppress(PrupPinError):  # of a robot that cannot stand at its home
+        yield from _moved_home(robot)
         yield from _drives_and_freedoms(robot.mechanism, robot.mobility(robot.home))
         yield from _odd_modules(robot)
+
+
+def _moved_home(robot: Robot) -> Iterator[str]:
+    """Yield where home is not where the file has it."""
+    if told := robot.home_not_closed:
+        yield told
 
 
 def _drives_and_freedoms(mechanism: Mechanism, found: Mobility) -> Iterator[str]:

@@ -144,6 +144,14 @@ class Robot:
         """The closed pose at the robot file's home position. Raises UnreachablePoseError, SingularPoseError."""
         return self._kinematics.home_pose()
 
+    @cached_property
+    def home_not_closed(self) -> str:
+        """Sentence on a home that does not close its loops as the file gives it, and what was taken; '' of others.
+
+        Raises UnreachablePoseError where no home is found.
+        """
+        return self._kinematics.home_not_closed()
+
     @property
     def characteristic_length(self) -> float:
         """Length [m] that weighs rotations against translations: RMS distance of the joints from the tool at home."""

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 from prup_pin import load, robots
+from prup_pin.cli.recorded import of_the_robot
+from prup_pin.recordings import read_recording
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -202,6 +204,41 @@ def test_what_makes_numbers_doubtful_stands_with_the_stiffness(run, tmp_path, ol
     for answer in (told_of_stiffness, told(run("stiffness", tmp_path / "bar.urdf", "--json", "-"))):
         assert said in answer
     assert said in told(run("check", tmp_path / "bar.urdf"))
+
+
+@pytest.mark.parametrize(
+    ("right_point", "said"), [("-0.18 0.1725 0", "its drives kept, left_hinge"), ("-0.05 0.05 0", "left_motor -")]
+)
+def test_a_home_that_does_not_close_is_told_with_where_it_was_taken_instead(run, tmp_path, right_point, said):
+    """A rod of a quarter of its length: the robot stood elsewhere, 'the robot's home', without a word."""
+    text = (Path(__file__).parent / "robots" / "five_bar" / "five_bar.urdf").read_text()
+    (tmp_path / "bar.urdf").write_text(text.replace("-0.24 0.23 0", right_point))
+    for command in ("check", "info"):
+        answer = told(run(command, tmp_path / "bar.urdf")).replace("left_elbow", "left_hinge")
+        assert "home, as the file gives it, does not close its loops: they are open by 0." in answer.casefold()
+        assert f"It was taken where they close: {said}" in answer
+    springs = "left_motor=1e4,right_motor=1e4"
+    assert "does not close its loops" in told(run("stiffness", tmp_path / "bar.urdf", "--joint-stiffness", springs))
+    (tmp_path / "bar.urdf").write_text(text)
+    assert "does not close" not in told(run("check", tmp_path / "bar.urdf"))
+
+
+def test_a_recording_of_another_robot_is_remarked(tmp_path):
+    """As `predict` did: `diagnose` and `check` took a log of a ur5 for one of a ur10 in silence."""
+    joints = load("ur5").mechanism.actuated
+    (tmp_path / "log.csv").write_text(
+        f"time,{','.join(f'q.{name}' for name in joints)},p.x\n" + f"0{',0.5' * 7}\n1{',0.5' * 7}\n"
+    )
+    (tmp_path / "log.json").write_text('{"robot": "ur5"}')
+    (of_ur10,) = (
+        text
+        for text in of_the_robot(read_recording(tmp_path / "log.csv"), "ur10", load("ur10")).remarks
+        if "says" in text
+    )
+    assert of_ur10 == "The recording says that it is of 'ur5', --robot is 'ur10'."
+    for named in ("ur5", "elsewhere/ur5.urdf"):
+        same = of_the_robot(read_recording(tmp_path / "log.csv"), named, load("ur5"))
+        assert not any("says that it is of" in text for text in same.remarks)
 
 
 def test_hinges_and_beams_that_yield_less_than_real_ones_are_told(run):

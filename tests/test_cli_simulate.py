@@ -237,7 +237,7 @@ def test_a_model_of_another_robot_is_remarked(run, bench):
     Path("bench.json").write_text(json.dumps({**json_of("bench.json"), "robot": "ur5"}))
     done = run("predict", model(), bench, "--out", "p.csv")
     assert done.exit_code == 0, done.output
-    assert "The recording is of 'ur5', the model of '3prup'." in done.stdout
+    assert "The recording says that it is of 'ur5', the model is of '3prup'." in done.stdout
 
 
 # -- what is refused ---------------------------------------------------------------------------------------------------

@@ -40,7 +40,15 @@ from .options import (
     Workers,
 )
 from .progress import processes
-from .recorded import Bench, modelled, note_foreign_joints, recording_typed, refuse_unanswered, robot_beside
+from .recorded import (
+    Bench,
+    modelled,
+    note_foreign_joints,
+    of_the_robot,
+    recording_typed,
+    refuse_unanswered,
+    robot_beside,
+)
 
 
 def simulate(
@@ -84,6 +92,7 @@ def simulate(
     typed = effects[len(effects) - len(effect or ()) :]
     if read is not None:
         note_foreign_joints([read], loaded)
+        read = of_the_robot(read, name, loaded)
         _refuse_idle(loaded, read, typed, marker or ())
         _predict(loaded, read, effects, out, workers, stop, [], marker or ())
         return
@@ -123,8 +132,7 @@ def predict(
     loaded = corrected.load()
     note_foreign_joints([read], loaded)
     loaded = as_recorded(loaded, read).robot
-    if read.robot is not None and Path(read.robot).name not in (Path(corrected.robot).name, loaded.name):
-        notes.append(f"The recording is of '{read.robot}', the model of '{corrected.robot}'.")
+    read = of_the_robot(read, corrected.robot, loaded, "the model is of")
     known = {
         key: size
         for key, size in vars(corrected.noise).items()

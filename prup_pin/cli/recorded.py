@@ -104,6 +104,15 @@ def note_foreign_joints(recordings: Sequence[Recording], robot: Robot) -> None:
             )
 
 
+def of_the_robot(recording: Recording, named: str, robot: Robot, is_said: str = "--robot is") -> Recording:
+    """Return the recording, with a remark where it says that it is of another robot than the one named so."""
+    own = recording.robot
+    if own is None or not {Path(own).name, Path(own).stem}.isdisjoint({Path(named).name, Path(named).stem, robot.name}):
+        return recording
+    told = f"The recording says that it is of '{own}', {is_said} '{named}'."
+    return replace(recording, remarks=(*recording.remarks, told))
+
+
 def _note(text: str) -> None:
     typer.echo(terminal.error_text(f"Note: {text}", terminal.console(stderr=True).width), err=True)
 
@@ -134,7 +143,8 @@ class Bench:
             self.reading, self.robot, earlier, lambda: robot_beside(first.robot, Path(first.path)), self.set_parameters
         )
         note_foreign_joints(read, loaded)
-        return read, named, loaded, understood
+        said = "--robot is" if self.robot else "the earlier model is of" if earlier else "they are taken for"
+        return [of_the_robot(each, named, loaded, said) for each in read], named, loaded, understood
 
 
 def with_conventions(recording: Recording, typed: Sequence[str] | None) -> Recording:

@@ -29,7 +29,7 @@ from ..views.text.robot_files import (
 from . import progress
 from .files import list_written, write
 from .options import AsJson, ConventionOption, Reading, RobotName, RobotOption, TolerancesOption
-from .recorded import note_foreign_joints, recording_typed, robot_beside, tolerances_named
+from .recorded import note_foreign_joints, of_the_robot, recording_typed, robot_beside, tolerances_named
 
 
 def info(
@@ -134,6 +134,7 @@ def _check_recording(file: Path, reading: Reading, robot: str | None, convention
     recording = recording_typed(file, robot, conventions)
     loaded = reading.load(robot or robot_beside(recording.robot, file))
     note_foreign_joints([recording], loaded)
+    recording = of_the_robot(recording, robot or "", loaded)
     with progress.stages() as tell:
         tell("what the recording could show", 0.1)
         found = prospects(loaded, recording)

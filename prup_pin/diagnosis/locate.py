@@ -343,8 +343,14 @@ def recovered(
     white, exists = _whitening(problem, fit)
     asked, law, drawn = after, None, None
     if effect is not None:
-        others = [term.effect for term in fit.terms if term.effect != effect]
-        law = -influence.change(problem.setup_at(fit, others))
+        standing = () if problem.tolerances is None else problem.tolerances.effects
+        if effect in standing:  # what acts beside any law, the weight
+            without = problem.beside([other for other in standing if other != effect]).setup(fit.effects, fit.x)
+        else:
+            without = problem.setup_at(fit, [term.effect for term in fit.terms if term.effect != effect])
+        law = -influence.change(without)
+        if not law.any():
+            return None  # nothing to draw
         asked = asked + law
         drawn = effect.law.drawn(effect.place, influence.solved)
     elif curve is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,14 +10,14 @@ import numpy as np
 from ..channels import Stack
 from ..laws import Effect
 from ..laws.as_found import AsFound
-from ..numbers import counted
+from ..numbers import counted, number, quantity
 from ..recordings import SENSORS
 from ..spatial import Array
 from .all_over import all_over
 from .calibrate import (
     calibrated_parameters,
 )
-from .criteria import MOST_LISTED, WEIGHT_SHOWS, clean_bound
+from .criteria import FEWEST_NUMBERS, LITTLE, MOST, MOST_LISTED, WEIGHT_SHOWS, clean_bound
 from .diagnosis import Diagnosis
 from .evidence import is_clean
 from .findings import (
@@ -112,6 +112,7 @@ def verdict_of(
     if prepared.earlier is not None and count:
         since = since_of(prepared.earlier, problem, fit, selection.library)
         findings = [told_since(finding, since) for finding in findings]
+    remarks += _noise_too_large(problem, fit)
     nothing = verdict == "nothing_missing" and count and since is None
     tell("the next experiment", 0.95)
     return Diagnosis(
@@ -180,6 +181,27 @@ def _shows(problem: Problem, fit: Fit) -> bool:
     without = light.setup(fit.effects, fit.x)
     change = problem.whitened(fit.influence, fit.influence.change(without))
     return float((change**2).sum()) > WEIGHT_SHOWS
+
+
+def _noise_too_large(problem: Problem, fit: Fit) -> Iterator[str]:
+    """Yield where far less is left than the declared noise, of numbers that no fit of so few parameters can take away.
+
+    By units, since one that is too large hides nothing of the other. One that repeats tell is told before.
+    """
+    free, exists = len(fit.x) + sum(len(term.effect.values) for term in fit.terms), problem.compared(fit.run)
+    for name, unit in (("position", "m"), ("rotation", "rad")):
+        declared = problem.noise.of_unit(unit)
+        seen = [exists[:, where] for _, own, where in problem.stack.groups() if own == unit]
+        left = [fit.residual[:, where] for _, own, where in problem.stack.groups() if own == unit]
+        count = sum(int(here.sum()) for here in seen)
+        if problem.noise.source != "declared" or free > MOST * count or count < FEWEST_NUMBERS:
+            continue
+        size = rms_of_sum(sum(float((rest[here] ** 2).sum()) for rest, here in zip(left, seen, strict=True)), count)
+        if size < LITTLE:
+            yield (
+                f"{name}_noise is declared as {quantity(declared, unit)}, but only {number(size, 2)} times that is "
+                "left of what was measured: is its unit right? Where it is too large, effects are overlooked"
+            )
 
 
 def _within(problem: Problem, first: Fit, count: int) -> dict[str, float]:

@@ -356,6 +356,9 @@ _ON_THE_TOOL = (
     "tool's axes, diagnose with --convention wrench=tool_frame"
 )
 _MOMENTS = ("torque", "moment", "drehmoment", "couple", "momento", "coppia")
+_LOADS = ("load", "payload", "last", "nutzlast", "traglast", "charge", "carga", "carico")
+#: What loads a robot, by the unit that a column of that name has where it tells none.
+LOAD_WORDS = {"N": {*_FORCES, *_LOADS}, "N m": {*_MOMENTS}}
 
 
 def wrench_lines(log: Log, taken: set[str]) -> list[Line]:

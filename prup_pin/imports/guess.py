@@ -24,7 +24,7 @@ from ..mechanism import Mechanism
 from ..numbers import some
 from ..recordings.columns import is_known, joint_of, unit_of
 from ..recordings.problems import shown
-from .columns import add_by_unit, add_joints, add_poses, place_lines, time_column, wrench_lines
+from .columns import LOAD_WORDS, add_by_unit, add_joints, add_poses, place_lines, time_column, wrench_lines
 from .draft import Draft, Line
 from .log import Log
 from .map import CHECK
@@ -245,6 +245,12 @@ class _Page:
             which = ", ".join(some(names, 6))
             doubt = f"in {unit}, and nothing is made of it: {which}. tau.<joint>, or w.fx … w.mz at the tool? Else none"
             yield self.told("", doubt, unit).strip()
+        for name, unit in self._loads_by_name(unused).items():
+            line = f"w.{'f' if unit == 'N' else 'm'}z: {{from: {_text(name)}, unit: {unit}}}"
+            doubt = (
+                f"a load on the tool, along z of the base, in {unit}? Then this line is one of the columns; else none"
+            )
+            yield self.told(f"# {line}", doubt, name)
         if unused or log.left_out:
             yield from ("", "# Not used:", *(f"#   {name}" for name in (*unused, *log.left_out)))
         angles = [name for name, unit in unused.items() if dimension_of(unit) == "angle"]
@@ -252,6 +258,18 @@ class _Page:
             turn = f"r: {{from: [{', '.join(map(_text, angles))}], as: euler_ZYX, unit: {unused[angles[0]]}}}"
             yield "# Where these angles turn the tool, in the order in which your log turns it:"
             yield f"# rotations: {{{turn}}}  # or euler_XYZ, euler_xyz, rotation_vector"
+
+    def _loads_by_name(self, unused: dict[str, str]) -> dict[str, str]:
+        """Return columns without a unit that are called a load, with the unit that it has; none beside known loads."""
+        if any(target.startswith(("w.", "tau.")) for target in self.draft.targets):
+            return {}
+        spoken = {name: {*words_of(name)} for name, unit in unused.items() if not unit}
+        return {
+            name: unit
+            for name, words in spoken.items()
+            for unit, called in LOAD_WORDS.items()
+            if words & called and not words & {*WISHED}
+        }
 
     def _left(self, unused: dict[str, str]) -> dict[str, list[str]]:
         """Return columns of forces, moments and currents that nothing is made of, by their unit.

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError, named, shortened
 from ..kernel import NEGLIGIBLE, Configuration, Factors, LoopedTree, Passing, inverse, rank_of
 from ..mechanism import Mechanism
-from ..numbers import number, quantity
+from ..numbers import number, quantity, some
 from ..parameters import meant_otherwise
 from ..spatial import MOST_POSITION, TWIST_NAMES, Array, frobenius, skew
 from .closed_pose import ClosedPose, PassiveBalance, split_residual
@@ -43,8 +43,8 @@ _ROUNDING = 1e-6
 _BEYOND = 1e-4
 #: Decimals [m, rad] of home's coordinates where a pose takes some of them.
 _HOME_DIGITS = 9
-#: A loop that is less open where home is given is closed as it was meant [m, rad].
-_LITTLE_OPEN = 0.05
+#: A loop that is less open where home is given is closed as it was meant [m, rad]: two digits are that coarse.
+_LITTLE_OPEN = 0.01
 #: A solution is taken for the same assembly branch where no joint has moved farther than this [m, rad].
 NEAR = 0.7
 #: ... or where a polynomial told it as well as this.
@@ -255,8 +255,31 @@ class LoopKinematics:
         """The evaluation at home, where every cold start begins."""
         return self.evaluate(self.home)
 
+    def home_not_closed(self) -> str:
+        """Return how far the loops are open at the file's home, and where home was taken instead; '' of closed ones.
+
+        Raises UnreachablePoseError where they do not close at all.
+        """
+        if not (open_by := self._open_at_start()):
+            return ""
+        given, joints = self.mechanism.home_configuration(), self.mechanism.joints
+        moved = np.abs(pin.difference(self.model, given, self.home))
+        single = [joint for joint in joints if joint.nq == joint.nv == 1 and moved[joint.first_v] > _ROUNDING]
+        driven = [joint for joint in single if joint.name in self.mechanism.actuated]
+        places = [
+            f"{joint.name} {self._told(self.home[joint.first_q], joint.unit or '', 4)}, given "
+            f"{number(given[joint.first_q])}"
+            for joint in driven or single
+        ]
+        kept = "" if driven else "its drives kept, "
+        return (
+            f"home, as the file gives it{self._home_line()}, does not close its loops: they are {open_by}. It was "
+            f"taken where they close: {kept}{'; '.join(some(places))}. Check that loop's frames and lengths, or give a "
+            "home that closes"
+        )
+
     def _open_at_start(self) -> str:
-        """Return which loop is farthest open at the file's home, as a sentence and 'or give'; '' of closed ones."""
+        """Return 'open by 0.3 m, loop 'tip' the farthest' of the file's home; '' where it is closed as it was meant."""
         q = self.mechanism.home_configuration()
         open_by = self._split(self.evaluate(q).residual) if self.mechanism.loops else (0.0, 0.0)
         if max(open_by) < _LITTLE_OPEN:
@@ -264,9 +287,17 @@ class LoopKinematics:
         sizes = [
             f"{number(size, 3)} {unit}" for size, unit in zip(open_by, ("m", "rad"), strict=True) if size > _AT_LIMIT
         ]
+        return f"open by {' and '.join(sizes)}, loop '{self._worst_loop(q)}' the farthest"
+
+    def _start_wanted(self) -> str:
+        """Return why no loop closes near the file's home, as a sentence and 'or give'; 'Give' where it is closed."""
+        if far := self._far_homes():
+            return far
+        if not (open_by := self._open_at_start()):
+            return "Give"
         return (
-            f"The loops close nowhere near: as home is given, they are open by {' and '.join(sizes)}, loop "
-            f"'{self._worst_loop(q)}' the farthest. Check its frames and what it leaves free, or give"
+            f"The loops close nowhere near: as home is given, they are {open_by}. Check its frames and what it leaves "
+            "free, or give"
         )
 
     def _worst_loop(self, q: Array) -> str:
@@ -704,7 +735,7 @@ class LoopKinematics:
         if not requested and self.mechanism.description.described and np.array_equal(q, self.home):
             raise UnreachablePoseError(
                 f"'{self.mechanism.name}' cannot stand at its home: {text}. "
-                f"{self._far_homes() or self._open_at_start() or 'Give'} a position "
+                f"{self._start_wanted()} a position "
                 f'within them with <home {name}="value"/>{self._home_line()} (or home={{...}})'
             )
         if not self.mechanism.description.described:

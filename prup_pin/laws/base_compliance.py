@@ -67,8 +67,24 @@ class BaseCompliance(Law):
         return [values["translation"]] * 3 + [values["rotation"]] * 3
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        along, about = np.split(np.array(self._compliances(values)), 2)
-        return f"what the robot stands on gives way, with {_told(along, 'N/m')} and {_told(about, 'N m/rad')}"
+        return self.told(place, values, {}, mechanism)
+
+    def told(
+        self,
+        place: Place,
+        values: Mapping[str, float],
+        intervals: Mapping[str, tuple[float, float]],
+        mechanism: Mechanism,
+    ) -> str:
+        """Return the statement; of a compliance that may be nothing, the stiffness that there is at least."""
+        compliances = np.array(self._compliances(values))
+        highest = [interval[1] if interval[0] <= 0 else 0.0 for interval in intervals.values()]
+        known = {key: bound for key, bound in zip(intervals, highest, strict=True) if bound > 0}
+        bounds = np.array(self._compliances(dict.fromkeys(values, 0.0) | known))
+        (along, about), (slow, turn) = np.split(compliances, 2), np.split(bounds, 2)
+        return (
+            f"what the robot stands on gives way, with {_told(along, slow, 'N/m')} and {_told(about, turn, 'N m/rad')}"
+        )
 
 
 class UnevenBaseCompliance(BaseCompliance):
@@ -85,7 +101,10 @@ class UnevenBaseCompliance(BaseCompliance):
         return [values[quantity.name] for quantity in _BY_AXIS]
 
 
-def _told(compliances: np.ndarray, unit: str) -> str:
-    """Return stiffnesses along or about the axes in words."""
-    each = dict.fromkeys(number(1 / value, 3) if value > 0 else "rigid" for value in compliances.tolist())
-    return f"{', '.join(each)} {unit}"
+def _told(compliances: np.ndarray, bounds: np.ndarray, unit: str) -> str:
+    """Return stiffnesses along or about the axes in words; bounds: of compliances that may be nothing, else zero."""
+    stiffnesses = [
+        f"more than {number(1 / bound, 3)}" if bound > 0 else number(1 / value, 3) if value > 0 else "rigid"
+        for value, bound in zip(compliances.tolist(), bounds.tolist(), strict=True)
+    ]
+    return f"{', '.join(stiffnesses if len(set(stiffnesses)) > 1 else stiffnesses[:1])} {unit}"

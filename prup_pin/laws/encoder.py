@@ -42,8 +42,12 @@ class EncoderOffset(Law):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "m" if _slides(place, mechanism) else "rad"
-        size, side = quantity(abs(values["offset"]), unit), "little" if values["offset"] > 0 else "much"
-        return f"the encoder at {place} reads {size} too {side}"
+        return f"the encoder at {place} {misread(values['offset'], unit)}"
+
+
+def misread(offset: float, unit: str) -> str:
+    """Return 'reads 2 mm too little' of an encoder whose joint stands so much beyond what it reports."""
+    return f"reads {quantity(abs(offset), unit)} too {'little' if offset > 0 else 'much'}"
 
 
 def _slides(place: Place, mechanism: Mechanism) -> bool:

@@ -201,7 +201,8 @@ class Recording:
                 whose = f"the recording says that it is of '{self.robot}'" if self.robot else "is it another robot's?"
                 where = f"None of this robot's joints has a column: {whose}. Check --robot."
             hint = f"{self.path or 'The recording'} has: {there}.{also} {where}"
-            raise UnknownNameError("column", f"q.{missing[0]}", [f"q.{name}" for name in self.positions], hint)
+            spare = [f"q.{name}" for name in self.positions if name not in names]  # not of this robot's other joints
+            raise UnknownNameError("column", f"q.{missing[0]}", spare, hint)
         if not names:
             return np.zeros((len(self), 0))
         return np.column_stack([self.positions[name] for name in names])

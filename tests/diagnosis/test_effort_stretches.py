@@ -11,6 +11,7 @@ from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.efforts.outliers import OutlierInterval, is_outlying
 from prup_pin.dynamics import motion_of
 from prup_pin.recordings import Noise
+from prup_pin.views.text.diagnosis_words import summary_text, verdict_text
 from tests.diagnosis.test_efforts import AXIS, axis, named
 
 
@@ -43,6 +44,9 @@ def test_a_blow_is_told_by_its_time_and_left_out_of_all_else(carriage):
     assert values["coulomb_friction"]["limit"].value == pytest.approx(20.0, rel=0.01)
     assert found.efforts.shares["all"]["heldout"] < 0.04
     assert not ((found.efforts.time > begin) & (found.efforts.time < end)).any()
+    assert f"describes what happened {unknown.when}, which was left out" in verdict_text(found)
+    assert "the rest" not in verdict_text(found)
+    assert f"To do first: find out what happened {unknown.when}, or record again without it." in summary_text(found)
 
 
 def test_blows_all_along_are_the_robots_own(carriage):

@@ -574,4 +574,5 @@ def test_what_leaving_a_law_out_costs_is_told_as_the_table_tells_what_is_left(ca
     friction = [finding for finding in found.findings if "friction" in finding.physics]
     assert len(friction) == 2
     assert all(1 < finding.cost < share["rigid"] / share["heldout"] for finding in friction)
-    assert all("the residual of carriage would be" in cost_text(finding) for finding in friction)
+    assert all("the residual of carriage would be" in cost_text(finding, ["carriage"]) for finding in friction)
+    assert not any("carriage" in cost_text(finding, ["base"]) for finding in friction)

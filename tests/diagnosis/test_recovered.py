@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ import pytest
 import prup_pin
 from prup_pin.diagnosis.candidates import candidates
 from prup_pin.diagnosis.locate import Agreement, Recovered, local_curve, recovered
+from prup_pin.diagnosis.toleranced import Toleranced
+from prup_pin.diagnosis.verdict import _noise_too_large
 from prup_pin.simulation import Simulator, inputs_of
 
 from ..simulation.bench import inputs
@@ -76,6 +79,35 @@ def test_what_no_load_drives_is_shown_at_the_tool(simulator, library, name):
     assert isinstance(shown, Agreement)
     spread = (shown.asked - shown.law) / np.repeat([shown.noise.position, shown.noise.rotation], 3)
     assert np.sqrt(np.mean(spread**2)) == pytest.approx(1.0, abs=0.15)
+
+
+def test_weight_that_acts_beside_any_law_is_shown_by_what_it_does(simulator, library):
+    """It is no term of the fit: all its points stood on one line, at 'the law gives 0'."""
+    candidate = library["self_weight at robot"]
+    truth = term(library, candidate.name, *candidate.values_of(candidate.starts()[0]))
+    problem = problem_of(simulator, [truth.effect])
+    fit = problem.fit_at([truth])
+    after = problem.stack.residual(fit.run)[fit.samples]
+    as_law = recovered(problem, fit, after, truth.effect, None)
+    nothing = Toleranced.of([], [])
+    acting = problem.within(nothing, [truth.effect])
+    own = acting.fit_at(())
+    shown = recovered(acting, own, acting.stack.residual(own.run)[own.samples], truth.effect, None)
+    assert np.abs(shown.law).max() > 1e-5
+    np.testing.assert_allclose(shown.law, as_law.law, atol=1e-3 * np.abs(as_law.law).max())
+
+
+def test_a_noise_declared_far_too_large_is_asked_about(simulator):
+    """0.02 m for 20 µm left a thousandth of it, and nobody said a word."""
+    problem = problem_of(simulator, [])
+    fit = problem.fit_at(())
+    assert not [*_noise_too_large(problem, fit)]
+    wrong = replace(problem, noise=replace(problem.noise, position=1e3 * problem.noise.position, source="declared"))
+    (told,) = _noise_too_large(wrong, wrong.fit_at(()))
+    assert told.startswith("position_noise is declared as ")
+    assert "times that is left of what was measured: is its unit right?" in told
+    estimated = replace(wrong, noise=replace(wrong.noise, source="estimated"))
+    assert not [*_noise_too_large(estimated, estimated.fit_at(()))]
 
 
 def test_two_findings_are_told_apart(simulator, library):

@@ -548,3 +548,15 @@ def test_two_coordinates_are_a_place_where_they_are_lengths(third):
     places = {target: line["from"] for target, line in lines.items() if target.startswith("p")}
     axes = "xy" if third is None else "xyz"
     assert places == {f"p.{axis}": f"{axis.upper()} [mm]" for axis in axes}
+
+
+def test_a_column_that_is_called_a_load_is_not_dropped_in_silence(lift_and_arm):
+    """'Kraft' without a unit was 'not used', and 'nothing doubtful': the arm's deflections became its stiffness."""
+    load = {"Kraft": TAU[:, 0], "Kraft soll": TAU[:, 0], "Nr": Q[:, 0]}
+    still = {name: values for name, values in arm_columns().items() if "Moment" not in name}
+    made = guess(log_of(still | load), lift_and_arm)
+    assert [doubt for doubt in made.doubts if "Kraft" in doubt] == [
+        "Kraft: a load on the tool, along z of the base, in N? Then this line is one of the columns; else none"
+    ]
+    assert "# w.fz: {from: Kraft, unit: N}  # CHECK" in made.text
+    assert not any("Kraft" in doubt for doubt in guess(log_of(still | load | {"w.fx": TAU[:, 1]}), lift_and_arm).doubts)

@@ -14,6 +14,7 @@ from prup_pin import laws
 from prup_pin.laws import LAWS, Effect, Inputs, Place, Setup
 from prup_pin.laws.deeds.cable import TAKE_UP
 from prup_pin.laws.deviations import calibration_of
+from prup_pin.laws.efforts import EFFORT_LAWS
 from prup_pin.laws.joint_places import parts
 from prup_pin.simulation import Simulator
 from prup_pin.spatial import rotation_exp, rotation_log
@@ -709,3 +710,21 @@ def test_where_a_hose_pulls_is_told_as_far_as_it_is_known():
     mechanism = robot("3prup").mechanism
     told = hose.law.told(hose.place, hose.values, {**known, "z": (-100.0, 100.0), "stiffness_z": (0.0, 1e7)}, mechanism)
     assert "(307, 472, ?) mm, with 323, 182, ? N/m" in told
+
+
+def test_words_say_on_which_side_a_sensor_is_and_no_stiffness_that_nobody_knows():
+    """'-9.99 % of it too much', 'off by -34.3 mrad' and '3.88e18 N/m' stood in a stranger's verdicts."""
+    mechanism = robot("ur5").mechanism
+    drive = Place(mechanism.actuated[0])
+    effort = {law.physics: law for law in reversed(EFFORT_LAWS)}
+    gain, offset = effort["effort_gain"], effort["encoder_offset"]
+    assert gain.statement(drive, {"gain": -0.0999}, mechanism).endswith(" is 9.99 % of it too little")
+    assert gain.statement(drive, {"gain": 0.0999}, mechanism).endswith(" is 9.99 % of it too much")
+    assert " mm too much" in offset.statement(drive, {"offset": -0.0343}, mechanism).replace("mrad", "mm")
+    assert " too little" in offset.statement(drive, {"offset": 0.0343}, mechanism)
+    (stand,) = (law for law in LAWS if law.physics == "base_compliance" and law.variant == "by axis")
+    values = {quantity.name: 1e-6 for quantity in stand.quantities} | {"translation_z": 2.6e-19}
+    intervals = {"translation_z": (0.0, 1e-8), "rotation_x": (9e-7, 1.1e-6), "settled": (0.0, 0.005)}
+    told = stand.told(Place("base", stand.variant), values, intervals, mechanism)
+    assert told == "what the robot stands on gives way, with 1e6, 1e6, more than 1e8 N/m and 1e6 N m/rad"
+    assert stand.statement(Place("base", stand.variant), values, mechanism).count("3.8") == 1

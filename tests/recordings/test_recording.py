@@ -46,6 +46,10 @@ def test_actuator_positions():
     assert "has: q.a, q.b." in message
     assert "stood is not known: add the column, constant where the joint was held" in message
     assert "Also missing: q.c." in message
+    wrists = Recording(time=[0.0], positions={"wrist_1_joint": [0.0]})
+    with pytest.raises(UnknownNameError) as caught:
+        wrists.actuator_positions(["elbow_joint", "wrist_1_joint"])
+    assert "Did you mean" not in str(caught.value)  # the wrist's column is the wrist's
     with pytest.raises(UnknownNameError, match=r"no q\. column at all"):
         Recording(time=[0.0]).actuator_positions(["a"])
 

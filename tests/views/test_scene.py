@@ -575,3 +575,10 @@ def test_a_page_with_heavy_meshes_stays_below_5_mb(name, monkeypatch):
         faces.append(sum(len(part.shape.faces) for part in parts))
     np.testing.assert_allclose(*ends, atol=0.004)
     assert 10_000 < faces[0] < 0.6 * faces[1]
+
+
+def test_labels_of_a_page_are_placed_anew_where_only_the_view_shifts():
+    """A panel that grew shifted the picture, not the camera: labels stood 55 px below their frames."""
+    page = (Path(prup_pin.__file__).parent / "views" / "meshcat" / "page.html").read_text(encoding="utf-8")
+    key = page.partition("function watch(clock)")[2].partition("if (now === eye)")[0]
+    assert "camera.projectionMatrix.elements" in key

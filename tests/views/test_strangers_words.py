@@ -1,6 +1,6 @@
 """What strangers stumbled over in the words of a diagnosis: each was a sentence that nobody understood."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -199,6 +199,7 @@ class Efforts:
     declared: bool = False
     standing: bool = False
     how: tuple[str, ...] = ("innovations",)
+    shares: dict = field(default_factory=lambda: {"all": {"rigid": 0.116, "heldout": 0.021}})
 
 
 def test_noise_of_newtons_and_newton_metres_is_no_one_number(diagnosed):
@@ -211,6 +212,25 @@ def test_noise_of_newtons_and_newton_metres_is_no_one_number(diagnosed):
     assert "the comparison filters samples, so that less than 1 is normal" in multiple_text(both)
     assert "below" not in multiple_text(replace(both, efforts=Efforts(("N",), standing=True)))
     assert multiple_text(diagnosis) == ""
+
+
+def test_numbers_of_one_sentence_on_efforts_are_all_before_or_all_after(diagnosed):
+    """'11.3 times the noise' was of the drawing, '2.1 % of the efforts' of the corrected model, as if of one thing."""
+    _, _, diagnosis = diagnosed
+    unknown = Finding("unknown", "elbow", ("elbow",), {}, 0.0, "something is left at the elbow")
+    found = replace(
+        diagnosis,
+        verdict="unexplained",
+        findings=(unknown,),
+        columns=(),
+        efforts=Efforts(("N m",), declared=True),
+        before={"fit": 11.3, "heldout": 11.3},
+        after={"fit": 2.1, "heldout": 2.15},
+    )
+    assert verdict_text(found) == (
+        "Unexplained: the residual is 11.3 times the noise, 11.6 % of the efforts, and no law of the library explains "
+        "it; the corrected model leaves 2.1 % of the efforts, 2.15 times the noise; it is largest in elbow."
+    )
 
 
 def test_rows_without_an_answer_are_lines_of_the_file_as_everywhere(capsys):

@@ -47,13 +47,15 @@ class OutlierInterval:
     def finding(self) -> Finding:
         """Return its finding, of something unknown."""
         where = self.joints[0] if len(self.joints) == 1 else "robot"
+        when = f"between t = {number(self.begin, 4)} s and {number(self.end, 4)} s"
         text = (
-            f"between t = {number(self.begin, 4)} s and {number(self.end, 4)} s: described by no law. "
-            f"The residual of {', '.join(self.joints)} is {number(self.times, 2)} times as large there as elsewhere: "
-            "was the robot stopped by its brakes, or did it run into something? All else was computed without this "
-            "interval"
+            f"{when}: described by no law. The residual of {', '.join(self.joints)} is {number(self.times, 2)} times "
+            "as large there as elsewhere: was the robot stopped by its brakes, or did it run into something? All else "
+            "was computed without this interval"
         )
-        return replace(unknown_at(where, text), candidates=tuple(dict.fromkeys((where, *self.joints))))
+        advice = f"find out what happened {when}, or record again without it"
+        found = unknown_at(where, text, advice=advice)
+        return replace(found, candidates=tuple(dict.fromkeys((where, *self.joints))), when=when)
 
 
 def is_outlying(interval: OutlierInterval, rows: np.ndarray, residual: Array, good: np.ndarray) -> bool:

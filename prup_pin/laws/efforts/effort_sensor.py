@@ -58,9 +58,8 @@ class EffortGain(DrivenEffortLaw):
         return columns_along(at, place.name, at.effort_of(place.name, at.borne))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return (
-            f"the effort reported for {place.name} is {number(100 * values['gain'], 3, signed=True)} % of it too much"
-        )
+        size, side = number(100 * abs(values["gain"]), 3), "much" if values["gain"] > 0 else "little"
+        return f"the effort reported for {place.name} is {size} % of it too {side}"
 
 
 class EffortUnit(EffortGain):

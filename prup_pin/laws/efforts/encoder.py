@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from ...dynamics import InMotion
 from ...mechanism import Changes, Mechanism
-from ...numbers import number, quantity
+from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
+from ..encoder import misread
 from ..law import Place
 from ..setup import Setup
 from .delay import Delay, DelayOfAll
@@ -39,8 +40,7 @@ class OffsetEncoder(DrivenEffortLaw):
         return ()
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        off = quantity(values["offset"], joint_unit("rad", place.name, mechanism), signed=True)
-        return f"the encoder of {place.name} is off by {off}"
+        return f"the encoder of {place.name} {misread(values['offset'], joint_unit('rad', place.name, mechanism))}"
 
 
 class DelayedEncoder(Delay, DrivenEffortLaw):

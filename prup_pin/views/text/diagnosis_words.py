@@ -70,11 +70,13 @@ def verdict_text(diagnosis: Diagnosis) -> str:
         return verdict_since(diagnosis, diagnosis.since)
     if math.isnan(before) and alone is None and unknown is not None:
         return f"{capital(unknown.statement)}."
-    left = "" if efforts is None else f"{_percent(efforts.shares['all']['heldout'])} of the efforts"
+    drawn, left = (
+        "" if efforts is None else _of_all_efforts(efforts.shares["all"][key]) for key in ("rigid", "heldout")
+    )
     if diagnosis.verdict == "nothing_missing":
         return _nothing_missing(diagnosis, left)
     if alone is not None and not alone.declared and math.isfinite(after):
-        takes, left = _of_efforts(alone.shares["all"], after, explained), ""
+        takes, drawn, left = _of_efforts(alone.shares["all"], after, explained), "", ""
     else:
         takes = (_not_declared(diagnosis) if explained else "") or _takes(before, after)
     read = [convention for item in diagnosis.findings for convention in item.conventions]
@@ -88,14 +90,28 @@ def verdict_text(diagnosis: Diagnosis) -> str:
             return f"Nothing is missing but {own}: with {'it' if len(named) == 1 else 'them'} {takes}."
         return f"Explained: {f'with {told} ' if named else ''}{takes}{left and f', which leaves {left}'}."
     if unknown is not None and unknown.untold:
-        return f"{capital(unknown.statement)}{left and f'; the robot file leaves {left}'}."
+        return f"{capital(unknown.statement)}{drawn and f'; the robot file leaves {drawn}'}."
+    known = f"the residual is {number(before, 3)} times the noise"
+    begins = "no noise is known to compare with" if math.isnan(before) else known
+    if intervals := _intervals(diagnosis):  # which nothing else that is told has in it
+        stands = f"with {told} {takes}{left and f', {left}'}" if told else f"{begins}{drawn and f', {drawn}'}"
+        return (
+            f"Unexplained: {stands}, but no law of the library describes what happened {intervals}, which was left out."
+        )
     if told:
         stands = f"with {told} {takes}, but no law of the library explains the rest{left and f', {left}'}"
     else:
-        known = f"the residual is {number(before, 3)} times the noise"
-        stands = "no noise is known to compare with" if math.isnan(before) else known
-        stands = f"{stands}, and no law of the library explains it{left and f': it is {left}'}"
+        stands = f"{begins}{drawn and f', {drawn}'}, and no law of the library explains it"
+        if alone is not None and left != drawn:  # by a curve of no law, or what is within its tolerance
+            stands += f"; the corrected model leaves {left}"
+            stands += f", {number(after, 3)} times the noise" if math.isfinite(after) else ""
     return f"Unexplained: {stands}{_largest_in(unknown)}."
+
+
+def _intervals(diagnosis: Diagnosis) -> str:
+    """Return 'between t = 3 s and 4 s' of the intervals that no law describes where nothing else is unknown."""
+    unknown = [finding for finding in diagnosis.findings if finding.physics == "unknown"]
+    return _joined([finding.when for finding in unknown]) if all(finding.when for finding in unknown) else ""
 
 
 def _largest_in(unknown: Finding | None) -> str:
@@ -156,6 +172,10 @@ def _of_efforts(shares: Mapping[str, float], after: float, ends_there: bool) -> 
     falls = f"the residual of the efforts falls from {rigid} to {left}"
     stands = f"the residual is {left} of the efforts" if rigid == left else falls
     return f"{stands}, {number(after, 3)} times the scatter of a single sample{_NO_MOTION if ends_there else ''}"
+
+
+def _of_all_efforts(share: float) -> str:
+    return f"{_percent(share)} of the efforts"
 
 
 def _percent(share: float) -> str:
@@ -249,7 +269,7 @@ def finding_lines(diagnosis: Diagnosis, finding: Finding, most: int = MOST_PARAM
         *(f"{place}: {', '.join(_in_lines(texts))}" for place, texts in places.items()),
         *values,
         *alternative_text(finding),
-        cost_text(finding),
+        cost_text(finding, () if diagnosis.efforts is None else diagnosis.efforts.joints),
         finding.remedy and f"to do: {finding.remedy}",
     ]
     return [line for line in lines if line]
@@ -313,6 +333,10 @@ def summary_text(diagnosis: Diagnosis) -> str:
             return f"{' '.join(texts)} Nothing needs repair: {named[0].remedy}."
     elif untold := [finding.statement for finding in diagnosis.findings if finding.untold]:
         texts.append(f"{capital(untold[0])}.")
+    elif intervals := _intervals(diagnosis):
+        them = _joined([them, *_unnamed(diagnosis)])
+        model = f"With {them} in the model {last}. " if causes else ""
+        texts.append(f"{model}No law describes what happened {intervals}, which was left out of all these numbers.")
     else:
         model = f"With {_joined([them, *_unnamed(diagnosis)])} in the model {last}"
         where = _joined([*dict.fromkeys(item.location for item in unknown if item.location != "robot")])
@@ -353,16 +377,15 @@ def _beside(diagnosis: Diagnosis) -> tuple[str, str]:
     )
 
 
-def cost_text(finding: Finding) -> str:
-    """Return what leaving a finding out would cost."""
+def cost_text(finding: Finding, joints: Sequence[str] = ()) -> str:
+    """Return what leaving a finding out would cost. joints: those whose efforts were measured."""
     if finding.physics == "unknown" or finding.evidence:
         return ""  # their statements say what they are worth, of what is a share or how many times
     if finding.heldout_gain < _NO_GAIN and finding.effect is not None:
         return "other errors could compensate for it" if finding.parameters else "is always present"
     of = "" if math.isnan(finding.times) else " of the efforts"
-    at = None if finding.effect is None or finding.one_body else finding.effect.place.name
-    if of and at == finding.location != "robot":
-        of = f" of {at}"
+    if of and finding.effect is not None and finding.effect.place.name == finding.location in joints:
+        of = f" of {finding.location}"  # what acts on several is told of all of these
     if finding.cost > _BEYOND_COUNTING:
         size = f"more than {_BEYOND_COUNTING} times as large"
     elif finding.cost < 1 + _NO_GAIN:

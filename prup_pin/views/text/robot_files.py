@@ -24,7 +24,7 @@ from ...recordings import KINDS_OF_TOLERANCE, Recording, Tolerances
 from ...review import robot_remarks
 from ...robot import Robot
 from .bench_tests import print_hidden
-from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, show_table, title
+from .terminal import bullets, capital, fits, heading, in_options, listed, make_table, paragraph, show_table, title
 from .values import (
     clean,
     default_parameters,
@@ -118,6 +118,8 @@ def _print_mobility(out: Console, robot: Robot) -> None:
     except PrupPinError as error:
         paragraph(out, f"unknown: {in_options(str(error))}")
         return
+    if robot.home_not_closed:
+        paragraph(out, in_options(capital(f"{robot.home_not_closed}.")))
     listed(out, "actuators", pose_text(robot, home.actuators))
     if home.coordinates:
         listed(out, "task", pose_text(robot, home.coordinates))
