@@ -10,7 +10,7 @@ import pytest
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.prepare import prepare
-from prup_pin.diagnosis.unrecorded_load import unrecorded_force
+from prup_pin.diagnosis.unrecorded_load import unrecorded_load
 from prup_pin.recordings import Noise, Recording
 from prup_pin.simulation import effect_named, simulate
 
@@ -106,13 +106,17 @@ def test_a_load_in_every_sample_is_no_noise(pushed, noise, slipped):
 
 def test_what_was_not_seen_says_nothing():
     draw = np.random.default_rng(1)
-    reach = draw.normal(size=(20, 9, 3)) * [10.0, 1.0, 0.1]
-    rest = (reach @ (5 * draw.normal(size=(20, 3, 1))))[..., 0] + draw.normal(size=(20, 9))
-    seen = np.ones((20, 9), bool)
-    off = seen.copy()
-    whole = unrecorded_force(rest, reach, (), seen, off)
-    assert whole == pytest.approx(5 * np.sqrt(3), rel=0.3)
+    reach = np.zeros((20, 9, 6))
+    reach[..., :3] = draw.normal(size=(20, 9, 3)) * [10.0, 1.0, 0.1]
+    rest = (reach @ (5 * draw.normal(size=(20, 6, 1))))[..., 0] + draw.normal(size=(20, 9))
+    seen, angles = np.ones((20, 9), bool), np.zeros(9, bool)
+    whole = unrecorded_load(rest, reach, (), seen, seen, angles)
+    assert whole is not None
+    assert whole.force == pytest.approx(5 * np.sqrt(3), rel=0.3)
+    assert whole.moment == 0.0
     fewer = np.pad(rest, ((0, 0), (0, 30))), np.pad(reach, ((0, 0), (0, 30), (0, 0)))
-    masks = (np.pad(mask, ((0, 0), (0, 30))) for mask in (seen, off))
-    assert unrecorded_force(*fewer, (), *masks) == pytest.approx(whole, rel=1e-2)
-    assert unrecorded_force(rest, 0 * reach, (), seen, off) == 0.0
+    mask = np.pad(seen, ((0, 0), (0, 30)))
+    again = unrecorded_load(*fewer, (), mask, mask, np.pad(angles, (0, 30)))
+    assert again is not None
+    assert again.force == pytest.approx(whole.force, rel=1e-2)
+    assert unrecorded_load(rest, 0 * reach, (), seen, seen, angles) is None
