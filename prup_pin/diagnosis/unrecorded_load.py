@@ -25,6 +25,7 @@ from ..channels import Noise
 from ..numbers import number
 from ..spatial import Array
 from .criteria import GAIN, INDISTINCT, LEVER, LITTLE, ROUNDING, UNSEEN
+from .gross_errors import far_off
 from .influence import Influence
 from .noise import repeats
 from .problem import Problem
@@ -61,7 +62,7 @@ def unrecorded_load(
     sizes, noise, cost = _likeliest(rest, [by_wrench[..., [axis]] for axis in range(6)], seen, angles)
     if not sizes.any():
         return None
-    if min(_of_sensor(rest, seen, off), _likeliest(rest, list(others), seen, angles)[2]) - cost <= INDISTINCT:
+    if not min(_of_sensor(rest, seen, off), _likeliest(rest, list(others), seen, angles)[2]) - cost > INDISTINCT:
         return None
     force, moment = float(np.linalg.norm(sizes[:3])), float(np.linalg.norm(sizes[3:]))
     return UnrecordedLoad(force, moment, (float(noise[0]), float(noise[-1])))
@@ -71,7 +72,7 @@ def load_between_repeats(problem: Problem) -> tuple[UnrecordedLoad, Noise, Noise
     """Return the load that moves the tool between samples of one posture, by how much these scatter, and the noise.
 
     None where a load was recorded, where sensors, joints, or base and stand leave them likelier, and where noise is no
-    small part of it.
+    small part of it. Gross errors are left out.
     """
     inputs, run, stack = problem.simulator.inputs, problem.nominal.run, replace(problem.stack, stations=None)
     if not inputs.weight_alone:
@@ -80,10 +81,16 @@ def load_between_repeats(problem: Problem) -> tuple[UnrecordedLoad, Noise, Noise
     places[run.samples] = np.arange(len(run.samples))
     pairs = np.stack(repeats(inputs, (places >= 0) & stack.exists.any(axis=1)))
     seen = stack.exists[pairs].all(axis=0)
+    raw, deviation = stack.residual(run), stack.deviation(problem.noise)
+    apart = (raw[pairs[0]] - raw[pairs[1]]) / np.sqrt(2)
+    for group in stack.groups():
+        known = seen[:, group.where].any(axis=1)
+        if known.any():  # a gross error is no load
+            squares = np.where(known, (apart[:, group.where] ** 2).sum(axis=1), np.nan)
+            seen[far_off(squares)[0], group.where] = False
+    apart = np.where(seen, apart, 0.0)
     if not seen.any():
         return None
-    raw, deviation, lengths = stack.residual(run), stack.deviation(problem.noise), seen & ~stack.angles
-    apart = np.where(seen, (raw[pairs[0]] - raw[pairs[1]]) / np.sqrt(2), 0.0)
     by_wrench, *others = (
         reach[places[pairs[0]]] * (seen / deviation)[..., None]
         for reach in reaches(Influence(problem.simulator, run, stack))
@@ -95,7 +102,7 @@ def load_between_repeats(problem: Problem) -> tuple[UnrecordedLoad, Noise, Noise
     if (beside**2).sum() > LITTLE * ((apart / deviation) ** 2).sum():
         return None
     size, noise = (
-        replace(problem.noise, position=_rms(values[lengths]), rotation=_rms(values[seen & stack.angles]))
+        replace(problem.noise, position=_rms(values[seen & ~stack.angles]), rotation=_rms(values[seen & stack.angles]))
         for values in (apart, beside * deviation)
     )
     return found, size, noise
