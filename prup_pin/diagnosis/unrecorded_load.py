@@ -175,7 +175,8 @@ def _likeliest(
         by_column = ((inverse @ columns) * columns).sum(axis=(0, 1))
         by_column -= ((columns.mT @ white[..., None]) ** 2).sum(axis=(0, 2))
         slopes = np.append(np.bincount(group, by_column, len(reaches)), np.bincount(which, left))
-        return float(np.linalg.slogdet(covariance)[1].sum() + (rest * white).sum()), slopes * variances
+        value = float(np.linalg.slogdet(covariance)[1].sum() + (rest * white).sum())
+        return value, slopes.astype(float) * variances
 
     start = np.append(np.zeros(len(reaches)), np.full(len(sizes) - len(reaches), np.log(LITTLE**2)))
     within = [(np.log(ROUNDING), -np.log(UNSEEN))] * len(reaches) + [(np.log(UNSEEN**2), -np.log(UNSEEN))] * (
