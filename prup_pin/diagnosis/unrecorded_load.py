@@ -24,7 +24,7 @@ import numpy as np
 from ..channels import Noise
 from ..numbers import number
 from ..spatial import Array
-from .criteria import GAIN, INDISTINCT, LEVER, LITTLE, ROUNDING, UNSEEN
+from .criteria import FEWEST_NUMBERS, GAIN, INDISTINCT, LEVER, LITTLE, ROUNDING, UNSEEN
 from .gross_errors import far_off
 from .influence import Influence
 from .noise import repeats
@@ -89,7 +89,7 @@ def load_between_repeats(problem: Problem) -> tuple[UnrecordedLoad, Noise, Noise
             squares = np.where(known, (apart[:, group.where] ** 2).sum(axis=1), np.nan)
             seen[far_off(squares)[0], group.where] = False
     apart = np.where(seen, apart, 0.0)
-    if not seen.any():
+    if seen.sum() < FEWEST_NUMBERS:
         return None
     by_wrench, *others = (
         reach[places[pairs[0]]] * (seen / deviation)[..., None]
