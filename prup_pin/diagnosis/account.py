@@ -24,13 +24,20 @@ from .evidence import (
     rescaling_remark,
     with_rescaled,
 )
-from .findings import no_noise, too_few, unrecorded_load
+from .findings import load_between, load_left, no_noise, too_few
 from .locate import yieldings
 from .noise import could_show_structure, noise_of_the_rest
-from .prepare import Prepared, Tell
+from .prepare import AsDrawn, Prepared, Tell
 from .problem import Fit, Problem
 from .search import Selection, dropped_by_folds, screen, select, with_one_law
-from .unrecorded_load import minus_2_log_likelihood, reaches, scatters_in_a_module, unrecorded_force
+from .unrecorded_load import (
+    UnrecordedLoad,
+    load_between_repeats,
+    minus_2_log_likelihood,
+    reaches,
+    scatters_in_a_module,
+    unrecorded_load,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +97,24 @@ class Account:
         problem, last = replace(self.problem, noise=noise), self.selection.last
         fit = problem.relinearised(problem.fit_at(last.terms, last.run, last))
         return cross_validated(problem, fit, self.labels[fit.samples]), is_clean(problem, fit)
+
+
+def without_load(drawn: AsDrawn) -> Account | None:
+    """Return the account of recordings in which nothing can be compared, for repeats say that loads were not recorded.
+
+    What follows from such samples, a stiffness most of all, is no fault of the robot; nor is their scatter noise.
+    """
+    problem = drawn.problem
+    found = load_between_repeats(problem)
+    if found is None:
+        return None
+    load, size, noise = found
+    if problem.noise.source != "declared" and problem.noise.which is None:
+        problem = replace(problem, noise=replace(noise, source="estimated"))
+    prepared = replace(drawn.prepared(), problem=problem)
+    return Account(
+        prepared, problem, Selection.nothing(problem.first, prepared.library), load_between(size, noise, load)
+    )
 
 
 def without_laws(prepared: Prepared, tell: Tell) -> Account:
@@ -194,9 +219,9 @@ def _by_noise_of_the_rest(now: Account, tell: Tell, most: int) -> Account:
     larger = noise_of_the_rest(now.problem, fit, inputs.blocks[fit.samples])
     if larger is None:
         return now
-    force = _force_left(now.problem, fit) if inputs.weight_alone else 0.0
-    if force:
-        return replace(now, doubt=unrecorded_load(larger.noise, force))
+    load = _load_left(now.problem, fit) if inputs.weight_alone else None
+    if load is not None:
+        return replace(now, doubt=load_left(larger.noise, load))
     if could_show_structure(inputs.blocks[fit.samples]) and _is_of_a_module(now.problem, fit, larger):
         return now
     now.prepared.remarks.append(_larger_noise(now.problem.noise, larger.noise))
@@ -238,11 +263,11 @@ def _within_rescaled(now: Account, tell: Tell) -> Account:
     return found if taken else now
 
 
-def _force_left(problem: Problem, fit: Fit) -> float:
-    """Return the size [N] of unrecorded forces that leave behind what a fit leaves; 0 where something else does."""
+def _load_left(problem: Problem, fit: Fit) -> UnrecordedLoad | None:
+    """Return the unrecorded load that leaves behind what a fit leaves; None where something else does."""
     white, seen = problem.whiteners(fit.influence), problem.stack.exists[fit.samples]
-    by_force, *by_strains = (white @ reach for reach in reaches(fit.influence))
-    return unrecorded_force(fit.residual, by_force, by_strains, seen, seen)
+    by_wrench, *others = (white @ reach for reach in reaches(fit.influence))
+    return unrecorded_load(fit.residual, by_wrench, others, seen, seen, problem.stack.angles)
 
 
 def _is_of_a_module(problem: Problem, fit: Fit, larger: Problem) -> bool:

@@ -13,7 +13,7 @@ from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import CorrectedModel, as_recorded
 from ..simulation.needs import taking_part
-from .account import Account, beside_laws, searched, with_first_law, without_laws
+from .account import Account, beside_laws, searched, with_first_law, without_laws, without_load
 from .chances import chi2_isf
 from .conventions import read_logs
 from .criteria import AS_GOOD, FALSE_ALARM, FEW_FITS, FEW_ROUNDS, LITTLE, MOST
@@ -29,7 +29,7 @@ from .efforts.with_poses import (
     with_efforts_at_rest,
     without_dead_efforts,
 )
-from .prepare import AsDrawn, Tell, drawn_problem, prepare, silent
+from .prepare import AsDrawn, Tell, drawn_problem, silent
 from .propose_strain import strain_judged, strain_proposals
 from .since import Earlier
 from .spread import Spread
@@ -119,7 +119,8 @@ def _changed(robot: Robot, recordings: Sequence[Recording], earlier: Earlier, te
             "poses alone so far: record where the tool or markers are (columns p.x … r.z), or diagnose this recording "
             "by itself, without an earlier model, and compare the two"
         )
-    return _told(searched(without_laws(prepare(robot, recordings, tell, earlier), tell), tell), tell)
+    drawn = drawn_problem(robot, recordings, tell, earlier)
+    return _told(without_load(drawn) or searched(without_laws(drawn.prepared(), tell), tell), tell)
 
 
 def _diagnosed(
@@ -130,6 +131,9 @@ def _diagnosed(
     Most robots under load lack a law or two and no more; on one that nobody has calibrated everything is off.
     """
     drawn = drawn_problem(robot, recordings, tell)
+    refused = without_load(drawn)
+    if refused is not None:
+        return _told(refused, tell)
     if drawn.is_loaded:
         found = _under_loads(drawn, tell)
     else:  # nothing but weight loads it: what is off all over is asked first

@@ -25,6 +25,7 @@ from .intervals import parameters_of
 from .noise import could_show_structure, is_white
 from .problem import Fit, Problem
 from .search import Selection
+from .unrecorded_load import UnrecordedLoad
 
 #: What to do where there is nothing to compare.
 _NOTHING_MEASURED = (
@@ -216,14 +217,33 @@ def nothing_compared(problem: Problem, unused: Sequence[str]) -> Finding:
     return unknown_at("robot", statement, advice="" if measured else _NOTHING_MEASURED)
 
 
-def unrecorded_load(left: Noise, force: float) -> Finding:
-    """Return the finding that forces [N] nobody recorded leave what is left, which has the size of that noise."""
+def load_left(left: Noise, load: UnrecordedLoad) -> Finding:
+    """Return the finding that a load nobody recorded leaves what is left, which has the size of that noise."""
     return unknown_at(
         "robot",
         f"the residual, {quantity(left.position, 'm')} and {quantity(left.rotation, 'rad')}, looks like the deflection "
-        f"under forces of some {number(force, 2)} N at the tool, and no load was recorded",
-        advice="give the load of each sample in columns w.fx … w.mz, with 0 where there was none",
+        f"under {load} at the tool, and no load was recorded",
+        advice=_GIVE_LOADS,
     )
+
+
+def load_between(size: Noise, noise: Noise, load: UnrecordedLoad) -> Finding:
+    """Return the finding that samples of one posture scatter by a `size` as under a load, and by `noise` beside it."""
+
+    def of(scatter: Noise) -> str:
+        sizes = ((scatter.position, "m"), (scatter.rotation, "rad"))
+        return " and ".join(quantity(value, unit) for value, unit in sizes if value)
+
+    return unknown_at(
+        "robot",
+        f"loads were applied that were not recorded: where the actuators stood still, the tool scatters by {of(size)} "
+        f"as under {load}, and by {of(noise)} beside that. Without these loads nothing can be said of the robot",
+        advice=_GIVE_LOADS,
+        untold=True,
+    )
+
+
+_GIVE_LOADS = "give the load of each sample in columns w.fx … w.mz, with 0 where there was none"
 
 
 def too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Finding | None:

@@ -75,7 +75,7 @@ def scatter_of_repeats(
     here (N,): the samples that are looked at. Their difference, less what the small difference of their wrenches
     explains, is noise times sqrt(2). None where too few repeat. Tool and markers are seen by one sensor.
     """
-    first, second = _repeats(inputs, here)
+    first, second = repeats(inputs, here)
     wrench = inputs.wrench
     moved: list[Array] = []
     turned: list[Array] = []
@@ -103,7 +103,7 @@ def _scatter(values: Array) -> float | None:
     return robust / np.sqrt(2) if robust > 0 else None
 
 
-def _repeats(inputs: Inputs, here: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def repeats(inputs: Inputs, here: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return pairs of samples of one block under wrenches that are one load, but for GAIN of the largest.
 
     And under one gravity: a base that is tilted is no repeat.

@@ -48,7 +48,7 @@ from .free_parameters import (
 from .gross_errors import Outlier, gross_errors, without_outliers
 from .influence import Influence
 from .problem import Problem, shortened
-from .unrecorded_load import reaches, unrecorded_force
+from .unrecorded_load import UnrecordedLoad, reaches, unrecorded_load
 from .variance_components import (
     LOUD,
     SensorEquations,
@@ -71,7 +71,7 @@ class Spread:
     positions and of orientations in multiples of those assumed; exists (N, K): what was measured but for outliers.
     of_few: kinds that a few laws at single places would explain as well, which are no `kinds` while such laws are
     looked for. stations: by how much the pose sensor's stations, one a run, are turned [rad] and shifted [m]; None: it
-    stands in one place. force [N]: unrecorded, it leaves the outliers behind; 0: none does. count: how many numbers of
+    stands in one place. load: unrecorded, it leaves the outliers behind; None: none does. count: how many numbers of
     positions and of orientations there are beside outliers.
     """
 
@@ -83,7 +83,7 @@ class Spread:
     exists: np.ndarray
     stations: tuple[float, float] | None = None
     of_few: Mapping[str, float] = field(default_factory=dict)
-    force: float = 0.0
+    load: UnrecordedLoad | None = None
     count: tuple[float, float] = (0.0, 0.0)
 
     @property
@@ -152,10 +152,10 @@ class Spread:
             ]
             more = ", …" if len(worst) > MOST_LISTED else ""
             there = f"{', '.join(listed)}{more}"
-            if self.force:
+            if self.load is not None:
                 yield (
-                    f"left out are {counted(len({item.sample for item in worst}), 'sample')} that lie where forces of "
-                    f"some {number(self.force, 2)} N at the tool move the robot, and no load was recorded: give it in "
+                    f"left out are {counted(len({item.sample for item in worst}), 'sample')} that lie where "
+                    f"{self.load} at the tool move the robot, and no load was recorded: give it in "
                     f"columns w.fx … w.mz, with 0 where there was none: {there}"
                 )
             else:
@@ -218,7 +218,7 @@ def spread_of(
     if first is None:
         return None
     outliers = gross_errors(problem, first.distances, first.rest, first.fit)
-    force = _unrecorded_force(problem, outliers, first.rest)
+    load = _unrecorded_load(problem, outliers, first.rest)
     exists = without_outliers(exists, outliers, problem.stack)
     last = seen.settled(first.x, exists, False)
     if last is None:
@@ -246,7 +246,7 @@ def spread_of(
     position, rotation = np.where(data.count > 0, np.sqrt(fit.noise), 1.0).tolist()
     counts = float(data.count[0]), float(data.count[1])
     scale = position, rotation
-    spread = Spread(kinds, yielding, silent, scale, tuple(outliers), exists, found, force=force, count=counts)
+    spread = Spread(kinds, yielding, silent, scale, tuple(outliers), exists, found, load=load, count=counts)
     return replace(spread, kinds={}, of_few=kinds) if kinds and _are_few(data, fit, seen) else spread
 
 
@@ -281,18 +281,18 @@ def _promising(ways: Sequence[_VarianceProblem], exists: np.ndarray) -> _Varianc
     return seen if left < FAR_LESS * drawn else None
 
 
-def _unrecorded_force(problem: Problem, outliers: Sequence[Outlier], rest: Array) -> float:
-    """Return the size [N] of forces that leave the outliers behind, 0 where none do; rest (N, K): what is left."""
+def _unrecorded_load(problem: Problem, outliers: Sequence[Outlier], rest: Array) -> UnrecordedLoad | None:
+    """Return the load that leaves the outliers behind, None where none does; rest (N, K): what is left."""
     first, stack = problem.first, problem.stack
     samples = np.unique([item.sample for item in outliers])
     places = np.flatnonzero(np.isin(first.samples, samples))
     if not len(places):
-        return 0.0
+        return None
     samples = first.samples[places]
     white = np.where(stack.exists, 1.0, 0.0)[samples] / stack.deviation(problem.noise)
     off = stack.exists[samples] & ~without_outliers(stack.exists, outliers, stack)[samples]
-    by_force, *by_strains = (reach[places] * white[..., None] for reach in reaches(first.influence))
-    return unrecorded_force(np.nan_to_num(rest[samples]), by_force, by_strains, white > 0, off)
+    by_wrench, *others = (reach[places] * white[..., None] for reach in reaches(first.influence))
+    return unrecorded_load(np.nan_to_num(rest[samples]), by_wrench, others, white > 0, off, stack.angles)
 
 
 def _size(fit: VarianceEstimate, labels: np.ndarray, kind: str) -> float:

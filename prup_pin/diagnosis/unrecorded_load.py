@@ -1,40 +1,111 @@
-"""Does what is left lie where forces at the tool, or one module, would move the robot? That is no sensor's error.
+"""Does what is left lie where loads at the tool would move the robot? That is no sensor's error.
 
-What acts in some samples, with s as its standard deviation along each axis, leaves there whitened residuals of the
-covariance
+What acts in some samples, with s_i as standard deviations, leaves there whitened residuals of the covariance
 
-    s^2 G G^T + v 1,    G = W C_f  for forces,    G = W J_m^T  for what a module gives way by, whatever the reason,
+    sum_i s_i^2 G_i G_i^T + v 1,    G_i = W C_i  for wrenches,    G_i = W J_m^T  for what a module gives way by,
 
-with C_f and J_m^T what is measured per force on the tool and per deformation of the module, and W the weights. Errors
-of a sensor leave a variance of their own in each channel that is off. What is likeliest is told. A sensor's noise has
-all directions; what lies in one module's alone has been left out there, though it follow nothing that was recorded.
+with C_i what is measured per component of the wrench on the tool, J_m^T per deformation of a module, whatever its
+reason, W the weights, and v a variance of each unit. Beside the modules base and sensor may move against each other.
+Errors of a sensor leave a variance of their own in each channel that is off. What is likeliest is told. A sensor's
+noise has all directions; what lies in one module's alone has been left out there, though it follow nothing recorded.
+
+Samples of one posture under what is recorded as one load repeat each other, whatever the robot file says of it. Where
+they are apart as a wrench moves the tool there, direction by direction, a load was applied that nobody recorded.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
+from ..channels import Noise
+from ..numbers import number
 from ..spatial import Array
-from .criteria import INDISTINCT, WIDEST_LOGARITHM
+from .criteria import FEWEST_NUMBERS, GAIN, INDISTINCT, LEVER, LITTLE, ROUNDING, UNSEEN
+from .gross_errors import far_off
 from .influence import Influence
+from .noise import repeats
+from .problem import Problem
 
 
-def unrecorded_force(
-    rest: Array, by_force: Array, by_strains: Iterable[Array], seen: np.ndarray, off: np.ndarray
-) -> float:
-    """Return the size [N] of forces that leave whitened residuals (n, K); 0 where something else does likelier.
+class UnrecordedLoad(NamedTuple):
+    """Sizes of the force [N] and the moment [N m] that nobody recorded, and the noise beside them.
 
-    by_force (n, K, 3), by_strains (n, K, k) each: the residual's change per force on the tool, and per deformation of a
-    module or of several. Masks (n, K): of numbers that were `seen`, all else being zero, and of those that are `off`,
-    where a sensor errs.
+    noise: of lengths and of turns, in multiples of that which was assumed.
     """
-    force, cost = _likeliest(rest, by_force, seen)
-    if not force > 0:
-        return 0.0
-    others = [_of_sensor(rest, seen, off), *(_likeliest(rest, other, seen)[1] for other in by_strains)]
-    return float(np.sqrt(3) * force) if min(others) - cost > INDISTINCT else 0.0
+
+    force: float
+    moment: float
+    noise: tuple[float, float]
+
+    def __str__(self) -> str:
+        """Both for people, but for one that does next to nothing beside the other at a usual lever."""
+        parts = ((self.force, "forces", "N"), (self.moment / LEVER, "moments", "N m"))
+        most = max(size for size, _, _ in parts)
+        return " and ".join(
+            f"{name} of some {number(size, 2)} {unit}" for size, name, unit in parts if size > GAIN * most
+        )
+
+
+def unrecorded_load(
+    rest: Array, by_wrench: Array, others: Iterable[Array], seen: np.ndarray, off: np.ndarray, angles: np.ndarray
+) -> UnrecordedLoad | None:
+    """Return the load that leaves whitened residuals (n, K); None where something else does likelier.
+
+    by_wrench (n, K, 6), others (n, K, k) each: the residual's change per wrench on the tool, and per deformation of a
+    module or whatever else moves. Masks (n, K): of numbers that were `seen`, all else being zero, and of those that are
+    `off`, where a sensor errs; angles (K,): which columns are turns.
+    """
+    sizes, noise, cost = _likeliest(rest, [by_wrench[..., [axis]] for axis in range(6)], seen, angles)
+    if not sizes.any():
+        return None
+    if not min(_of_sensor(rest, seen, off), _likeliest(rest, list(others), seen, angles)[2]) - cost > INDISTINCT:
+        return None
+    force, moment = float(np.linalg.norm(sizes[:3])), float(np.linalg.norm(sizes[3:]))
+    return UnrecordedLoad(force, moment, (float(noise[0]), float(noise[-1])))
+
+
+def load_between_repeats(problem: Problem) -> tuple[UnrecordedLoad, Noise, Noise] | None:
+    """Return the load that moves the tool between samples of one posture, by how much these scatter, and the noise.
+
+    None where a load was recorded, where sensors, joints, or base and stand leave them likelier, and where noise is no
+    small part of it. Gross errors are left out.
+    """
+    inputs, run, stack = problem.simulator.inputs, problem.nominal.run, replace(problem.stack, stations=None)
+    if not inputs.weight_alone:
+        return None
+    places = np.full(len(inputs), -1)
+    places[run.samples] = np.arange(len(run.samples))
+    pairs = np.stack(repeats(inputs, (places >= 0) & stack.exists.any(axis=1)))
+    seen = stack.exists[pairs].all(axis=0)
+    raw, deviation = stack.residual(run), stack.deviation(problem.noise)
+    apart = (raw[pairs[0]] - raw[pairs[1]]) / np.sqrt(2)
+    for group in stack.groups():
+        known = seen[:, group.where].any(axis=1)
+        if known.any():  # a gross error is no load
+            squares = np.where(known, (apart[:, group.where] ** 2).sum(axis=1), np.nan)
+            seen[far_off(squares)[0], group.where] = False
+    apart = np.where(seen, apart, 0.0)
+    if seen.sum() < FEWEST_NUMBERS:
+        return None
+    by_wrench, *others = (
+        reach[places[pairs[0]]] * (seen / deviation)[..., None]
+        for reach in reaches(Influence(problem.simulator, run, stack))
+    )
+    found = unrecorded_load(apart / deviation, by_wrench, others, seen, seen, stack.angles)
+    if found is None:
+        return None
+    beside = np.array(found.noise)[stack.angles.astype(int)] * seen
+    if (beside**2).sum() > LITTLE * ((apart / deviation) ** 2).sum():
+        return None
+    size, noise = (
+        replace(problem.noise, position=_rms(values[seen & ~stack.angles]), rotation=_rms(values[seen & stack.angles]))
+        for values in (apart, beside * deviation)
+    )
+    return found, size, noise
 
 
 def scatters_in_a_module(
@@ -47,8 +118,9 @@ def scatters_in_a_module(
     than was declared; seen (n, K): all else is zero. of_poses: minus twice the log likelihood, as
     `minus_2_log_likelihood` says, of the noise that pose sensors would have.
     """
-    sensors = min(of_poses, *(_likeliest(rest, reach, seen)[1] for reach in by_sensors))
-    return any(_likeliest(rest, motion, seen)[1] < sensors - INDISTINCT for motion in by_strains)
+    alike = np.zeros(rest.shape[1], int)  # noise of one size: it was whitened
+    sensors = min(of_poses, *(_likeliest(rest, [reach], seen, alike)[2] for reach in by_sensors))
+    return any(_likeliest(rest, [motion], seen, alike)[2] < sensors - INDISTINCT for motion in by_strains)
 
 
 def minus_2_log_likelihood(white: Array, whiteners: Array, before: Array, seen: np.ndarray) -> float:
@@ -61,31 +133,58 @@ def minus_2_log_likelihood(white: Array, whiteners: Array, before: Array, seen: 
 
 
 def reaches(influence: Influence) -> list[Array]:
-    """Return what is measured per force on the tool, (n, K, 3), and per deformation of each module and of all."""
-    each = [influence.signature(name) for name in influence.rows]
-    every = [np.concatenate(each, axis=2)] if len(each) > 1 else []
-    return [influence.compliance[..., :3], *each, *every]
+    """Return what is measured per wrench on the tool, (n, K, 6), per deformation of each module, and of the stand.
+
+    The last two, (n, K, 3) each: per turn and per shift of the pose sensor against the base, whichever of them moved.
+    """
+    stand = influence.stack.by_station(influence.run, influence.run.samples)
+    return [
+        influence.compliance,
+        *(influence.signature(name) for name in influence.rows),
+        stand[..., :3],
+        stand[..., 3:],
+    ]
 
 
-def _likeliest(rest: Array, reach: Array, seen: np.ndarray) -> tuple[float, float]:
-    """Return the likeliest s of what reaches residuals (n, K) by (n, K, k), and minus twice the log likelihood."""
+def _likeliest(
+    rest: Array, reaches: Sequence[Array], seen: np.ndarray, units: np.ndarray
+) -> tuple[Array, Array, float]:
+    """Return the likeliest s (g,) of what reaches residuals (n, K) by (n, K, k) each, the noise of each unit beside it,
+    and minus twice the log likelihood. units (K,): counted from 0."""
     from scipy.optimize import minimize  # heavy; not needed to load a robot
 
-    axes, sizes, _ = np.linalg.svd(reach, full_matrices=True)
-    if not sizes.any() or not rest.any():
-        return 0.0, np.inf
-    variances = np.zeros(rest.shape)
-    variances[:, : sizes.shape[1]] = sizes**2
-    squares = (axes.mT @ rest[..., None])[..., 0] ** 2
+    squares, which = rest**2, units.astype(int)
+    columns = np.concatenate((np.zeros((*rest.shape, 0)), *reaches), axis=2)
+    group = np.repeat(np.arange(len(reaches)), [reach.shape[2] for reach in reaches])
+    sizes = np.bincount(group, (columns**2).sum(axis=(0, 1)), len(reaches))
+    sizes = np.append(sizes, np.bincount(which, seen.sum(axis=0), which.max(initial=0) + 1))
+    known = sizes > 0
+    if not squares.any() or not known[: len(reaches)].any():
+        return np.zeros(len(reaches)), np.ones(len(sizes) - len(reaches)), np.inf
+    most = np.log(squares.sum() / np.where(known, sizes, 1.0))  # all of it
+    noises = slice(len(reaches), None)
 
-    def cost(logarithms: Array) -> float:
-        size, noise = np.exp(2 * logarithms)
-        expected = size * variances + noise
-        return float((np.log(expected) + squares / expected).sum() - (~seen).sum() * np.log(noise))
+    def cost(logarithms: Array) -> tuple[float, Array]:
+        variances = np.where(known, np.exp(most + logarithms), 0.0)
+        noise = np.where(seen, variances[noises][which], 1.0)
+        covariance = (columns * variances[group]) @ columns.mT
+        covariance[:, range(len(which)), range(len(which))] += noise
+        inverse = np.linalg.inv(covariance)
+        white = (inverse @ rest[..., None])[..., 0]
+        left = np.where(seen, np.einsum("nkk->nk", inverse) - white**2, 0.0).sum(axis=0)
+        by_column = ((inverse @ columns) * columns).sum(axis=(0, 1))
+        by_column -= ((columns.mT @ white[..., None]) ** 2).sum(axis=(0, 2))
+        slopes = np.append(np.bincount(group, by_column, len(reaches)), np.bincount(which, left))
+        value = float(np.linalg.slogdet(covariance)[1].sum() + (rest * white).sum())
+        return value, slopes.astype(float) * variances
 
-    start = np.clip([0.5 * np.log(squares.sum() / variances.sum()), 0.0], -WIDEST_LOGARITHM, WIDEST_LOGARITHM)
-    found = minimize(cost, start, method="Nelder-Mead", bounds=[(-WIDEST_LOGARITHM, WIDEST_LOGARITHM)] * 2)
-    return float(np.exp(found.x[0])), float(found.fun)
+    start = np.append(np.zeros(len(reaches)), np.full(len(sizes) - len(reaches), np.log(LITTLE**2)))
+    within = [(np.log(ROUNDING), -np.log(UNSEEN))] * len(reaches) + [(np.log(UNSEEN**2), -np.log(UNSEEN))] * (
+        len(sizes) - len(reaches)
+    )
+    found = minimize(cost, start, jac=True, bounds=within, method="L-BFGS-B")
+    deviations = np.where(known, np.exp((most + found.x) / 2), 0.0)
+    return deviations[: len(reaches)], deviations[noises], float(found.fun)
 
 
 def _of_sensor(rest: Array, seen: np.ndarray, off: np.ndarray) -> float:
@@ -97,3 +196,7 @@ def _of_sensor(rest: Array, seen: np.ndarray, off: np.ndarray) -> float:
         errors[here, column] = np.mean(rest[here, column] ** 2)
     errors = np.maximum(errors, np.finfo(float).tiny)[seen]
     return float((np.log(errors) + rest[seen] ** 2 / errors).sum())
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt((values**2).mean())) if values.size else 0.0

@@ -6,13 +6,15 @@ import re
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.prepare import prepare
-from prup_pin.diagnosis.unrecorded_load import unrecorded_force
+from prup_pin.diagnosis.prepare import drawn_problem, prepare
+from prup_pin.diagnosis.unrecorded_load import load_between_repeats, unrecorded_load
 from prup_pin.recordings import Noise, Recording
 from prup_pin.simulation import effect_named, simulate
+from prup_pin.views.text.diagnosis_words import verdict_text
 
 COUNT, OFF = 300, 16
 
@@ -104,15 +106,74 @@ def test_a_load_in_every_sample_is_no_noise(pushed, noise, slipped):
     assert "columns w.fx … w.mz" in unknown.remedy
 
 
+def repeated(
+    pushed: float = 0.0, joints: float = 0.0, tipped: float = 0.0, gross: float = 0.0, rotation: bool = True
+) -> tuple[prup_pin.Robot, Recording]:
+    """Return an arm and what is seen of it four times in each of 24 postures, without a load's columns or its noise.
+
+    Between them it is pushed [N] and turned [N m, a fifth], joints that have play or rub stand elsewhere [rad], the
+    first ones most, the tracker is turned where it stands, 2 m away [rad], or it sees a few positions wrongly [m].
+    """
+    robot = prup_pin.load("ur10", joint_stiffness=2e4)
+    draw, names = np.random.default_rng(1), robot.mechanism.actuated
+    q = np.repeat(draw.uniform(-2, 2, (24, len(names))), 4, axis=0)
+    count = len(q)
+    load = pushed * draw.normal(size=(count, 6)) * [1, 1, 1, 0.2, 0.2, 0.2]
+    stood = q + joints * draw.normal(size=q.shape) * [1, 1, 0.5, 0.1, 0.1, 0.1]
+    true = Recording(np.arange(float(count)), positions=dict(zip(names, stood.T, strict=True)), wrench=load)
+    payload = effect_named("payload", "tool0", "", {"mass": 3.0}, robot.mechanism)
+    weight = effect_named("self_weight", "robot", "", {"scale": 1.0}, robot.mechanism)
+    seen = simulate(robot, true, [weight, payload])
+    turns = tipped * draw.normal(size=(count, 3))
+    position = seen.position + np.cross(turns, seen.position - [2.0, 0.0, 0.0]) + 2e-5 * draw.normal(size=(count, 3))
+    wrong = draw.permutation(count)[:4]
+    position[wrong] += gross * draw.normal(size=(4, 3))
+    turned = seen.rotation + 5e-5 * draw.normal(size=(count, 3))
+    turned = turns_then(turns, turned)
+    positions = dict(zip(names, q.T, strict=True))
+    return robot, Recording(true.time, positions=positions, position=position, rotation=turned if rotation else None)
+
+
+def turns_then(turns: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Return rotation vectors (n, 3) turned further."""
+    return (Rotation.from_rotvec(turns) * Rotation.from_rotvec(rotation)).as_rotvec()
+
+
+@pytest.mark.parametrize("rotation", [False, True])
+def test_repeats_that_loads_have_moved_are_no_noise(rotation):
+    """Their scatter was taken for the noise, and an elbow for soft that is as drawn."""
+    found = diagnose(*repeated(pushed=60.0, rotation=rotation))
+    assert found.verdict == "unexplained"
+    (unknown,) = (finding for finding in found.findings if finding.physics == "unknown")
+    assert verdict_text(found).startswith("Loads were applied that were not recorded")
+    assert "columns w.fx … w.mz" in unknown.remedy
+    assert not any(finding.physics == "stiffness_changed" for finding in found.findings)
+    size = re.search(r"under forces of some (\d+) N", unknown.statement)
+    assert size is not None
+    assert float(size[1]) == pytest.approx(60 * np.sqrt(3), rel=0.25)
+    assert found.noise.position < 1e-4  # 20 µm, and not the 3 mm by which repeats are apart
+
+
+@pytest.mark.parametrize("rotation", [False, True])
+@pytest.mark.parametrize("why", [{}, {"joints": 5e-4}, {"tipped": 5e-4}, {"gross": 5e-3}], ids=str)
+def test_repeats_that_joints_or_sensors_have_moved_are_under_no_load(why, rotation):
+    problem = drawn_problem(*repeated(**why, rotation=rotation), lambda *_: None).problem
+    assert load_between_repeats(problem) is None
+
+
 def test_what_was_not_seen_says_nothing():
     draw = np.random.default_rng(1)
-    reach = draw.normal(size=(20, 9, 3)) * [10.0, 1.0, 0.1]
-    rest = (reach @ (5 * draw.normal(size=(20, 3, 1))))[..., 0] + draw.normal(size=(20, 9))
-    seen = np.ones((20, 9), bool)
-    off = seen.copy()
-    whole = unrecorded_force(rest, reach, (), seen, off)
-    assert whole == pytest.approx(5 * np.sqrt(3), rel=0.3)
+    reach = np.zeros((20, 9, 6))
+    reach[..., :3] = draw.normal(size=(20, 9, 3)) * [10.0, 1.0, 0.1]
+    rest = (reach @ (5 * draw.normal(size=(20, 6, 1))))[..., 0] + draw.normal(size=(20, 9))
+    seen, angles = np.ones((20, 9), bool), np.zeros(9, bool)
+    whole = unrecorded_load(rest, reach, (), seen, seen, angles)
+    assert whole is not None
+    assert whole.force == pytest.approx(5 * np.sqrt(3), rel=0.3)
+    assert whole.moment == 0.0
     fewer = np.pad(rest, ((0, 0), (0, 30))), np.pad(reach, ((0, 0), (0, 30), (0, 0)))
-    masks = (np.pad(mask, ((0, 0), (0, 30))) for mask in (seen, off))
-    assert unrecorded_force(*fewer, (), *masks) == pytest.approx(whole, rel=1e-2)
-    assert unrecorded_force(rest, 0 * reach, (), seen, off) == 0.0
+    mask = np.pad(seen, ((0, 0), (0, 30)))
+    again = unrecorded_load(*fewer, (), mask, mask, np.pad(angles, (0, 30)))
+    assert again is not None
+    assert again.force == pytest.approx(whole.force, rel=1e-2)
+    assert unrecorded_load(rest, 0 * reach, (), seen, seen, angles) is None
