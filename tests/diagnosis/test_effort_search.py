@@ -7,7 +7,7 @@ from scipy.special import gammaincc
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.criteria import FALSE_ALARM
-from prup_pin.diagnosis.efforts import search
+from prup_pin.diagnosis.efforts import nonlinear, search
 from prup_pin.diagnosis.efforts.evidence import CrossValidation, relative_gain, savings, scores
 from prup_pin.diagnosis.efforts.final_state import FinalState
 from prup_pin.diagnosis.efforts.inertial import BaseParameters
@@ -17,6 +17,7 @@ from prup_pin.diagnosis.efforts.problem import EffortCandidate, EffortModel
 from prup_pin.diagnosis.efforts.search import with_relieving_laws
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.laws import Place
+from prup_pin.laws.efforts.joint_coupling import SpringAcross
 from prup_pin.laws.efforts.viscous_friction import Damping
 from prup_pin.recordings import Recording
 from tests.diagnosis.test_efforts import AXIS, axis, device
@@ -116,6 +117,15 @@ def test_every_tolerance_of_a_motion_is_a_parameter():
     rigid = at.rigid - PreparedEfforts(at, {"mass": 1e-6}).deviations[0].efforts * 1e6  # the axis without its one mass
     assert np.abs(rigid).max() < 1e-9 * np.abs(at.rigid).max()
     assert mass.efforts == pytest.approx(0.05 * at.rigid)
+
+
+def test_no_parameter_is_taken_beyond_what_it_can_be():
+    """A spring at one joint alone is one across two joints at an endless ratio."""
+    robot = load("ur5")
+    place = Place("wrist_2_joint", f"{SpringAcross.beginning}wrist_1_joint")
+    for ratio, step, end in ((-9.0, -1.0, -10.0), (9.0, 1.0, 10.0), (2.0, 0.5, 2.0 * np.exp(0.5))):
+        term = EffortCandidate(SpringAcross(), place, {"ratio": ratio}, slice(0, 2))
+        assert nonlinear.scaled_within(term, np.array([step]), robot.mechanism)["ratio"] == pytest.approx(end)
 
 
 @pytest.mark.slow

@@ -129,6 +129,23 @@ def test_a_motion_that_does_not_tell_it_from_an_offset_neither_confirms_nor_refu
     assert told.word == "neither"
 
 
+@pytest.mark.parametrize("there", [True, False])
+def test_a_motion_in_which_more_is_left_beside_it_refutes_it_however_little_is_told_of_its_size(
+    found, carriage, tmp_path, there
+):
+    ((name, text),) = proposed_files(found.proposals, [tmp_path / "bench.csv"])
+    path = tmp_path / f"{name}.py"
+    path.write_text(text)
+
+    def effort(q, v, time):
+        return there * bumped(q, v, time) + 300.0 * np.sign(np.sin(1.9 * time**1.5))
+
+    with along(path):
+        (told,) = diagnose(carriage, recorded(effort, seed=2)).judged
+    assert told.word == "refuted"
+    assert "beside it more is left" in told.why
+
+
 def test_friction_along_a_rail_turns_round_on_the_way_that_it_does(carriage):
     waved = recorded(lambda q, v, time: 15.0 * (1 + 0.9 * np.sin(40.0 * q)) * turning(q, 3e-4))
     (proposal,) = diagnose(carriage, waved, propose=True).proposals

@@ -48,9 +48,12 @@ from .shares import (
     shares_of_efforts,
     tool_load_would_do,
 )
+from .unlikely import EffortLikelihood, Unlikely
 
-#: Samples of a scan of many ratios, and of one by which loops are closed.
-_SCANNED, _CLOSED = 80, 16
+#: Samples of a scan of many ratios, of one by which loops are closed, and by which readings' likelihoods are compared.
+_SCANNED, _CLOSED, _COMPARED = 80, 16, 200
+#: What a sign costs, and another order, and by how much a reading must be likelier to be told, in nats.
+_WORD, _ORDER, _SURELY = 3.0, 25.0, 25.0
 #: Conventions one after the other.
 _MOST = 6
 #: Words for units of efforts.
@@ -313,10 +316,31 @@ class _Search:
 
     @cached_property
     def found(self) -> Evidence | None:
-        """What would be read otherwise, and how much less that leaves; None where nothing is."""
+        """What would be read otherwise, and how much less that leaves; None where nothing is.
+
+        By the robot as it is drawn, or, where that tells too little of a real one, by bodies that are free about it.
+        """
+        found = self._by_drawing()
+        if not self._is_compared or in_any_unit(self.recording.tolerances.declared):
+            return found
+        steps = () if found is None else found.conventions
+        begin = read_as(self.written, steps, self.drawn)
+        plain = self._unlikely(begin)
+        if plain.explains:
+            return found
+        taken, unlikely = self._likelier(begin)
+        if not taken or (steps and not unlikely.nats < plain.nats - _SURELY):
+            return found
+        return _evidence(taken, self._unlikely(self.written).left, unlikely.left)
+
+    @property
+    def _is_compared(self) -> bool:
         told = self.rows if self.at.motion.standing else kept_samples(self.at)  # as many as their band tells apart
         known = self.compares and len(told) >= FEWEST_NUMBERS and np.isfinite(self.efforts).all()
-        if not known or not self.efforts.any():
+        return bool(known and self.efforts.any())
+
+    def _by_drawing(self) -> Evidence | None:
+        if not self._is_compared:
             return None
         first = self.left(self.written)
         signed = gains_of_efforts(self.motion, self.efforts, self.rigid)
@@ -341,6 +365,48 @@ class _Search:
         if not found:
             return self._before_gears(first)
         return min(found, key=lambda item: item.read * (1 + 0.05 * len(item.conventions)))
+
+    def _likelier(self, beside: Recording) -> tuple[tuple[Convention, ...], Unlikely]:
+        """Return signs and orders by which the log is surely likelier, and how unlikely it then is.
+
+        Surely, too, beside what else may be: that the drawing tells nothing of it, or that gravity pulls another way;
+        beside: the log as it is read by the robot as drawn.
+        """
+        begun = self._unlikely(self.written)
+        taken: tuple[Convention, ...] = ()
+        now, unlikely = self.written, begun
+        while len(taken) < _MOST:
+            steps = [step for step in self._readings(now) if may_be_read(self.written, step) and _is_likely(step)]
+            tried = [(self._unlikely(read_as(now, step, self.drawn)), step) for step in steps]
+            if not tried:
+                break
+            best, step = min(tried, key=lambda item: item[0].nats + _price(item[1]))
+            if not best.nats + _price(step) < unlikely.nats - _SURELY:
+                break
+            taken, now, unlikely = (*taken, *step), read_as(now, step, self.drawn), best
+        return (taken, unlikely) if taken and self._is_sure(beside, taken, unlikely) else ((), begun)
+
+    def _is_sure(self, beside: Recording, taken: Sequence[Convention], unlikely: Unlikely) -> bool:
+        """Return whether nothing else makes a log as likely as conventions do."""
+        written = self.read(beside, self._few)
+        others = [self._likelihood(*written, drawn=False).nats]
+        if self.mechanism.gravity.any():
+            pulled = np.stack([self.at.rigid_under(axis)[self.rows][self._few] for axis in np.eye(3)], axis=-1)
+            others.append(self._likelihood(*written, pulled=pulled).nats)
+        return unlikely.nats + _price(taken) < min(others) - _SURELY
+
+    @cached_property
+    def _likelihood(self) -> EffortLikelihood:
+        told = self.rows if self.at.motion.standing else kept_samples(self.at)
+        declared = {key: float(value) for key, value in self.recording.tolerances.declared.items()}
+        return EffortLikelihood(self.at, declared, min(len(told), len(self.rows)))
+
+    @cached_property
+    def _few(self) -> np.ndarray:
+        return evenly_spaced(len(self.rows), _COMPARED)
+
+    def _unlikely(self, recording: Recording) -> Unlikely:
+        return self._likelihood(*self.read(recording, self._few))
 
     def _single_signs(self, signed: Mapping[str, float]) -> Evidence | None:
         """Return drives whose efforts are minus the rigid robot's and its friction's, each by itself.
@@ -698,6 +764,16 @@ class _Search:
         if not could_be_gravity(self.mechanism.gravity + more, self.mechanism):
             return never
         return shares_of_efforts(motion, efforts, self.rigid + pulled @ more, noise)
+
+
+def _is_likely(reading: Sequence[Convention]) -> bool:
+    """Return whether a reading is one of signs and orders: of units and sums a robot that is off tells too little."""
+    return all(item.word in ("reversed", "order") for item in reading)
+
+
+def _price(reading: Sequence[Convention]) -> float:
+    """Return what a reading costs, in nats."""
+    return sum(_ORDER if item.word == "order" else _WORD for item in reading)
 
 
 def _limit(written: float) -> float:

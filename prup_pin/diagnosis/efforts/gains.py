@@ -165,7 +165,7 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     products = _products(at)
     if products is None:
         return None
-    products, drawn = _identified(products, *_drawn(at, tolerances))
+    products, drawn = _identified(products, *drawn_bodies(at, tolerances))
     start = _first_gains(products, drawn)
     if start is None:
         return None
@@ -251,7 +251,7 @@ def _identified(products: _Products, drawn: Array, spread: Array) -> tuple[_Prod
     return _Products(columns, moment, products.power, products.size), basis.T @ (drawn[there] / unit)
 
 
-def _drawn(at: InMotion, tolerances: Mapping[str, float]) -> tuple[Array, Array]:
+def drawn_bodies(at: InMotion, tolerances: Mapping[str, float]) -> tuple[Array, Array]:
     """Return the inertial parameters of the robot file (p,) and their standard deviations (p,), with what it holds."""
     mass, inertia = (max(float(tolerances.get(key, EFFORT_MASSES)), 1e-3) for key in ("mass", "inertia"))
     drawn, spread = [], []

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...dynamics import InMotion
+from ...mechanism import Mechanism
 from ...spatial import Array
 from ..criteria import EFFORT_INDISTINCT, GAIN, LEAD, ROUNDS, SURE, WIDEST_STEP
 from ..normal_equations import NormalEquations
@@ -44,7 +45,9 @@ def refined(
         again = [term.values] if law.of_what_is_known else []
         count = len(law.free(term.values))
         others = list(law.closer(term.place, values, efforts.at)) or again
-        others = [other for other in others if at_last or len(law.free(other)) <= count]
+        others = [
+            _bounded(term, other, efforts.at.mechanism) for other in others if at_last or len(law.free(other)) <= count
+        ]
         if not others:
             continue
         at, size = _motion_of(efforts, model, place), columns.size
@@ -78,7 +81,7 @@ def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]
         steps = _steps_together(efforts, model, which)
         for share in shares:
             size = columns.size
-            tried = _with_factors(efforts, model, {index: np.exp(share * step) for index, step in steps.items()})
+            tried = _moved(efforts, model, {index: share * step for index, step in steps.items()})
             if (now := _cost(tried)) < cost - LEAD:
                 break
             columns.cut(size)
@@ -146,13 +149,16 @@ def _steps_together(efforts: PreparedEfforts, model: EffortModel, which: Sequenc
     return dict(zip(which, np.split(step, np.cumsum(counts)[:-1]), strict=True)) if counts else {}
 
 
-def _with_factors(efforts: PreparedEfforts, model: EffortModel, factors: Mapping[int, Array]) -> EffortModel:
-    """Return the model with so many times its free parameters, by term, and what follows from what is known there."""
-    for index, factor in factors.items():
-        term = model.terms[index]
-        if len(factor):
-            model = _replaced(efforts, model, index, term.law.scaled(term.values, factor.tolist()), efforts.at)
-    for index in factors:
+def _moved(efforts: PreparedEfforts, model: EffortModel, steps: Mapping[int, Array]) -> EffortModel:
+    """Return the model with the logarithms of free parameters a step on, by term, and what follows from what is known
+    there.
+    """
+    for index, step in steps.items():
+        if len(step):
+            model = _replaced(
+                efforts, model, index, scaled_within(model.terms[index], step, efforts.at.mechanism), efforts.at
+            )
+    for index in steps:
         term = model.terms[index]
         if term.law.of_what_is_known:
             before, x = model.with_terms(model.terms[:index]), fit(model)[0]
@@ -181,13 +187,14 @@ def profile_intervals(
     """
     cost = _Profile.of(efforts, model, model.terms.index(term))
     law, out, free = term.law, {}, term.law.free(term.values)
-    quantities = {q.name: q for q in law.quantities_at(term.place, model.problem.mechanism)}
+    mechanism = model.problem.mechanism
+    quantities = {q.name: q for q in law.quantities_at(term.place, mechanism)}
     least = cost(np.zeros(len(free)))
     for name, axis in zip(free, np.eye(len(free)), strict=True):
         down, up = (_edge(cost, way, least + rise, law.near(term.values)) for way in (-axis, axis))
         out[name] = (
-            quantities[name].lower if down is None else float(_scaled(term, -down * axis)[name]),
-            quantities[name].upper if up is None else float(_scaled(term, up * axis)[name]),
+            quantities[name].lower if down is None else float(scaled_within(term, -down * axis, mechanism)[name]),
+            quantities[name].upper if up is None else float(scaled_within(term, up * axis, mechanism)[name]),
         )
     others = law.closer(term.place, term.values, efforts.at)
     for name in set(law.settled) - set(free):
@@ -198,9 +205,18 @@ def profile_intervals(
     return out
 
 
-def _scaled(term: EffortCandidate, step: Array) -> Mapping[str, float]:
-    """Return values of a term of which the free ones are exp(step) times as large."""
-    return term.law.scaled(term.values, np.exp(step).tolist())
+def scaled_within(term: EffortCandidate, step: Array, mechanism: Mechanism) -> dict[str, float]:
+    """Return values of a term of which the free ones are exp(step) times as large, as far as they can be."""
+    return _bounded(term, term.law.scaled(term.values, np.exp(step).tolist()), mechanism)
+
+
+def _bounded(term: EffortCandidate, values: Mapping[str, float], mechanism: Mechanism) -> dict[str, float]:
+    """Return nonlinear values of a term's law with the settled ones within their bounds."""
+    bounds = {q.name: (q.lower, q.upper) for q in term.law.quantities_at(term.place, mechanism)}
+    return {
+        name: float(np.clip(value, *bounds[name])) if name in term.law.settled else value
+        for name, value in values.items()
+    }
 
 
 def _edge(cost: Callable[[Array], float], way: Array, most: float, first: float) -> float | None:
@@ -263,4 +279,4 @@ class _Profile:
 
     def __call__(self, step: Array) -> float:
         """Return the squares at logarithms of the free parameters over what they are."""
-        return self.at_values(_scaled(self.term, step))
+        return self.at_values(scaled_within(self.term, step, self.at.mechanism))

@@ -530,11 +530,10 @@ def _judged(final: FinalState, law: JointFormula, place: Place, findings: Sequen
     reach = np.hypot(SURE * deviation, SURE / WITHIN_95 * _interval(law, place, values, final.at))
     interval = student_95(degrees) * deviation
     told = f"of it {number(100 * share, 3)} ± {number(100 * interval, 2)} % is there (95 %)"
-    if not (sure > SURE and saved > 0):
-        if abs(share - 1) < SURE * deviation:
-            return "neither", f"{told}: this motion does not tell it from what else is there"
+    needed = sure > SURE and saved > 0
+    if not needed and abs(share - 1) > SURE * deviation:
         return "refuted", "without it no more is left of the efforts"
-    if abs(share - 1) > max(LITTLE, reach):
+    if needed and abs(share - 1) > max(LITTLE, reach):
         return "refuted", told
     if not own:  # what was found without it is not what is left beside it
         findings = effort_diagnosis_of(state).findings
@@ -543,6 +542,8 @@ def _judged(final: FinalState, law: JointFormula, place: Place, findings: Sequen
     left = [item for item in left if item.statement not in events]
     if left:
         return "refuted", f"{told}, but beside it more is left: {left[0].statement}"
+    if not needed:
+        return "neither", f"{told}: this motion does not tell it from what else is there"
     return "confirmed", told
 
 
