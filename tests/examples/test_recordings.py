@@ -1,5 +1,7 @@
 """The recordings in examples/ are those of the script, and hide what the script says."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -37,5 +39,10 @@ def test_a_recording_is_explained_by_what_its_device_has_and_by_nothing_less(nam
 def test_the_recordings_are_those_of_the_script(script, tmp_path):  # noqa: F811
     script.bench(tmp_path)
     script.platform_bench(tmp_path)
+    number = re.compile(r"-?\d+\.?\d*(?:e[+-]?\d+)?")
     for path in tmp_path.iterdir():
-        assert path.read_bytes() == (EXAMPLES / path.name).read_bytes(), path.name
+        made, kept = path.read_text(), (EXAMPLES / path.name).read_text()
+        assert number.sub("#", made) == number.sub("#", kept), path.name
+        # another processor rounds the last of ten digits otherwise
+        numbers = (np.array(number.findall(text), float) for text in (made, kept))
+        np.testing.assert_allclose(*numbers, rtol=1e-7, atol=1e-12, err_msg=path.name)
