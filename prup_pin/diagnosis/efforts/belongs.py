@@ -86,11 +86,14 @@ def _check_limits(at: InMotion, motion: Motion, first: float) -> None:
         reached = float(np.abs(motion.position[:, column]).max())
         most = max(abs(low), abs(high))
         if joint.nq == 1 and 0 < most < LARGEST_NUMBER and reached > MUCH * most:
-            unit = "rad" if joint.turns else "m"
+            unit, word = ("rad", "deg") if joint.turns else ("m", "mm")
+            other = (
+                f"where all are in {word}: --convention q={word}; before a gear of 100: --convention q.{name}=gear:100"
+            )
             allowed = f"{number(low)} to {number(high)} {unit}"
             share = f"{number(100 * first, 3)} %" if first < 10 else "more than 1000 %"
             raise InputError(
                 f"column q.{name} reaches {number(reached)}, but the robot file allows {allowed}, and {share} of the "
                 "efforts are unexplained: are these positions of the motor before its gear, or in another unit? "
-                f"Expected the joint's, in {unit}"
+                f"Expected the joint's, in {unit}; {other}"
             )
