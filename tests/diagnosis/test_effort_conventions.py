@@ -165,17 +165,26 @@ def test_friction_takes_energy_and_so_tells_the_sign_of_an_effort(ur5, recording
     assert told(ur5, written(log, "tau.wrist_2_joint=reversed")) == ["tau.wrist_2_joint=reversed"]
 
 
-@pytest.mark.parametrize("turned", [("elbow_joint",), ("shoulder_lift_joint", "wrist_2_joint"), ()])
-def test_signs_are_told_of_a_robot_that_is_far_from_its_drawing(ur5, recording, turned):
-    """Masses are off by tens of per cent, and rotors and friction are most of what drives give, as in real arms."""
+def far_from_its_drawing(ur5, recording, turned):
+    """A log of a robot whose masses are off by tens of per cent; rotors and friction are most of what drives give."""
     rng, motion = np.random.default_rng(11), motion_of(recording, ur5)
     bodies = [np.exp(0.7 * rng.normal() - 0.7) * body.toDynamicParameters() for body in list(ur5.model.inertias)[1:]]
     tau = np.einsum("njbp,bp->nj", InMotion.of(ur5, motion).regressor, np.array(bodies))
     tau += [15, 25, 15, 5, 4, 3] * np.sign(motion.speed) + [30, 40, 25, 6, 5, 4] * motion.speed
     tau += [12, 15, 8, 1, 0.8, 0.8] * motion.acceleration + 0.1 * rng.normal(size=tau.shape)
     tau *= [-1.0 if name in turned else 1.0 for name in ur5.actuated]
-    log = replace(recording.select(motion.rows), efforts=dict(zip(ur5.actuated, tau.T, strict=True)))
-    assert told(ur5, log) == [f"tau.{name}=reversed" for name in turned]
+    return replace(recording.select(motion.rows), efforts=dict(zip(ur5.actuated, tau.T, strict=True)))
+
+
+@pytest.mark.parametrize("turned", [("elbow_joint",), ("shoulder_lift_joint", "wrist_2_joint"), ()])
+def test_signs_are_told_of_a_robot_that_is_far_from_its_drawing(ur5, recording, turned):
+    assert told(ur5, far_from_its_drawing(ur5, recording, turned)) == [f"tau.{name}=reversed" for name in turned]
+
+
+def test_of_a_wrist_that_rubs_and_little_else_both_signs_are_told(ur5, recording):
+    found = conventions_of_efforts(ur5, far_from_its_drawing(ur5, recording, ("wrist_3_joint",)))
+    readings = [[str(item) for item in reading] for reading in (found.conventions, *found.others)]
+    assert sorted(readings) == [["q.wrist_3_joint=reversed"], ["tau.wrist_3_joint=reversed"]]
 
 
 def test_of_friction_alone_nobody_can_tell_whether_effort_or_position_is_turned_round(ur5):

@@ -96,7 +96,7 @@ def _evidence(
 ) -> Evidence:
     """Return what is left of a log as it is written and as it is read by conventions, shares, and readings as good."""
     held = 1 - min(1.0, (read / written) ** 2) if written > 0 else 0.0
-    return Evidence(tuple(conventions), "efforts", "", written, read, held, tuple(map(tuple, others)))
+    return Evidence(tuple(conventions), "efforts", "", written, read, held, tuple(dict.fromkeys(map(tuple, others))))
 
 
 def _clock(mechanism: Mechanism, recording: Recording) -> Convention | None:
@@ -328,10 +328,10 @@ class _Search:
         plain = self._unlikely(begin)
         if plain.explains:
             return found
-        taken, unlikely = self._likelier(begin)
+        taken, unlikely, others = self._likelier(begin)
         if not taken or (steps and not unlikely.nats < plain.nats - _SURELY):
             return found
-        return _evidence(taken, self._unlikely(self.written).left, unlikely.left)
+        return _evidence(taken, self._unlikely(self.written).left, unlikely.left, others)
 
     @property
     def _is_compared(self) -> bool:
@@ -366,14 +366,15 @@ class _Search:
             return self._before_gears(first)
         return min(found, key=lambda item: item.read * (1 + 0.05 * len(item.conventions)))
 
-    def _likelier(self, beside: Recording) -> tuple[tuple[Convention, ...], Unlikely]:
-        """Return signs and orders by which the log is surely likelier, and how unlikely it then is.
+    def _likelier(self, beside: Recording) -> tuple[tuple[Convention, ...], Unlikely, Sequence[tuple[Convention, ...]]]:
+        """Return signs and orders by which the log is surely likelier, how unlikely it then is, and others as good.
 
         Surely, too, beside what else may be: that the drawing tells nothing of it, or that gravity pulls another way;
         beside: the log as it is read by the robot as drawn.
         """
         begun = self._unlikely(self.written)
         taken: tuple[Convention, ...] = ()
+        others: list[tuple[Convention, ...]] = []
         now, unlikely = self.written, begun
         while len(taken) < _MOST:
             steps = [step for step in self._readings(now) if may_be_read(self.written, step) and _is_likely(step)]
@@ -383,8 +384,11 @@ class _Search:
             best, step = min(tried, key=lambda item: item[0].nats + _price(item[1]))
             if not best.nats + _price(step) < unlikely.nats - _SURELY:
                 break
+            least = best.nats + _price(step)
+            alike = [other for read, other in tried if read.nats + _price(other) < least + _WORD and other != step]
+            others = [(*other, *step) for other in others] + [(*taken, *other) for other in dict.fromkeys(alike)]
             taken, now, unlikely = (*taken, *step), read_as(now, step, self.drawn), best
-        return (taken, unlikely) if taken and self._is_sure(beside, taken, unlikely) else ((), begun)
+        return (taken, unlikely, others) if taken and self._is_sure(beside, taken, unlikely) else ((), begun, ())
 
     def _is_sure(self, beside: Recording, taken: Sequence[Convention], unlikely: Unlikely) -> bool:
         """Return whether nothing else makes a log as likely as conventions do."""
@@ -493,7 +497,8 @@ class _Search:
         read = read_as(self.written, found, self.drawn)
         if not self._by_likelihood(read) < self._by_likelihood(begin):
             return None
-        return _evidence(found, first, self.left(read))
+        left = self.left(read)
+        return _evidence(found, first, left) if left < 1 else None  # of all efforts: it makes no sense of the log
 
     def _by_likelihood(self, recording: Recording, rows: np.ndarray | None = None) -> float:
         """Return the geometric mean over the joints of what is left of each, as its noise may be any.
