@@ -249,3 +249,14 @@ def test_hinges_and_beams_that_yield_less_than_real_ones_are_told(run):
     text = told(run("stiffness", "3prup"))
     assert "hinges that are rigid" not in text
     assert text.count("shear") == text.count("shear and torsion of the rods and branches are neglected") + 2
+
+
+def test_a_robot_file_that_calls_its_robot_otherwise_is_no_other_robot(run, tmp_path):
+    text = (Path(__file__).parent / "robots" / "five_bar" / "five_bar.urdf").read_text()
+    (tmp_path / "bar.urdf").write_text(text)
+    (tmp_path / "log.csv").write_text("time,q.left_motor,q.right_motor,p.x\n0,0,0,0\n1,0.01,0,0\n2,0,0.01,0\n")
+    (tmp_path / "log.json").write_text('{"robot": "bar.urdf"}')
+    for typed in ((), ("--robot", tmp_path / "bar.urdf")):
+        answer = told(run("check", tmp_path / "log.csv", *typed))
+        assert "temperature" in answer  # what it has no column of
+        assert "says that it is of" not in answer

@@ -134,7 +134,8 @@ def _check_recording(file: Path, reading: Reading, robot: str | None, convention
     recording = recording_typed(file, robot, conventions)
     loaded = reading.load(robot or robot_beside(recording.robot, file))
     note_foreign_joints([recording], loaded)
-    recording = of_the_robot(recording, robot or "", loaded)
+    if robot is not None:
+        recording = of_the_robot(recording, robot, loaded)
     with progress.stages() as tell:
         tell("what the recording could show", 0.1)
         found = prospects(loaded, recording)
