@@ -333,10 +333,14 @@ class _Search:
             return found
         return _evidence(taken, self._unlikely(self.written).left, unlikely.left, others)
 
-    @property
+    @cached_property
+    def _count(self) -> int:
+        """How many samples are told apart: at rest all that are looked at, else as many as their band tells."""
+        return len(self.rows if self.at.motion.standing else kept_samples(self.at))
+
+    @cached_property
     def _is_compared(self) -> bool:
-        told = self.rows if self.at.motion.standing else kept_samples(self.at)  # as many as their band tells apart
-        known = self.compares and len(told) >= FEWEST_NUMBERS and np.isfinite(self.efforts).all()
+        known = self.compares and self._count >= FEWEST_NUMBERS and np.isfinite(self.efforts).all()
         return bool(known and self.efforts.any())
 
     def _by_drawing(self) -> Evidence | None:
@@ -395,15 +399,18 @@ class _Search:
         written = self.read(beside, self._few)
         others = [self._likelihood(*written, drawn=False).nats]
         if self.mechanism.gravity.any():
-            pulled = np.stack([self.at.rigid_under(axis)[self.rows][self._few] for axis in np.eye(3)], axis=-1)
-            others.append(self._likelihood(*written, pulled=pulled).nats)
+            others.append(self._likelihood(*written, pulled=self._pulled[self._few]).nats)
         return unlikely.nats + _price(taken) < min(others) - _SURELY
 
     @cached_property
     def _likelihood(self) -> EffortLikelihood:
-        told = self.rows if self.at.motion.standing else kept_samples(self.at)
         declared = {key: float(value) for key, value in self.recording.tolerances.declared.items()}
-        return EffortLikelihood(self.at, declared, min(len(told), len(self.rows)))
+        return EffortLikelihood(self.at, declared, min(self._count, len(self.rows)))
+
+    @cached_property
+    def _pulled(self) -> Array:
+        """What gravity along each axis of the base adds to the efforts of the samples, (n, k, 3)."""
+        return np.stack([self.at.rigid_under(axis)[self.rows] for axis in np.eye(3)], axis=-1)
 
     @cached_property
     def _few(self) -> np.ndarray:
@@ -764,11 +771,10 @@ class _Search:
         never = np.full(efforts.shape[1], np.inf)
         if not self.mechanism.gravity.any():
             return never
-        pulled = np.stack([self.at.rigid_under(axis)[self.rows] for axis in np.eye(3)], axis=-1)
-        more = common_coefficients(motion, efforts, self.rigid, pulled)
+        more = common_coefficients(motion, efforts, self.rigid, self._pulled)
         if not could_be_gravity(self.mechanism.gravity + more, self.mechanism):
             return never
-        return shares_of_efforts(motion, efforts, self.rigid + pulled @ more, noise)
+        return shares_of_efforts(motion, efforts, self.rigid + self._pulled @ more, noise)
 
 
 def _is_likely(reading: Sequence[Convention]) -> bool:

@@ -167,19 +167,19 @@ class EffortLikelihood:
         slow = np.array([at.slow(name) for name in names])
         taking = []
 
-        def beside(ways: Array, faster: Array, least: float) -> None:
+        def beside(ways: Array, least: float) -> None:
             """Add dry and viscous friction and a rotor that go with joints by the rates `ways` (k,)."""
-            v, a = speed @ ways, faster @ ways
+            v, a = speed @ ways, acceleration @ ways
             for part in (v / np.hypot(v, least), v, a):
                 taking.append(part[:, None] * ways)
 
         for joint in range(k):
-            beside(np.eye(k)[joint], acceleration, slow[joint])
+            beside(np.eye(k)[joint], slow[joint])
         for pair in self._pairs:
             one, other = (names.index(name) for name in pair)
             for sign in (1.0, -1.0):
                 ways = np.eye(k)[one] + sign * np.eye(k)[other]
-                beside(ways, acceleration, max(slow[one], slow[other]))
+                beside(ways, max(slow[one], slow[other]))
         offsets = np.broadcast_to(np.eye(k), (n, k, k))
         bodies = every[..., self._there] * self._spread
         return _Columns(every @ self._drawn, bodies, offsets, np.stack(taking, axis=-1))
