@@ -147,9 +147,11 @@ def _targets_upright(out: Registered, linear: Linear, together: Together, mechan
                 continue
             drawn = linear.pose_of(channel.frame)[1]
             seen = channel.rotation[rows]
-            ways = (_Mounted.of(drawn[rows], seen), _Mounted.of(drawn[rows], from_base[rows].mT @ seen))
-            best = min(ways, key=lambda way: way.left)
+            as_seen, from_here = _Mounted.of(drawn[rows], seen), _Mounted.of(drawn[rows], from_base[rows].mT @ seen)
+            best = min(as_seen, from_here, key=lambda way: way.left)
             if not (best.size > TURNED and best.left < min(TURNED, MOST * best.before)):
+                continue
+            if from_here.before < TURNED:  # where the sensor stands says all: a platform that only shifts
                 continue
             far, askew = _left_by_zeros(channel, linear, rows, from_base, shift)
             if askew < MOST * best.left or (far < MOST * apart and MOST * askew < best.left):

@@ -179,6 +179,34 @@ def test_encoders_that_count_from_elsewhere_make_it_no_other_robot(switched_on_a
         assert any(worlds_apart(other, linear, everywhere, (0.0, LITTLE)))
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_platform_that_only_shifts_has_no_target_turned_as_its_tracker_is(seed):
+    """Its orientation is the same everywhere: a turn of the tracker and one of the target look alike in it."""
+    robot, draw = prup_pin.load(ROBOTS / "clavel_delta" / "clavel_delta.urdf"), np.random.default_rng(seed)
+    home = robot.home.actuators
+    arms = np.array(list(home.values())) + draw.uniform(-0.2, 0.2, (20, len(home)))
+    poses = [robot.pose_from_actuators(dict(zip(home, row, strict=True))).base_from_tool for row in arms]
+    seen = np.array([SOMEWHERE @ pose for pose in poses])
+    recording = Recording(
+        time=np.arange(20.0),
+        positions=dict(zip(home, arms.T, strict=True)),
+        position=seen[:, :3, 3] + 1e-4 * draw.standard_normal((20, 3)),
+        rotation=np.array(
+            [rotation_log(each @ rotation_exp(1e-3 * draw.standard_normal(3))) for each in seen[:, :3, :3]]
+        ),
+    )
+    linear, mechanism = Linear.of(Simulator(robot, inputs_of(recording, robot))), robot.mechanism
+    stack, together = (
+        Stack(channels_of(recording, mechanism)),
+        Together.of([recording], mechanism.actuated, mechanism.gravity),
+    )
+    placed_there = registered(stack, linear, together, mechanism, (0.0, LITTLE))
+    assert placed_there.found
+    assert not placed_there.turned
+    everywhere = np.ones(len(recording), bool)
+    assert worlds_apart(placed_there.stack.poses[0], linear, everywhere, (0.0, LITTLE), zeros=False) == (False, False)
+
+
 @pytest.mark.parametrize("beside", [np.zeros(3), np.array([0.1, -0.2, 0.3])])
 def test_a_frame_moves_with_the_actuators_as_differences_say(switched_on_anywhere, beside):
     robot, recording = switched_on_anywhere
