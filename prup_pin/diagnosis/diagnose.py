@@ -189,6 +189,9 @@ def _under_loads(drawn: AsDrawn, tell: Tell) -> Account:
     over = over if asked else _all_over(drawn, tell)
     if over is not None:
         whole = whole or searched(over, tell)
+        if not whole.is_clean:  # a large fault may hide what is off all over, and has come to light among few laws
+            beside = _beside(drawn, few, tell)
+            whole = whole if beside is None else _cleaner(whole, searched(beside, tell))
         if _explains_more(whole, few):
             return whole
     return few if few.selection.fits <= FEW_FITS else searched(few, tell)

@@ -181,6 +181,28 @@ def test_few_laws_that_leave_the_declared_noise_are_the_answer(few_laws, larger_
     assert chosen.called == searches[-1]
 
 
+def test_where_neither_explains_it_what_is_off_all_over_is_asked_beside_the_few_laws(monkeypatch):
+    def account(called, left, is_clean):
+        return SimpleNamespace(
+            called=called,
+            problem=SimpleNamespace(noise=1.0),
+            noise=1.0,
+            size=30,
+            is_clean=is_clean,
+            is_far_from_clean=False,
+            by_noise=lambda _: (left, is_clean),
+            prepared=SimpleNamespace(outliers=()),
+            selection=SimpleNamespace(fits=1),
+        )
+
+    left = {"few laws": (900.0, False), "all over": (800.0, False), "both": (30.0, True)}
+    monkeypatch.setattr(whole, "_all_over", lambda *_: account("all over", 800.0, False))
+    monkeypatch.setattr(whole, "_beside", lambda drawn, few, tell: account("both", 30.0, True))
+    monkeypatch.setattr(whole, "with_first_law", lambda *_: account("few laws", 900.0, False))
+    monkeypatch.setattr(whole, "searched", lambda begun, tell, most=60: account(begun.called, *left[begun.called]))
+    assert whole._under_loads(SimpleNamespace(prepared=lambda: None), lambda *_: None).called == "both"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("robot", "seed"), [("delta", 4), ("3prup", 4)])
 def test_a_robot_is_predicted_as_well_as_its_data_allow(robot, seed, tmp_path):
@@ -206,6 +228,7 @@ def test_a_robot_is_predicted_as_well_as_its_data_allow(robot, seed, tmp_path):
             "stiffness_changed",
             "leg2/motor",
         ),  # which hides what else is off
+        ("delta", 906400, "stiffness_changed", "leg1/motor"),  # which play stands for, beside what else is off
         ("six_ups", 563000, "stiffness_changed", "leg2/drive"),  # for which play stands at first
     ],
 )
