@@ -313,7 +313,11 @@ def summary_text(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "nothing_missing":
         if every:
             texts.append(f"{_NO_FAULT} Simulated in that way, {last}.")
-        return f"{' '.join(texts)} That is the sensors' own scatter: nothing needs repair."
+        from ...diagnosis.criteria import NEARLY
+
+        only_noise = every or diagnosis.before.get("fit", math.nan) <= NEARLY
+        allowed = "" if only_noise else " and what a drawing may be off by"
+        return f"{' '.join(texts)} That is the sensors' own scatter{allowed}: nothing needs repair."
     if causes:
         count = _COUNTED[len(causes)] if len(causes) < len(_COUNTED) else str(len(causes))
         things = "thing accounts" if len(causes) == 1 else "things account"
