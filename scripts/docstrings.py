@@ -5,41 +5,54 @@
 
 from __future__ import annotations
 
+import inspect
+import itertools
 import re
 from typing import Any
 
 import griffe
 
 _TAG = re.compile(r"(`[^`]*`)|<(?=[\w/.])|\*(?=\w)")
-_ITEM = re.compile(r"(?P<names>[a-z]\w*(?:, [a-z]\w*)*)(?P<shape> \([^)]*\)(?: \[[^]]*\])?)?: ")
+#: 'name (shape) [unit]: ' where a line or a sentence begins.
+_ITEM = re.compile(
+    r"(?:\A|(?<=\n)|(?<=[.;] )|(?<=[.;]\n))(?P<names>[a-z]\w*(?:, [a-z]\w*)*)(?P<shape> \([^)]*\)(?: \[[^]]*\])?)?:\s"
+)
 
 
 class Docstrings(griffe.Extension):
     """Rewrites every docstring that is read."""
 
     def on_instance(self, *, obj: griffe.Object, **_: Any) -> None:
-        if obj.docstring is not None:
-            names = {parameter.name for parameter in getattr(obj, "parameters", ())} | set(obj.members)
-            obj.docstring.value = markdown(obj.docstring.value, names)
+        if not obj.is_class:
+            _rewrite(obj)
+
+    def on_class_members(self, *, cls: griffe.Class, **_: Any) -> None:
+        _rewrite(cls)  # whose attributes are known only now
+
+
+def _rewrite(obj: griffe.Object) -> None:
+    if obj.docstring is not None:
+        names = {parameter.name for parameter in getattr(obj, "parameters", ())} | set(obj.members)
+        obj.docstring.value = markdown(obj.docstring.value, names)
 
 
 def markdown(text: str, names: set[str]) -> str:
     """Return a docstring as Markdown; `names` are those that a list may begin with."""
-    lines, listed = [], False
-    for line in text.splitlines():
-        item = _ITEM.match(line)
-        if item and set(item["names"].split(", ")) <= names:
-            if not listed and lines and lines[-1]:
-                lines.append("")
-            listed = True
-            words = ", ".join(f"`{name}`" for name in item["names"].split(", "))
-            lines.append(f"- {words}{item['shape'] or ''}: {_shown(line[item.end() :])}")
-        elif listed and line.strip() and not line.startswith(" "):
-            lines += ["", _shown(line)]
-            listed = False
-        else:
-            lines.append(_shown(line) if not listed or not line.startswith(" ") else f"    {_shown(line.strip())}")
-            listed = listed and bool(line.strip())
+    return "\n\n".join(_paragraph(part, names) for part in re.split(r"\n\s*\n", inspect.cleandoc(text)))
+
+
+def _paragraph(text: str, names: set[str]) -> str:
+    """Return a paragraph as Markdown: a list where it tells what arguments or attributes are."""
+    items = [found for found in _ITEM.finditer(text) if set(found["names"].split(", ")) <= names]
+    if not items:
+        return _shown(text)
+    before, lines = text[: items[0].start()].strip(), []
+    for item, after in itertools.zip_longest(items, items[1:]):
+        words = ", ".join(f"`{name}`" for name in item["names"].split(", "))
+        said = text[item.end() : after.start() if after else None]
+        lines.append(f"- {words}{item['shape'] or ''}: {_shown(' '.join(said.split()).rstrip(';'))}")
+    if before:
+        lines = [_shown(f"{before[:-1]}." if before.endswith(";") else before), "", *lines]
     return "\n".join(lines)
 
 

@@ -99,3 +99,18 @@ def test_a_public_name_is_in_the_reference(name):
 def test_every_kind_of_module_is_in_the_reference():
     assert {type(kind).__name__ for kind in KINDS} <= TOLD | {"BeamAsPublished"}
     assert {"Law", "Effect", "Place"} <= TOLD
+
+
+def test_what_arguments_are_is_a_list_in_the_reference(monkeypatch):
+    pytest.importorskip("griffe")
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    from docstrings import markdown
+
+    text = """Return it all.
+
+    mass: in kg, of <b>
+    all; size (n,) [m]: how large, see a: b.
+
+    Raises InputError: never."""
+    told = "Return it all.\n\n- `mass`: in kg, of &lt;b> all\n- `size` (n,) [m]: how large, see a: b.\n\nRaises InputError: never."
+    assert markdown(text, {"mass", "size", "a"}) == told
