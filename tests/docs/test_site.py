@@ -112,5 +112,5 @@ def test_what_arguments_are_is_a_list_in_the_reference(monkeypatch):
     all; size (n,) [m]: how large, see a: b.
 
     Raises InputError: never."""
-    told = "Return it all.\n\n- `mass`: in kg, of &lt;b> all\n- `size` (n,) [m]: how large, see a: b.\n\nRaises InputError: never."
-    assert markdown(text, {"mass", "size", "a"}) == told
+    items = "- `mass`: in kg, of &lt;b> all\n- `size` (n,) [m]: how large, see a: b."
+    assert markdown(text, {"mass", "size", "a"}) == f"Return it all.\n\n{items}\n\nRaises InputError: never."
