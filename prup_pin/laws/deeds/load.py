@@ -168,7 +168,7 @@ class Weight(Deed):
 
 @dataclass(frozen=True)
 class TurnedGravity(Deed):
-    """Gravity pulls by `change` (3,) [m/s^2] otherwise than the robot file says, base axes, where no column tells it."""
+    """Gravity pulls by `change` (3,) [m/s^2] otherwise than the robot file says, base axes; columns g know better."""
 
     displaces_joints = True
 
