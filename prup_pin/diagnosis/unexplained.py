@@ -21,7 +21,7 @@ from .diagnosis import Finding
 from .evidence import cross_validated
 from .findings import chi2_without, finding_of, nothing_compared, rms_of_sum, unknown_at, without_place
 from .intervals import parameters_of
-from .locate import LOAD, Located, locate
+from .locate import LOAD, Located, locate, tilting_base
 from .prepare import Prepared, Tell
 from .problem import Fit, Problem
 from .search import Selection, select
@@ -131,6 +131,8 @@ def _beside_unknown(
 ) -> tuple[list[Finding], Finding | None, Fit]:
     """Return the findings that stand, what no law explains (None where it has no place), and the fit that stands."""
     kept, found, fit = _outweighing(laws, selection.last, problem)
+    if (tilting := tilting_base(problem, fit)) is not None:
+        return kept, _of_base(*tilting), fit
     if found is None:
         return kept, None, fit
     # what else there is, whatever happens at that place
@@ -174,6 +176,18 @@ def _beside_unknown(
     unknown = unknown_at(found.module, statement, float(share), advice)
     came = "" if came == LOAD else came
     return kept, replace(unknown, candidates=found.candidates, curve=found.curve, approached=came), fit
+
+
+def _of_base(share: float, other: float) -> Finding:
+    """Return that what the robot stands on does something unknown, which takes away shares of the residual's square."""
+    return unknown_at(
+        "base",
+        "what the robot stands on moves as no law of the library has it. Of the square of what is left, a base that "
+        f"tilts, free at each sample, would take away {percent(share)}, and no module of the robot more than "
+        f"{percent(max(other, 0.0))}; a pose sensor that tilts would look alike",
+        share,
+        "look at anchors and at what the robot stands on: come to each load from both sides, and measure the base too",
+    )
 
 
 def _hidden(problem: Problem, freed: Problem, fit: Fit) -> bool:
