@@ -17,7 +17,7 @@ from ..laws import Setup
 from ..laws.deeds import DEEDS, JointResistance, Solved
 from ..loaded import Chain, Equilibria, FirstOrder
 from ..simulation import Run, Simulator
-from ..spatial import Array
+from ..spatial import Array, skew
 
 
 class Influence:
@@ -65,6 +65,17 @@ class Influence:
             lengths=self.simulator.lengths,
             histories=run.histories,
         )
+
+    @cached_property
+    def by_base(self) -> Array:
+        """The columns' change per motion of the base about its origin, (n, K, 6): the robot follows as one body."""
+        placements = self.found.evaluation.placements
+        moved = np.zeros((len(self), 6 * len(self.first.frames), 6))
+        for index, frame in enumerate(self.first.frames):
+            own = moved[:, 6 * index : 6 * index + 6]
+            own[:] = np.eye(6)
+            own[:, :3, 3:] = -skew((placements[:, frame.joint] @ frame.placement)[:, :3, 3])
+        return self._placed(self.stack.seen(moved))
 
     @property
     def compliance(self) -> Array:

@@ -19,7 +19,7 @@ from ..channels import Columns, Noise
 from ..laws import Effect
 from ..laws.drawn import Drawn, against_component
 from ..spatial import Array
-from .criteria import ALIKE, CHANCE_DEVIATIONS, KNOTS, NOTHING, TREMOR, UNSEEN
+from .criteria import ALIKE, CHANCE_DEVIATIONS, KNOTS, MOST, NOTHING, TREMOR, UNSEEN
 from .nuisance import Nuisance
 from .problem import Fit, Problem
 
@@ -163,11 +163,30 @@ def yieldings(problem: Problem, fit: Fit) -> list[Yielding]:
             else (*_MOTIONS, *([_BENDING] if mechanism.module(name).kind.bends_exactly else []))
         )
         for components in motions:
-            basis, sizes, _ = np.linalg.svd(directions[:, :, list(components)], full_matrices=False)
-            seen = sizes > NOTHING * max(float(sizes.max(initial=0.0)), 1e-300)
-            part = (basis.mT @ fit.residual[..., None])[..., 0] * seen
-            found.append(Yielding(name, components, float((part**2).sum()) - int(seen.sum())))
+            taken, count = _taken(directions[:, :, list(components)], fit.residual)
+            found.append(Yielding(name, components, taken - count))
     return sorted(found, key=lambda item: -item.gain)
+
+
+def _taken(directions: Array, residual: Array) -> tuple[float, int]:
+    """Return the square that motions along directions (n, K, k), free at every sample, remove, and their number."""
+    basis, sizes, _ = np.linalg.svd(directions, full_matrices=False)
+    seen = sizes > NOTHING * max(float(sizes.max(initial=0.0)), 1e-300)
+    part = (basis.mT @ residual[..., None])[..., 0] * seen
+    return float((part**2).sum()), int(seen.sum())
+
+
+def tilting_base(problem: Problem, fit: Fit) -> tuple[float, float] | None:
+    """Return the shares of the squared residual that a base which tilts as it likes takes away, and the best module.
+
+    Free at every sample, each. None where the base leaves more than little, where a module does as well, or where so
+    many free numbers say nothing: what the robot stands on is no module, and its neighbours would be blamed for it.
+    """
+    base, count = _taken(problem.whiteners(fit.influence) @ fit.influence.by_base[:, :, 3:5], fit.residual)
+    total, best = float((fit.residual**2).sum()), max((item.gain for item in yieldings(problem, fit)), default=0.0)
+    if base < ALIKE * total or best > ALIKE * (base - count) or count > MOST * problem.count(fit):
+        return None
+    return base / total, best / total
 
 
 def least_left(problem: Problem, fit: Fit, module: str, residual: Array, nuisance: Nuisance | None = None) -> float:

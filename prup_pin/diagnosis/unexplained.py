@@ -21,7 +21,7 @@ from .diagnosis import Finding
 from .evidence import cross_validated
 from .findings import chi2_without, finding_of, nothing_compared, rms_of_sum, unknown_at, without_place
 from .intervals import parameters_of
-from .locate import LOAD, Located, locate
+from .locate import LOAD, Located, locate, tilting_base
 from .prepare import Prepared, Tell
 from .problem import Fit, Problem
 from .search import Selection, select
@@ -57,7 +57,7 @@ def final_state(
         return Final(last, tuple(laws), nothing_compared(problem, prepared.unused), held, count)
     if doubt is not None:
         return Final(last, tuple(laws), doubt, held, count, in_doubt=True)
-    if not _unexplained(_without_laws(problem, last), last, count, bool(laws)):
+    if not _unexplained(problem, last, count):
         group = _cancelling(problem, last) if rms_of_sum(held, count) > ROUGHLY * clean_bound(count) else ()
         left_over = tuple(finding for index, finding in enumerate(laws) if index not in group)
         ins = tuple(last.terms[index].effect for index in group)
@@ -112,17 +112,17 @@ def _same(effect: Effect | None, terms: Sequence[Term]) -> int | None:
     return next((index for index, term in enumerate(terms) if (term.candidate.law, term.candidate.place) == own), None)
 
 
-def _without_laws(problem: Problem, last: Fit) -> float:
-    """Return the chi squared that the laws began with: toleranced parameters held, which else take a part of it."""
-    if problem.tolerances is None:
-        return problem.first.chi2
-    return last.chi2 + float((problem.change(last, ()) ** 2).sum())
+def _unexplained(problem: Problem, last: Fit, count: int) -> bool:
+    """Return True where structure is left over that no law takes away.
 
-
-def _unexplained(start: float, last: Fit, count: int, named: bool) -> bool:
-    """Return True where structure is left over that no law takes away; `start` is the chi squared without any."""
-    rms, began = rms_of_sum(last.chi2, count), rms_of_sum(start, count)
-    rough = named and rms <= ROUGHLY and (rms**2 - 1) <= GAIN * (began**2 - 1)
+    Toleranced parameters shift the load at which a gap closes or a joint slides: beside them a law may be roughly right
+    that takes away all but little of what there is while they are held. A robot file that is taken at its word leaves
+    noise or something.
+    """
+    rms = rms_of_sum(last.chi2, count)
+    began = rms_of_sum(last.chi2 + float((problem.change(last, ()) ** 2).sum()), count)
+    beside = bool(len(problem.prior.toleranced) and last.terms)
+    rough = beside and rms <= ROUGHLY and (rms**2 - 1) <= GAIN * (began**2 - 1)
     return rms > clean_bound(count) and not rough
 
 
@@ -131,6 +131,8 @@ def _beside_unknown(
 ) -> tuple[list[Finding], Finding | None, Fit]:
     """Return the findings that stand, what no law explains (None where it has no place), and the fit that stands."""
     kept, found, fit = _outweighing(laws, selection.last, problem)
+    if (tilting := tilting_base(problem, fit)) is not None:
+        return kept, _of_base(*tilting), fit
     if found is None:
         return kept, None, fit
     # what else there is, whatever happens at that place
@@ -140,7 +142,12 @@ def _beside_unknown(
     # else what was freed has taken what the others explain, or they explain what it alone did
     own = again.last.names
     whole = all(term.candidate.name in own for term in fit.terms if term.is_expected)
-    if whole and _leaves_noise(problem, again.last, found.module) and _no_worse(problem, beside, labels):
+    if (
+        whole
+        and not _hidden(problem, freed, fit)
+        and _leaves_noise(problem, again.last, found.module)
+        and _no_worse(problem, beside, labels)
+    ):
         around = cross_validated(freed, again.last, labels[again.last.samples])
         robot = problem.simulator.robot
         kept = [finding_of(freed, again.last, index, again, robot, around) for index in range(len(again.last.terms))]
@@ -169,6 +176,31 @@ def _beside_unknown(
     unknown = unknown_at(found.module, statement, float(share), advice)
     came = "" if came == LOAD else came
     return kept, replace(unknown, candidates=found.candidates, curve=found.curve, approached=came), fit
+
+
+def _of_base(share: float, other: float) -> Finding:
+    """Return that what the robot stands on does something unknown, which takes away shares of the residual's square."""
+    return unknown_at(
+        "base",
+        "what the robot stands on moves as no law of the library has it. Of the square of what is left, a base that "
+        f"tilts, free at each sample, would take away {percent(share)}, and no module of the robot more than "
+        f"{percent(max(other, 0.0))}; a pose sensor that tilts would look alike",
+        share,
+        "look at anchors and at what the robot stands on: come to each load from both sides, and measure the base too",
+    )
+
+
+def _hidden(problem: Problem, freed: Problem, fit: Fit) -> bool:
+    """Return True where what was freed can do most of what a law of the fit does.
+
+    That law had no part in the search beside it, which says nothing against it: it stands by what it outweighs.
+    """
+    for index in range(len(fit.terms)):
+        others = [term.effect for term in fit.others(index)[1]]
+        before, left = (float((each.change(fit, others) ** 2).sum()) for each in (problem, freed))
+        if left < LITTLE * before:
+            return True
+    return False
 
 
 def _outweighing(kept: list[Finding], fit: Fit, problem: Problem) -> tuple[list[Finding], Located | None, Fit]:

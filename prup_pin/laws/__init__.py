@@ -28,6 +28,7 @@ from .joint_places import JointDirection, JointPosition, LoopEndPosition, SeatPo
 from .law import Effect, Law, Place, Sharing, defects
 from .lead_error import LeadError, PeriodicLeadError
 from .model_equation_error import ModelEquationError
+from .out_of_level import OutOfLevel
 from .payload import OffCentrePayload, Payload
 from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, stands_elsewhere
 from .root_tilt import HubRootCompliance, RootTiltCompliance
@@ -70,6 +71,7 @@ _OWN: tuple[Law, ...] = (
     SlackCable(),
     BaseCompliance(),
     UnevenBaseCompliance(),
+    OutOfLevel(),
     Shear(),
     Torsion(),
     ThermalGrowth(),

@@ -103,7 +103,7 @@ class JointDirection(Law):
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         return tuple(
-            Quantity(name, "rad", f"turn {_about(name)}", 1e-3, lower=-0.1, upper=0.1)
+            Quantity(name, "rad", f"turn {about(name)}", 1e-3, lower=-0.1, upper=0.1)
             for name in across(parts(mechanism)[place.name].axis)
         )
 
@@ -119,7 +119,7 @@ class JointDirection(Law):
         yield MovedJoint(joint.name, (0.0, 0.0, 0.0, *turn.tolist()))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        turns = ", ".join(f"{quantity(value, 'rad', 3, signed=True)} {_about(name)}" for name, value in values.items())
+        turns = ", ".join(f"{quantity(value, 'rad', 3, signed=True)} {about(name)}" for name, value in values.items())
         return f"the axis at {place.name} does not point where the drawing has it: turned by {turns}"
 
 
@@ -245,7 +245,8 @@ def _listed(values: Mapping[str, float]) -> str:
     return ", ".join(f"{axis} {quantity(value, 'm', 3, signed=True)}" for axis, value in values.items())
 
 
-def _about(name: str) -> str:
+def about(name: str) -> str:
+    """Return in words about which axis a turn of `across` is."""
     return f"about {name[1]}" if name[0] == "r" else f"across ({name[-1]})"
 
 

@@ -67,7 +67,8 @@ class Law(ABC):
     of_efforts: ClassVar[bool] = False
     #: Aspect of its places, where several laws share one word.
     variant: ClassVar[str] = ""
-    #: What it cannot act without: the columns of 'temperature', 'speed' or 'wrench', or 'gravity' of whatever source.
+    #: What it cannot act without: the columns of 'temperature', 'speed' or 'wrench', 'gravity' of whatever source, or
+    #: the robot's own 'weight' under a gravity that no column tells.
     needs: ClassVar[tuple[str, ...]] = ()
     #: How far its positive parameters usually lie from where a fit starts, as a standard deviation of logarithms.
     spread: ClassVar[float] = 2.0

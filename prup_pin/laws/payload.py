@@ -11,7 +11,7 @@ from ..dynamics import point_mass
 from ..mechanism import Mechanism
 from ..numbers import number, readable_unit
 from ..parameters import Quantity
-from .deeds import Deed, ToolLoad
+from .deeds import Deed, HeldMass
 from .law import Law, Place
 from .setup import Setup
 
@@ -34,11 +34,10 @@ class Payload(Law):
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         arm = setup.turns @ self._centre(values)
-        force = np.broadcast_to(values["mass"] * setup.falls(arm), arm.shape)
         tool = setup.mechanism.need_tool()
         at = tool.placement @ np.append(self._centre(values), 1.0)
         body = tool.joint, point_mass(values["mass"], at[:3])
-        yield ToolLoad(np.concatenate((force, np.cross(arm, force)), axis=1), body if tool.joint else None)
+        yield HeldMass(values["mass"], arm, body if tool.joint else None)
 
     def _centre(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the centre of mass in the tool's axes [m], (3,)."""

@@ -12,7 +12,7 @@ import numpy as np
 from ..loaded import Conditions, Pull
 from ..mechanism import Mechanism
 from ..spatial import Array
-from .deeds import Deed, JointResistance, Moment, Moved, PoseReport, RememberedStrain, Strain, Strains
+from .deeds import Deed, HeldMass, JointResistance, Moment, Moved, PoseReport, RememberedStrain, Strain, Strains
 from .inputs import Inputs
 
 #: What deeds are added to, beside strains; what else they change they replace.
@@ -24,6 +24,7 @@ _GROWING = (
     "remembered",
     "reports",
     "springs",
+    "held",
     "offsets",
     "loop_offsets",
     "mass_factors",
@@ -38,7 +39,7 @@ class Setup:
     mechanism: Mechanism
     inputs: Inputs
     sensed: Array  # (N, 6), the true wrench where the sensor reports that of the inputs
-    unsensed: Array  # (N, 6), what acts on the tool beside it
+    unsensed: Array  # (N, 6), what acts on the tool beside it, but for what it holds
     travel: Array  # (N, a), added to the actuators' reported positions
     turns: Array  # (N, 3, 3), the tool's orientation before anything deforms
     deeds: list[Deed] = field(default_factory=list)
@@ -53,6 +54,8 @@ class Setup:
     yielding: dict[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)  # of joints, by name and way
     springs: list[Pull] = field(default_factory=list)
     base: Array | None = None  # (6, 12), how the base gives way under all that acts, and at home, about its origin
+    held: list[HeldMass] = field(default_factory=list)  # by the tool
+    fall: Array = field(default_factory=lambda: np.zeros(3))  # (3,) [m/s^2], gravity beyond the robot file's
     weight: float = 0.0  # share of the links' weight that acts
     spread_weight: bool = False
     reports: list[PoseReport] = field(default_factory=list)
@@ -102,7 +105,7 @@ class Setup:
         """Return the acceleration of free fall, (3,) of all samples or (n, 3) of some or of all of them."""
         given = self.inputs.gravity
         if given is None:
-            return self.mechanism.gravity
+            return np.asarray(self.mechanism.gravity + self.fall)
         return given if samples is None else given[samples]
 
     def falls(self, arm: Array) -> Array:
@@ -121,9 +124,14 @@ class Setup:
     # -- what the simulation is run with -------------------------------------------------------------------------------
 
     @property
+    def held_weight(self) -> Array:
+        """What the tool holds loads it with, (N, 6)."""
+        return np.asarray(sum((each.wrench(self) for each in self.held), np.zeros_like(self.unsensed)))
+
+    @property
     def wrench(self) -> Array:
         """What acts on the tool, (N, 6)."""
-        return self.sensed + self.unsensed
+        return self.sensed + self.unsensed + self.held_weight
 
     @property
     def memories(self) -> set[str]:

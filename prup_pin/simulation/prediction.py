@@ -273,6 +273,8 @@ def _missing_inputs(effects: Sequence[Effect], inputs: Inputs, mechanism: Mechan
             remarks.append(f"{name} has no effect: the recording has no column qd.<joint>, and is of no motion.")
         if "gravity" in effect.law.needs and inputs.gravity is None and not mechanism.gravity.any():
             remarks.append(f"{name} has no effect: the robot file sets no gravity, and the recording has no column g.")
+        if "weight" in effect.law.needs and inputs.gravity is not None:
+            remarks.append(f"{name} has no effect: columns g.x g.y g.z tell which way gravity pulls.")
     heavy = any("gravity" in effect.law.needs for effect in effects)
     if inputs.gravity is not None and not heavy:
         remarks.append(f"g.x g.y g.z have no effect without weight: add --effect '{_WEIGHT}'.")

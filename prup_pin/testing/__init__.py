@@ -54,7 +54,7 @@ def _check_poses(law: Law, robot: Robot, actuators: ArrayLike | None) -> None:
     mechanism = robot.mechanism
     places = poses.unlike(law.places(mechanism), mechanism)
     require(places, f"{title(law)} has no place on '{mechanism.name}': give check_law a robot that has one.")
-    bench = poses.PoseBench.of(robot, actuators)
+    bench = poses.PoseBench.of(robot, actuators, law)
     for place in places:
         poses.check_quantities(bench, law, place)
         start = law.starts(place, mechanism)[0]

@@ -15,7 +15,7 @@ from ..diagnosis.candidates import Candidate
 from ..diagnosis.chances import WITHIN_95
 from ..diagnosis.intervals import Profile, parameters_of
 from ..diagnosis.problem import Problem
-from ..laws import Effect, Inputs, Place
+from ..laws import LAWS, Effect, Inputs, Law, Place
 from ..mechanism import Mechanism
 from ..robot import Robot
 from ..simulation import Run, Simulator
@@ -37,23 +37,29 @@ _TOLD = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class PoseBench:
-    """A robot on a bench: simulated under a load cycle in some of its poses, without any law."""
+    """A robot on a bench: simulated under a load cycle in some of its poses, without any law but what one asks for."""
 
     simulator: Simulator
     nominal: Run
 
     @classmethod
-    def of(cls, robot: Robot, actuators: ArrayLike | None = None) -> PoseBench:
+    def of(cls, robot: Robot, actuators: ArrayLike | None = None, law: Law | None = None) -> PoseBench:
         """Return the bench of a robot in poses of actuators (n, k) [m, rad]; by default home, and a bit beside.
 
-        Raises UnreachablePoseError.
+        law: the one that is tried, where it acts on the robot's own weight. Raises UnreachablePoseError.
         """
         if actuators is None:
             home = np.array(list(robot.home.actuators.values()))
             actuators = [home, home + 0.02 * np.where(np.arange(len(home)) % 2, -1.0, 1.0)]
         for pose in np.atleast_2d(actuators):
             robot.pose_from_actuators(pose)  # raises where there is none
-        simulator = Simulator(robot, load_cycle(actuators))
+        weights = [each for each in LAWS if each.weighs and law is not None and "weight" in law.needs]
+        acting = [
+            Effect(each, place, each.starts(place, robot.mechanism)[0])
+            for each in weights[:1]
+            for place in each.places(robot.mechanism)
+        ]
+        simulator = Simulator(robot, load_cycle(actuators), acting)
         return cls(simulator, simulator.run())
 
     @property

@@ -13,7 +13,7 @@ def check_declared(law):
     """It declares its word, a summary, quantities with units and starts, neutral values, and has a docstring."""
     require(not (wrong := "; ".join(defects(law))), wrong)
     require(type(law).__doc__, "It has no docstring.")
-    strange = set(law.needs) - {"temperature", "speed", "gravity", "wrench"}
+    strange = set(law.needs) - {"temperature", "speed", "gravity", "weight", "wrench"}
     require(not strange, f"It needs {', '.join(sorted(strange))}, which no recording has.")
 
 

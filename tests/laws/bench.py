@@ -46,9 +46,13 @@ def inputs(name: str, wrench=WRENCH, actuators=None, cycle=CYCLE) -> Inputs:
     return load_cycle(ACTUATORS[name] if actuators is None else actuators, wrench, cycle)
 
 
+def bench(name: str, law: Law | None = None) -> PoseBench:
+    return _bench(name, law if law is not None and "weight" in law.needs else None)
+
+
 @cache
-def bench(name: str) -> PoseBench:
-    return PoseBench.of(robot(name), ACTUATORS[name])
+def _bench(name: str, law: Law | None) -> PoseBench:
+    return PoseBench.of(robot(name), ACTUATORS[name], law)
 
 
 def simulator(name: str) -> Simulator:

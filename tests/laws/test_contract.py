@@ -108,7 +108,7 @@ def test_declares_what_a_person_reads(law):
 
 @at_each_place
 def test_quantities_have_units_and_starts_lie_inside_bounds(name, law, place):
-    check_quantities(bench(name), law, place)
+    check_quantities(bench(name, law), law, place)
 
 
 @EVERY_LAW
@@ -129,23 +129,23 @@ def test_is_found_again_by_its_places(name, law, places):
 
 @at_each_place
 def test_neutral_values_change_nothing(name, law, place):
-    check_neutral(bench(name), law, place)
+    check_neutral(bench(name, law), law, place)
 
 
 @at_each_place
 def test_start_values_change_the_pose(name, law, place):
     if not idle(name, law):
-        check_shows(bench(name), law, place, shown(name, law))
+        check_shows(bench(name, law), law, place, shown(name, law))
 
 
 @at_each_place
 def test_acting_leaves_the_callers_inputs_alone(name, law, place):
-    check_leaves_alone(bench(name), law, place)
+    check_leaves_alone(bench(name, law), law, place)
 
 
 @at_each_place
 def test_strains_are_what_their_derivatives_say(name, law, place):
-    check_derivatives(bench(name), law, place)
+    check_derivatives(bench(name, law), law, place)
 
 
 @EVERY_LAW
@@ -153,7 +153,7 @@ def test_what_is_simulated_is_fitted_again(law):
     if not isinstance(law, HIDDEN):
         name = next(name for name in NAMES if law.places(robot(name).mechanism))
         places = unlike(law.places(robot(name).mechanism), robot(name).mechanism)
-        check_refit(bench(name), law, max(places, key=lambda place: size_at_start(bench(name), law, place)))
+        check_refit(bench(name, law), law, max(places, key=lambda place: size_at_start(bench(name, law), law, place)))
 
 
 def idle(name, law):
@@ -168,14 +168,14 @@ def shown(name, law):
 @EVERY_ROBOT
 def test_the_truth_lies_in_the_intervals_of_what_is_fitted(name, law, places):
     if shown(name, law):
-        check_interval(bench(name), law, places[0])
+        check_interval(bench(name, law), law, places[0])
 
 
 @pytest.mark.slow
 @at_each_place
 def test_the_truth_lies_in_the_intervals_at_every_place(name, law, place):
     if shown(name, law):
-        check_interval(bench(name), law, place)
+        check_interval(bench(name, law), law, place)
 
 
 @at_each_place

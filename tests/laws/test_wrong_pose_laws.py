@@ -1,11 +1,14 @@
 """Laws of poses that are wrong: each check of their contract refuses one that is wrong in nothing else."""
 
+import re
+
 import numpy as np
 import pytest
 
 from prup_pin.laws import Place
 from prup_pin.laws.deeds import ExtraStrain, Strain
 from prup_pin.laws.encoder import EncoderOffset
+from prup_pin.laws.out_of_level import OutOfLevel
 from prup_pin.laws.payload import Payload
 from prup_pin.testing.poses import (
     check_derivatives,
@@ -83,11 +86,25 @@ class HeavyPayload(Payload):
         return value * times**2 + 0.1
 
 
-PLACE = Place("leg1/motor")
+class MuteLevel(OutOfLevel):
+    """Gravity pulls as ever."""
+
+    def deeds(self, place, values, setup):
+        return ()
+
+
+class NeverLevel(OutOfLevel):
+    """A base that is not tilted is said to be tilted by a milliradian."""
+
+    def deeds(self, place, values, setup):
+        yield from super().deeds(place, {**values, "rx": values["rx"] + 1e-3}, setup)
+
+
+PLACE, BASE = Place("leg1/motor"), Place("base", "level")
 CHECKS = [check_neutral, check_shows, check_leaves_alone, check_derivatives, check_quantities, check_refit]
 REFUSED = {
-    check_neutral: [(RestlessOffset(), PLACE)],
-    check_shows: [(MuteOffset(), PLACE)],
+    check_neutral: [(RestlessOffset(), PLACE), (NeverLevel(), BASE)],
+    check_shows: [(MuteOffset(), PLACE), (MuteLevel(), BASE)],
     check_leaves_alone: [(MeddlingOffset(), PLACE)],
     check_derivatives: [(SteepStretch(), PLACE)],
     check_quantities: [(UnboundedOffset(), PLACE), (HeavyPayload(), Place("moving_star"))],
@@ -98,6 +115,7 @@ REFUSED = {
 @pytest.mark.parametrize("check", CHECKS)
 def test_a_right_law_passes_every_check(check):
     check(bench("3prup"), EncoderOffset(), PLACE)
+    check(bench("3prup", OutOfLevel()), OutOfLevel(), BASE)
     check(bench("3prup"), Stretch(), PLACE)
 
 
@@ -108,5 +126,7 @@ def test_a_right_law_passes_every_check(check):
 )
 def test_wrong_laws_are_refused(check, law, place):
     assert set(REFUSED) == set(CHECKS)
-    with pytest.raises(AssertionError, match=rf"{type(law).__name__} at {place.name} breaks: {check.__doc__[:40]}"):
-        check(bench("3prup"), law, place)
+    with pytest.raises(
+        AssertionError, match=re.escape(f"{type(law).__name__} at {place} breaks: {check.__doc__[:40]}")
+    ):
+        check(bench("3prup", law), law, place)

@@ -6,7 +6,7 @@ A deed of a new kind: a final class in a file of its own, and one line in `DEEDS
 from .cable import ToolCable
 from .deed import AGREED, BLOCK, RUN, Deed, Felt, History, Moment, Solved
 from .extra_tilt import ExtraTilt
-from .load import ScaledMass, ToolLoad, ToolSpring, Weight, WrenchReading
+from .load import HeldMass, ScaledMass, ToolLoad, ToolSpring, TurnedGravity, Weight, WrenchReading
 from .remembered import RememberedStrain
 from .report import Moved, PoseReport, Wandering
 from .resistance import JointResistance
@@ -20,6 +20,7 @@ from .yielding_base import YieldingBase, base_motion, carried_along
 DEEDS: tuple[type[Deed], ...] = (
     WrenchReading,
     ToolLoad,
+    HeldMass,
     ToolSpring,
     ToolCable,
     Travel,
@@ -28,6 +29,7 @@ DEEDS: tuple[type[Deed], ...] = (
     JointResistance,
     RememberedStrain,
     Weight,
+    TurnedGravity,
     ScaledMass,
     ChangedLength,
     MovedJoint,
@@ -50,6 +52,7 @@ __all__ = [
     "ExtraStrain",
     "ExtraTilt",
     "Felt",
+    "HeldMass",
     "History",
     "JointResistance",
     "Moment",
@@ -66,6 +69,7 @@ __all__ = [
     "ToolLoad",
     "ToolSpring",
     "Travel",
+    "TurnedGravity",
     "Wandering",
     "Weight",
     "WrenchReading",

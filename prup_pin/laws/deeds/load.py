@@ -49,19 +49,41 @@ def _true_at(reported: Array, true: Callable[[Array], Array], rows: np.ndarray) 
 
 @dataclass(frozen=True, eq=False)
 class ToolLoad(Deed):
-    """A wrench (N, 6) acts on the tool that passes by the sensor; base axes, dead.
-
-    body: where it is the weight of a body in the tool's hand, the tool's joint by its id and what that body adds to
-    the joint's inertial parameters (10,).
-    """
+    """A wrench (N, 6) acts on the tool that passes by the sensor; base axes, dead."""
 
     displaces_joints = True
 
     wrench: Array
-    body: tuple[int, Array] | None = None
 
     def enter(self, setup: Setup) -> None:
         setup.unsensed = setup.unsensed + self.wrench
+
+    @classmethod
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
+        yield from _by_wrench(setup.unsensed, at.setup.unsensed, at)
+
+
+@dataclass(frozen=True, eq=False)
+class HeldMass(Deed):
+    """The tool holds a mass [kg] that is centred `arm` (N, 3) [m] from its point, base axes, and passes by the sensor.
+
+    It falls as the tool lets it, whichever way gravity pulls. body: the tool's joint by its id and what the mass adds
+    to the joint's inertial parameters (10,); None where the tool is fixed.
+    """
+
+    displaces_joints = True
+
+    mass: float
+    arm: Array
+    body: tuple[int, Array] | None = None
+
+    def wrench(self, setup: Setup) -> Array:
+        """Return what it loads the tool with, (N, 6)."""
+        force = np.broadcast_to(self.mass * setup.falls(self.arm), self.arm.shape)
+        return np.concatenate((force, np.cross(self.arm, force)), axis=1)
+
+    def enter(self, setup: Setup) -> None:
+        setup.held.append(self)
 
     def redraw(self, changes: Changes) -> str | None:
         if self.body is None:
@@ -71,7 +93,8 @@ class ToolLoad(Deed):
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
-        yield from _by_wrench(setup.unsensed, at.setup.unsensed, at)
+        if setup.held or at.setup.held:
+            yield from _by_wrench(setup.held_weight, at.setup.held_weight, at)
 
 
 @dataclass(frozen=True)
@@ -144,6 +167,30 @@ class Weight(Deed):
 
 
 @dataclass(frozen=True)
+class TurnedGravity(Deed):
+    """Gravity pulls by `change` (3,) [m/s^2] otherwise than the robot file says, base axes; columns g know better."""
+
+    displaces_joints = True
+
+    change: tuple[float, float, float]
+
+    def enter(self, setup: Setup) -> None:
+        setup.fall = setup.fall + np.array(self.change)
+
+    def redraw(self, changes: Changes) -> str | None:
+        changes.gravity = changes.gravity + np.array(self.change)
+        return ""
+
+    @classmethod
+    def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
+        more = setup.gravity(at.samples) - at.setup.gravity(at.samples)
+        if setup.weight and more.any():
+            spread = setup.spread_weight
+            along = at.first.once(("gravity", spread), partial(_by_gravity, at, spread))
+            yield setup.weight * (along @ more[..., None])[..., 0]
+
+
+@dataclass(frozen=True)
 class ScaledMass(Deed):
     """A link weighs `factor` times what the robot file says, where weight acts."""
 
@@ -194,3 +241,11 @@ def _by_weight(at: Solved, spread: bool) -> Array:
     if inertia is not None:
         inertia = _LIGHT * inertia if now.inertia is None else now.inertia + _LIGHT * inertia
     return at.first.by_conditions(replace(now, gravity=more, inertia=inertia, spread_weight=spread)) / _LIGHT
+
+
+def _by_gravity(at: Solved, spread: bool) -> Array:
+    """Return what is watched per gravity along each axis of the base, (n, R, 3), on links of their whole mass."""
+    now = at.first.found.conditions
+    before = np.zeros(3) if now.gravity is None else now.gravity
+    changes = (replace(now, gravity=before + step, spread_weight=spread) for step in _LIGHT * np.eye(3))
+    return np.stack([at.first.by_conditions(each) for each in changes], axis=-1) / _LIGHT

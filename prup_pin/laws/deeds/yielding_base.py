@@ -87,7 +87,8 @@ def _pull(setup: Setup, samples: np.ndarray, structure: Structure, placements: A
 def _pulled_alike(one: Setup, other: Setup) -> bool:
     """Return whether the same acts on two robots."""
     weights = one.weight == other.weight and one.mass_factors == other.mass_factors
-    return weights and one.springs == other.springs and np.array_equal(one.wrench, other.wrench, equal_nan=True)
+    pulls = (np.array_equal(a, b, equal_nan=True) for a, b in ((one.wrench, other.wrench), (one.fall, other.fall)))
+    return weights and one.springs == other.springs and all(pulls)
 
 
 def carried_along(motion: Array, placements: Array) -> Array:

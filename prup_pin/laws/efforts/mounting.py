@@ -8,10 +8,10 @@ import numpy as np
 
 from ...dynamics import InMotion, could_be_gravity
 from ...mechanism import Changes, Mechanism
-from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
+from ..out_of_level import OutOfLevel, tilt
 from ..setup import Setup
 from .effort_law import EffortLaw
 
@@ -23,8 +23,8 @@ class Mounting(EffortLaw):
     """Gravity pulls another way than the robot file says: the base is tilted, or hangs from a wall."""
 
     physics = "geometric_offset"
-    summary = "a base that is tilted"
-    remedy = "level the base, or tell controller and robot file how it is mounted"
+    summary = OutOfLevel.summary
+    remedy = OutOfLevel.remedy
     of_bodies = True
     linear = ("gx", "gy", "gz")
     quantities = tuple(
@@ -49,7 +49,4 @@ class Mounting(EffortLaw):
         return could_be_gravity(mechanism.gravity + np.array([values[name] for name in self.linear]), mechanism)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        down = mechanism.gravity / np.linalg.norm(mechanism.gravity)
-        true = mechanism.gravity + np.array([values[name] for name in self.linear])
-        turned = np.degrees(np.arccos(np.clip(true @ down / np.linalg.norm(true), -1, 1)))
-        return f"the base is tilted: gravity pulls {number(turned, 3)} degrees away from the robot file's direction"
+        return tilt(np.array([values[name] for name in self.linear]), mechanism)
