@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from argparse import Namespace
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
 import numpy as np
+from _benchmark import Kind, listed, share
 from _efforts import STANDING
 from scipy.signal import butter, sosfiltfilt
 
@@ -64,21 +66,22 @@ joint where they show most. The library of terms was written down before the dev
 """
 
 
-def devices(count: int, first: int, nothing: int = 0) -> list[tuple[int, str, str]]:
-    """Return seed, robot and kind of strange arms, with a quarter as many without anything and a fifth of 3-PRUPs.
+def devices(options: Namespace) -> list[tuple[str, int, str]]:
+    """Return robot, seed and kind of strange arms, with a quarter as many without anything and a fifth of 3-PRUPs.
 
     They are told in an order of which every beginning has all of them: so far as they were answered, they are a page.
-    nothing: so many more arms without anything, from the seed CLEAN_SEEDS later.
+    `options.nothing`: so many more arms without anything, from the seed CLEAN_SEEDS later.
     """
+    count, first = options.formulas, options.first_seed
     kinds, strained, robots = list(KINDS), list(STRAINS), list(ROBOTS)
-    out = [(first + CLEAN_SEEDS + k, robots[k % len(robots)], CLEAN) for k in range(nothing)]
+    out = [(robots[k % len(robots)], first + CLEAN_SEEDS + k, CLEAN) for k in range(options.nothing)]
     for index in range(count):
-        out.append((first + index, robots[index % len(robots)], kinds[index % len(kinds)]))
+        out.append((robots[index % len(robots)], first + index, kinds[index % len(kinds)]))
         if index % 4 == 3:
             own = count + index // 4
-            out.append((first + own, robots[own % len(robots)], CLEAN))
+            out.append((robots[own % len(robots)], first + own, CLEAN))
         if index % 5 == 4:
-            out.append((first + index // 5, PRUP, strained[index // 5 % len(strained)]))
+            out.append((PRUP, first + index // 5, strained[index // 5 % len(strained)]))
     return out
 
 
@@ -221,8 +224,8 @@ def told(trial: Mapping[str, Any]) -> str:
     return f"{mark} {trial['kind']} {trial['robot']} {trial['seed']}: {named}{left}{judged}"
 
 
-def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str]) -> str:
-    """Return the tables as Markdown; `share(hits, total)` writes a share."""
+def summary(trials: Sequence[Mapping[str, Any]]) -> str:
+    """Return the tables as Markdown."""
     strange = [t for t in trials if t["kind"] != CLEAN and t["robot"] != PRUP]
     proposed = [t for t in strange if "left" in t]
     beyond = [t for t in proposed if t.get("outside", 0) > 0]
@@ -251,19 +254,23 @@ def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str
             t["same"][0] == "confirmed" for t in prups if t.get("true")
         ],
     }
-    lines = ["| | share (hits; 95 %) |", "|---|---|"]
-    lines += [f"| {what} | {share(sum(hits), len(hits))} |" for what, hits in rows.items() if hits]
-    lines += ["", "| truth | robot, seed | proposed | held out | same, other |", "|---|---|---|---|---|"]
-    for t in sorted([*strange, *prups], key=lambda item: (item["kind"], item["seed"])):
-        named = "; ".join(t["proposals"]) or f"none: {t['verdict']} by {', '.join(t['findings']) or 'nothing'}"
-        mark = "" if t.get("true") else " (not found)"
-        judged = ", ".join(t[key][0] for key in ("same", "other") if key in t)
-        cells = (
-            f"{t['kind'].replace('_', ' ')}{mark}",
-            f"{t['robot']} {t['seed']}",
-            named.replace("|", "\\|"),
-            f"{t['left']:.2f}" if "left" in t else "",
-            judged,
-        )
-        lines.append(f"| {' | '.join(cells)} |")
+    shares = ((what, share(sum(hits), len(hits))) for what, hits in rows.items() if hits)
+    lines = [*listed(("", "share (hits; 95 %)"), shares), ""]
+    every = sorted([*strange, *prups], key=lambda item: (item["kind"], item["seed"]))
+    lines += listed(("truth", "robot, seed", "proposed", "held out", "same, other"), map(_row, every))
     return "\n".join(lines) + "\n"
+
+
+def _row(t: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return truth and answer of a strange device."""
+    named = "; ".join(t["proposals"]) or f"none: {t['verdict']} by {', '.join(t['findings']) or 'nothing'}"
+    return (
+        t["kind"].replace("_", " ") + ("" if t.get("true") else " (not found)"),
+        f"{t['robot']} {t['seed']}",
+        named.replace("|", "\\|"),
+        f"{t['left']:.2f}" if "left" in t else "",
+        ", ".join(t[key][0] for key in ("same", "other") if key in t),
+    )
+
+
+KIND = Kind("formulas", "arms in motion with physics that is in no law", "formula", HEAD, devices, trial, told, summary)

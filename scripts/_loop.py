@@ -7,7 +7,6 @@ carried out by the device's own simulator, and both recordings are diagnosed tog
 from __future__ import annotations
 
 import json
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from _benchmark import Kind, as_told, listed, of_each, sealed, share
 from _scattered import robot_file
 
 import prup_pin
@@ -92,8 +92,8 @@ def trial(seed: int, kind: str) -> dict[str, Any]:
     given = drawn(seed, kind)
     begun = time.perf_counter()
     robot = prup_pin.load(given.file)
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder)
+    with sealed() as (out, _):
+        out.mkdir()
         first = _written(given, given.rec, out / "first.csv")
         one = diagnose(robot, first)
         result: dict[str, Any] = {
@@ -141,15 +141,7 @@ def _findings(found: Diagnosis):
 
 
 def _classes(found: Diagnosis) -> list[dict[str, Any]]:
-    return [
-        {
-            "physics": item.physics,
-            "location": item.location,
-            "candidates": list(item.candidates),
-            "alternatives": list(item.alternatives),
-        }
-        for item in _findings(found)
-    ]
+    return as_told(_findings(found))
 
 
 def _true_class(found: Diagnosis, given: Drawn) -> list[str]:
@@ -197,28 +189,25 @@ def told(result: Mapping[str, Any]) -> str:
     return f"{result['robot']} {result['seed']} {true}: {' '.join(sizes)}: {end}  {result['seconds']:.0f} s"
 
 
-def summary(trials: Sequence[Mapping[str, Any]], share) -> str:
-    """Return the tables as Markdown; `share(hits, total)` writes a share."""
+def summary(trials: Sequence[Mapping[str, Any]]) -> str:
+    """Return the tables as Markdown."""
     left = [t for t in trials if t["end"] is not None]
     ends = Counter(t["end"] for t in left)
-    closed = sum(ends[end] for end in CLOSED)
-    lines = [
-        f"{len(trials)} devices; the first verdict left the true place in a class with others: {len(left)}.",
-        "",
-        "| question | answer |",
-        "|---|---|",
-        f"| the second recording leaves the true place alone, or no pose can tell | {share(closed, len(left))} |",
-        *(f"| … {end} | {ends[end]} |" for end in (ALONE, PROVED, SMALLER, SAME, LOST)),
-        "",
-        "| robot | seed | truth | class before | class after | end |",
-        "|---|---|---|---|---|---|",
-    ]
-    for t in left:
-        before, after = (_listed(t[key]) if key in t else "-" for key in ("first", "second"))
-        true = f"{t['physics']} at {t['location']}"
-        lines.append(f"| {t['robot']} | {t['seed']} | {true} | {before} | {after} | {t['end']} |")
+    closed = share(sum(ends[end] for end in CLOSED), len(left))
+    lines = [f"{len(trials)} devices; the first verdict left the true place in a class with others: {len(left)}.", ""]
+    lines += listed(("question", "answer"), (
+        ("the second recording leaves the true place alone, or no pose can tell", closed),
+        *((f"… {end}", ends[end]) for end in (ALONE, PROVED, SMALLER, SAME, LOST))))  # fmt: skip
+    lines += ["", *listed(("robot", "seed", "truth", "class before", "class after", "end"), (
+        (t["robot"], t["seed"], f"{t['physics']} at {t['location']}",
+         *(_listed(t[key]) if key in t else "-" for key in ("first", "second")), t["end"]) for t in left))]  # fmt: skip
     return "\n".join(lines) + "\n"
 
 
 def _listed(classes: Sequence[Mapping[str, Any]]) -> str:
     return "; ".join(f"{item['physics']} at {', '.join(item['candidates'])}" for item in classes) or "nothing"
+
+
+KIND = Kind(
+    "loop", "devices whose next experiment is carried out", "loop", HEAD, of_each("loop", [PLAIN]), trial, told, summary
+)
