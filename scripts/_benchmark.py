@@ -86,7 +86,6 @@ class Kind:
     name: str
     help: str
     page: str
-    head: str
     devices: Callable[[Namespace], list[tuple]]
     trial: Callable[..., dict[str, Any]]
     told: Callable[[Result], str]

@@ -17,29 +17,6 @@ from tests.reference.concealed.efforts import CUT, KINDS, draw_efforts, write
 
 #: A joint slower than this stands still [rad/s]: what friction holds then is nobody's to predict.
 STANDING = 1e-3
-HEAD = """# Concealed trials on robots in motion
-
-Arms of example-robot-data (ur5, panda, kinova, xarm7) and a five-bar whose loop is closed, in motion: positions as
-encoders of 2^17 to 2^20 counts tell them, velocities in six of ten recordings, efforts. Every mass and inertia is 5 %
-off, which the recording declares. A simulator of its own (`tests/reference/concealed/`: Newton and Euler in base axes,
-virtual work, no code of the package) draws device, motion and log; the answer is sealed while `prup-pin diagnose` and
-`prup-pin predict` see the recording alone.
-
-- *Motion*: five harmonics in every joint, 20 to 60 s at 250 Hz to 1 kHz, standstills in four of ten. One controller in
-  ten has a clock that jitters, repeats rows and loses others; one kinova in five tells its endless joints wrapped.
-- *Noise* of the efforts is partly white and partly decays over 10 to 200 ms; one recording in seven does not tell it.
-- *Size* of an effect: RMS, in the joint where it is strongest, of what it changes below 8 Hz, in multiples of the
-  efforts' noise, of it all and of what is left of it after the best fit of masses and inertias within tolerance (or
-  half the length of that fit in tolerances): the smaller counts. Drawn from 3 to 40.
-- *Outside the library*: a cubic spring, friction that depends on position or switches with time, quadratic drag,
-  efforts that saturate. To name what such a thing is in part (Coulomb friction, where friction depends on position) is
-  not counted as wrong; to say then that all is explained is counted.
-- *Place right*: the true place is in the class that the verdict names. *Held out*: another motion of the same device;
-  RMS of what a prediction leaves below 8 Hz, where no joint stands still, over RMS of the efforts.
-
-`{command}` makes this page again.
-
-"""
 
 
 def how(seed: int, robot: str) -> dict[str, Any]:
@@ -88,7 +65,7 @@ def share_left(measured: Mapping[str, np.ndarray], predicted: Mapping[str, np.nd
 
 
 KIND = Kind(
-    "efforts", "robots in motion, seen by their efforts", "effort", HEAD, in_turn("efforts", KINDS), trial, told,
+    "efforts", "robots in motion, seen by their efforts", "effort", in_turn("efforts", KINDS), trial, told,
     partial(summary, before="share of the efforts that the robot file leaves",
             after="share that the corrected model leaves"),
     lambda folder, devices: exported(folder / "efforts", devices, written),

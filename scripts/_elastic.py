@@ -30,41 +30,6 @@ COMPARABLE = {
 }
 #: Parameters of dry friction that depends on load or warms up: its limit is not that of the plain law.
 OTHER_LAWS = {"share_of_load", "cold"}
-HEAD = """# Concealed trials on arms whose gears yield
-
-Arms of example-robot-data (ur5, ur10, panda, kinova, xarm7) as real ones are: each joint has a rotor, a gear that
-yields, and links, k delta + d delta' = tau_l, tau_m = J theta'' + friction(theta') + tau_l; encoders sit on the
-motors. A simulator of its own (`tests/reference/concealed/elastic.py`: Newton and Euler in base axes, elastic inverse
-dynamics, no code of the package) draws device, motion and log; the answer is sealed while `prup-pin diagnose` and
-`prup-pin predict` see the recording alone.
-
-- *Drives*: with the rotor locked, links swing on their gear at 15 to 60 Hz (higher where a gear would yield by more
-  than 8 mrad). A disturbance of 15 to 60 Hz shakes motors by 0.25 to 7.5 rad/s², each alone, and
-  joints shake one another (one device in seven: none); it is
-  the controller's, which its efforts tell, or in three of ten the motor's own, which they do not.
-- *Efforts* have passed a low-pass of first or second order at 15 to 80 Hz (seven of ten) and a delay of 1 to 8 ms
-  (six of ten); their noise is partly white and partly decays, four of ten are rounded to 8 to 16 bit.
-- *Positions* at 250 Hz to 1 kHz have white noise of 1e-6 to 1e-4 rad or 2^12 to 2^20 counts a turn; velocities are
-  logged in half; the clock jitters by up to 0.5 ms in a third. Half of the recordings declare nothing at all, the
-  others their effort noise and tolerances of 5 %.
-- *Faultless* (25 %): the drawing is right, within tolerance where one is declared; efforts are torques behind the
-  gears, or those of motors too light to be seen. *Everywhere* (40 %): dry and viscous friction, rotors and offsets at
-  all joints, masses and inertias 10 to 20 % off, and in three of ten one effect more. *One* (35 %): a payload, an
-  effort's gain or delay, dry or viscous friction of one joint, or a motor that acts on two.
-- *Size*: RMS below 8 Hz in multiples of the efforts' noise and rounding, by joint; single effects are drawn from 5 to
-  40. A joint's friction, rotor or offset counts as told where a finding names it, or one at `robot` lists the joint.
-- *Accused*: a faultless device with a finding, or `unexplained`. That efforts come late is no accusation where they
-  do, nor that a gear yields, which all do.
-- *Yielding*: RMS below 8 Hz by which rigid bodies at the motors' positions need other efforts than at the links', over
-  the noise; what no rigid robot has, on faultless devices too.
-- *Left, missed*: another motion of the same device, efforts as they would be logged without noise; RMS of what a
-  prediction leaves of them below 8 Hz, where all joints move, each joint by its spread; missed: over what the drawing
-  leaves. By spread, a wrist whose efforts are a tenth of their noise counts as much as a shoulder, though no log tells
-  what it needs; so both are told by noise as well.
-
-`{command}` makes such a page again.
-
-"""
 
 
 def written(seed: int, robot: str, out: Path, sealed: Path, name: str) -> None:
@@ -318,6 +283,6 @@ def told(trial: Mapping[str, Any]) -> str:
 
 
 KIND = Kind(
-    "elastic", "arms in motion whose gears yield", "elastic", HEAD, in_turn("elastic", KINDS), trial, told, summary,
+    "elastic", "arms in motion whose gears yield", "elastic", in_turn("elastic", KINDS), trial, told, summary,
     lambda folder, devices: exported(folder / "elastic", devices, written),
 )  # fmt: skip

@@ -19,27 +19,6 @@ from tests.reference.concealed.fleet import draw_fleet, write
 #: Poses of a device's test, and devices of a fleet.
 POSES, DEVICES = 8, 20
 ROBOT = "elastic_arm"
-HEAD = """# Concealed trials of a fleet
-
-Twenty arms of one drawing are tested once each. Every part of each is off by the fleet's true tolerances, which are 0.5
-to 3 times a workshop's ordinary ones, kind by kind; the recordings declare others, 0.7 to 2.5 times the true ones. One
-parameter, a place of a joint or a stiffness, is off on all devices alike by 3 to 8 tolerances: the drawing is wrong. On
-one device alone a drive is stiffer by 8 to 14 tolerances. A simulator of its own (`tests/reference/concealed/`) draws
-them.
-
-Where the last joint is along its axis, is where the target sits on the tool: such an error of the drawing cannot be
-told, and counts as missed.
-
-`prup-pin fleet` gets the recordings; only then the answer is opened.
-
-- *Named*: the parameter that is wrong on all, or the device and its drive, stands among what is told, or among what the
-  tests cannot tell from that. *Accused*: anything else is told of the drawing or of a device. Stiffnesses are off by
-  their logarithms.
-- *Tolerances*: one standard deviation of each kind as told, beside the true one.
-
-`{command}` makes this page again.
-
-"""
 
 
 def trial(seed: int, robot: str) -> dict[str, Any]:
@@ -122,5 +101,5 @@ def _row(t: Mapping[str, Any]) -> tuple[object, ...]:
 
 
 KIND = Kind(
-    "fleets", "fleets of twenty devices", "fleet", HEAD, in_turn("fleets", [ROBOT]), trial, told, summary, kept="fleet"
+    "fleets", "fleets of twenty devices", "fleet", in_turn("fleets", [ROBOT]), trial, told, summary, kept="fleet"
 )

@@ -43,27 +43,6 @@ CLEAN = "nothing"
 #: Seeds of further ones, after the first.
 CLEAN_SEEDS = 2000
 PRUP = "3prup"
-HEAD = """# Concealed trials on formulas
-
-Arms of example-robot-data and a five-bar in motion, of which one joint has something that is in no law: an effort by a
-textbook's formula, or by a shape of its own that none of our terms has (a raised cosine, a dipole's field, three
-springs that slip, Hertz's power). A simulator that shares no code with the package draws device, motion and log
-(`tests/reference/concealed/strange.py`); masses and inertias are 5 % off. Sizes are 5 to 40 times the noise in the
-joint where they show most. The library of terms was written down before the devices. `{command}` makes this page again.
-
-- *True terms*: the formula, or one that the verdict lists as equal, has a term of the true shape, and nothing but the
-  true variables. Where the laws of the library explain a device down to the noise no formula is asked for: that counts
-  as not found.
-- *Held out*: another motion of the device; what the formula's model leaves below 8 Hz at the joint, over the noise.
-- *Beyond*: the same motion, 20 % wider and faster; the error where a variable is outside its recorded range, over that
-  of the curve of no law, which ends there. Both are right where what is strange ends inside the range.
-- *Confirmed*: the other motion of the same device, diagnosed with the proposed file. *Refuted*: a motion of another
-  device, which has something else at that joint.
-- *Nothing*: devices without anything strange, where a formula is asked for at every joint.
-- *3-PRUPs*: one module deforms with the square or cube of its load, or under one sign of it. Modules of a leg that
-  yield along one direction cannot be told apart, and the coefficient of another one than the true one is another.
-
-"""
 
 
 def devices(options: Namespace) -> list[tuple[str, int, str]]:
@@ -273,4 +252,4 @@ def _row(t: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
-KIND = Kind("formulas", "arms in motion with physics that is in no law", "formula", HEAD, devices, trial, told, summary)
+KIND = Kind("formulas", "arms in motion with physics that is in no law", "formula", devices, trial, told, summary)

@@ -19,38 +19,6 @@ EFFECTS = (("coulomb_friction",), ("coulomb_friction", "backlash"))
 CALLED = {"3prup": "3-PRUP", "six_ups": "6-UPS"}
 #: What a prediction may leave, in multiples of the noise.
 ALLOWED = 1.1
-HEAD = """# Concealed trials on scattered devices with dry friction
-
-3-PRUPs and 6-UPS platforms of which every part is a little off, as on the page of [scattered
-devices](scattered_trials.md), and one joint has dry friction. Every second device has a gap besides: of 3-PRUPs in a
-bearing, a nut or a belt, of platforms in a drive. Sizes are drawn from 3 to 40, beside the tolerances as there. Neither
-simulator (`tests/reference/concealed/device.py` and `platform.py`) shares code with the package; both remember where
-each joint slid to.
-
-- *3-PRUPs* rub in a bearing or a slide. Each leg is integrated.
-- *Platforms* rub in the slide of a leg, beside its drive, or about an axis of its universal joint. Loads grow in small
-  steps. Ball joints that close a loop are not drawn: no law of the package acts there. This platform shows friction of
-  tight joints alone: from some 70 N m on in a universal joint, and some 500 N, little of it overcome, in a slide.
-- Friction starts relaxed at every pose, where an unloaded robot stands, in the simulators as in the package's law.
-- *Place and physics*: both in one finding. Effects that stay below 3 are not counted.
-- *Held out*: another bench test of the same device by the corrected model, in multiples of the noise. *By the device
-  itself*: the same by the simulator that drew it, from the wrenches as they were recorded: where a leg's load is near
-  zero, the noise of the wrench sensor decides on which side of a gap it stands.
-
-All answers are those first given, each robot's by one code: the 3-PRUPs' before driven slides were places of dry
-friction. One robot after the other into one `--out` makes this page again: `python scripts/concealed_trials.py --count
-0 --robot 3prup --friction 27 --first-seed 595000`, then `{command}`. What the device itself leaves was added later, and
-to some platforms alone. A 24th platform, 599023 with a gap, had no answer yet when the page was made.
-
-Later code, not in the tables. Fits begin at what a joint felt, gaps open again where another law joins them: five fresh
-platforms (821000 on, three of friction alone) were all named right and left at 1.06 to 1.10. There the slopes by which
-gaps were fitted took no notice of the joint that sticks, so that fits ended before the best values: 821001, fitted on
-with right slopes, has 1430 for 1500 of chi squared, friction's limit 0.3 % off for 2.0 %, and 1.05 for 1.10 left. With
-these slopes six more (823000 on) were all named right and left at 1.05, 1.12, 1.00, 1.11, 1.08 and 1.03. Two beside a
-gap, 1.12 and 1.11, ended where fits end that begin at the truth: what is left beyond the noise is what 14 poses do not
-tell of the other parameters, and at 823001 the noise of the wrench at the gap's edge (the device itself leaves 1.06).
-
-"""
 
 
 def how(seed: int, robot: str) -> dict[str, Any]:
@@ -114,7 +82,7 @@ def summary(trials: Sequence[Mapping[str, Any]]) -> str:
 
 
 KIND = Kind(
-    "friction", "scattered devices with dry friction in a joint", "friction", HEAD,
+    "friction", "scattered devices with dry friction in a joint", "friction",
     lambda options: in_turn("friction", [name for name in ROBOTS if name in (options.robot or ROBOTS)])(options),
     trial, told, summary, gathered=True,
 )  # fmt: skip

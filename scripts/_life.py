@@ -24,25 +24,6 @@ IN_TURN = (*9 * ("elastic_arm",), "3prup")
 TOLD = ("physics", "location", "shape", "begin", "between", "before", "after", "gain", "others", "statement")
 #: Tests of a life.
 TESTS = 10
-HEAD = """# Concealed trials of a machine's life
-
-An arm of six yielding joints (with `--robot 3prup` a 3-PRUP), every part of it off within tolerances that stand beside
-the recordings, is tested ten times, with 10 to 60 days between. Poses, loads and noise are others each time. Play grows
-from some test on in proportion to time, or a part loses stiffness in that way down to 50 to 75 %; or play is there
-suddenly (both by 3 to 15 times the noise at the end, RMS in the strongest channel), or the tracker is moved by 0.1 to
-1 mm and turned by 0.2 to 2 mrad without a word, or nothing happens. Simulators of their own
-(`tests/reference/concealed/`) draw them.
-
-`prup-pin follow` gets the recordings; only then the answer is opened.
-
-- *Right parameter*: what changed is named, its physics, at its place or with its place among those that the data cannot
-  tell apart. *Within one recording*: the last recording that knew nothing of it is the true one, or the one before or
-  after. *Size in its interval*: the true value of the last test lies in the 95 % interval of the last recording.
-- *Accused*: something is named that has not changed.
-
-`{command}` makes this page again.
-
-"""
 
 
 def trial(seed: int, robot: str) -> dict[str, Any]:
@@ -159,4 +140,4 @@ def _devices(options: Namespace) -> list[tuple]:
     return sorted(found, key=lambda item: (list(ROBOTS).index(item[0]), item[1]))
 
 
-KIND = Kind("lives", "devices that are tested ten times", "life", HEAD, _devices, trial, told, summary, kept="life")
+KIND = Kind("lives", "devices that are tested ten times", "life", _devices, trial, told, summary, kept="life")

@@ -29,24 +29,6 @@ PLAIN = "3prup, plain"
 KINDS = (PLAIN, *scattered.KINDS)
 #: Poses of the first recording: few enough to leave classes.
 POSES = 6
-HEAD = """# Concealed trials of the experiment loop
-
-A device of one effect is recorded in six poses, few enough that verdicts leave classes: several places that would
-explain the recording as well as the true one. Where a verdict leaves one, the plan that it proposes
-(`next_experiment`) is carried out by the device's own simulator (`tests/reference/concealed/`), with its noise, and
-both recordings are diagnosed together. Effects of 4 to 40 times the noise, in turn; the answer is opened only to score.
-
-- *The true place alone*: the class of the second verdict holds it and no other.
-- *No pose can tell*: what is left beside it is listed in `cannot_separate` of the verdict: either the best plan
-  found was simulated and differs by less than 13 in chi squared after all that may be fitted, as would the best eight
-  places of 168 to 360 poses and loads, each gone through six times; or the law itself names both parts for one effect.
-  That is proved within the poses and loads that were weighed, loads no larger than recorded.
-- *A smaller class*, *the same class*: something is left open, and another experiment is proposed, or a law of several
-  values imitates another one closely. *The true place lost*: it is in no class.
-
-`{command}` makes this page again.
-
-"""
 #: What always acts, or stands beside whatever was found: no place.
 BESIDE = ("finite_deflection", "self_weight")
 #: How a loop may end, and which of these are what was asked for.
@@ -209,5 +191,5 @@ def _listed(classes: Sequence[Mapping[str, Any]]) -> str:
 
 
 KIND = Kind(
-    "loop", "devices whose next experiment is carried out", "loop", HEAD, of_each("loop", [PLAIN]), trial, told, summary
+    "loop", "devices whose next experiment is carried out", "loop", of_each("loop", [PLAIN]), trial, told, summary
 )

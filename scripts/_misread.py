@@ -40,24 +40,6 @@ ROBOTS = {
 _IN_MOTION = ("ur5", "xarm7")
 #: One log in so many is not misread at all, to see whether it is accused.
 _PLAIN = 4
-HEAD = """# Logs that are written otherwise than they say
-
-Devices of the other pages (a 3-PRUP as drawn, a 6-UPS platform and an arm of elastic joints of which every part is a
-little off, ur5 and xarm7 in motion) and a Delta robot, faultless or with a fault; then what they logged is changed by
-`tests/reference/concealed/misread.py`, which shares no code with the package: signs, units, orders of columns, frames,
-ways of rotations, axes that count together with a neighbour. Nothing in the log or beside it says so.
-
-- *Told right*: the log as it is read is the log before it was changed, to 0.1 % (efforts 10 %, moments about a point
-  that was found 15 %), or the finding declares what was done (a gain of all drives within a factor of 1.5: masses
-  decide it).
-- *Explained by physics*: the whole diagnosis ends with `explained` or `nothing_missing` without telling
-  `log_convention`.
-- *Accused*: a log that was not changed, of which any convention is told, or that is refused.
-- *Refused*: the diagnosis names no reading and carries nothing out.
-
-`{command}` makes this page again.
-
-"""
 
 
 def _drawn(seed: int, robot: str, out: Path, sealed: Path, faults: Sequence[str]) -> None:
@@ -225,6 +207,6 @@ def _wrong(trial: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 KIND = Kind(
-    "misread", "logs that are written otherwise than they say", "misread", HEAD, in_turn("misread", ROBOTS), trial,
+    "misread", "logs that are written otherwise than they say", "misread", in_turn("misread", ROBOTS), trial,
     told, summary,
 )  # fmt: skip

@@ -45,24 +45,6 @@ GROUPS = {
 #: Noise of the sensors, as a share of each robot's own.
 SENSORS = (0.5, 2.0)
 OURS = "prup_pin"
-HEAD = """# Concealed trials on devices whose parameters scatter
-
-Robots of which every part is a little off, within tolerances that stand beside the recording: stiffnesses, bending,
-masses, base points and joints, directions, encoders, the pose sensor's frame and its target, the wrench sensor. Weights
-act, loads are 0.6 of full. Each robot has a simulator of its own (`tests/reference/concealed/`): the 3-PRUP as in the
-[trials without scatter](concealed_trials.md), a 6-UPS platform by the balance of each leg, an arm of elastic joints by
-each joint's torque. The answer is sealed while the device is diagnosed.
-
-- *Size* of an effect: RMS of what is left of it in its strongest channel after the best fit of all parameters with
-  their tolerances as priors, in multiples of the noise; or half the length of that fit in tolerances, the larger of
-  both. Effects are drawn from 3 to 40.
-- *Misjudged*: each tolerance is declared half or twice as wide as it is.
-- *Least squares*: all parameters fitted without regard to tolerances; those beyond three are named. *Stepwise*: the
-  library's laws enter one by one while BIC falls. Both on the same devices.
-
-`{command}` makes these tables again; `--export DIR` and `--score DIR` let any other tool answer.
-
-"""
 
 
 def how(seed: int, robot: str) -> dict[str, Any]:
@@ -181,6 +163,6 @@ def _exported(folder: Path, devices: Sequence[tuple[str, int]]) -> None:
 
 
 KIND = Kind(
-    "scattered", "devices of each robot whose parameters scatter", "scattered", HEAD, of_each("scattered", KINDS),
+    "scattered", "devices of each robot whose parameters scatter", "scattered", of_each("scattered", KINDS),
     trial, told, summary, _exported,
 )  # fmt: skip

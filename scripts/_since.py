@@ -22,25 +22,6 @@ from tests.reference.concealed.since import CHANGES, draw_pair, write
 ROBOTS = {"elastic_arm": (14, 10), "3prup": (8, 6), "six_ups": (14, 10)}
 #: The robots of three trials, unless others are asked for.
 IN_TURN = ("elastic_arm", "elastic_arm", "3prup")
-HEAD = """# Concealed trials of what changed since an earlier test
-
-An arm of six yielding joints and a 3-PRUP, every part of them off within tolerances that stand beside the recordings,
-are tested twice. Poses, loads and noise are others each time; half of the devices, and all whose play grows, have play
-somewhere at the first test already. In between the play grows (by 2 to 12 times the noise, RMS in the strongest
-channel), or a part elsewhere keeps 60 to 75 % of its stiffness, or the tracker is moved by 0.1 to 1 mm and turned by
-0.2 to 2 mrad without a word, or nothing happens. Simulators of their own (`tests/reference/concealed/`) draw them.
-
-The first recording is diagnosed, its corrected model is written and read again, and the second recording is diagnosed
-against it; only then the answer is opened.
-
-- *Right*: what changed is named, its physics, at its place or with its place among those that the data cannot tell
-  apart; nothing else is named. *Size in its interval*: the true value lies in the 95 % interval of what is named there
-  (of a tracker: its shift is right within a tenth).
-- *Accused*: something is named that has not changed. `unknown` counts.
-
-`{command}` makes this page again.
-
-"""
 
 
 def trial(seed: int, robot: str) -> dict[str, Any]:
@@ -155,5 +136,5 @@ def _value(item: Mapping[str, Any]) -> str:
 
 
 KIND = Kind(
-    "since", "devices that are tested twice", "since", HEAD, of_each_or_in_turn("since", IN_TURN), trial, told, summary
+    "since", "devices that are tested twice", "since", of_each_or_in_turn("since", IN_TURN), trial, told, summary
 )

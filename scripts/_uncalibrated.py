@@ -37,27 +37,6 @@ OF_KINDS = {
 ALWAYS = ("self_weight", "finite_deflection", "pose_sensor_misalignment")
 #: What a prediction may leave beside what the data allow.
 ALLOWED = 1.1
-HEAD = """# Concealed trials on parallel robots that nobody has calibrated
-
-A 6-UPS platform, a Delta and a 3-PRUP of which everything is off, and nothing is declared: a tracker stands anywhere
-within 4 m and is turned anyhow; zeros by 1 to 6 mm (of the Delta 3 to 16 mrad), ratios by 1 to 6 per thousand, joints
-and rods' ends by 0.3 to 3 mm, axes by 1 to 6 mrad, the target by 8 to 40 mm, springs by 6 to 30 %, masses by 4 to 20
-%, the wrench sensor by 1 to 2 % (one standard deviation of each kind; each kind but the tracker's place is left as
-drawn in three of ten). Half of them are loaded (18 to 30 poses, each without and with two loads), the others are seen
-once in each of 40 to 70 poses; of a quarter only a point is seen, in half as many poses more; half of the recordings
-tell their noise (5 to 50 µm, 20 to 200 µrad). Simulators of their own (`tests/reference/concealed/`) draw them; the
-answer is sealed while the diagnosis sees the recording alone.
-
-- *Held out*: 20 other poses, by the corrected model; beside it what the *data allow*: the least squares of one who
-  knows which parameters are off, how far their kinds scatter, the effects and where to begin.
-- *One fault* beyond that, in four of ten: as large as what is left of it after the best fit of everything that is off
-  (or half the length of that fit in standard deviations), 6 to 60; those that stay below 3 are not counted. What is
-  off all over is told by kinds; a fault of such a kind is right where its place is among those that are sure.
-- *False alarm*: physics is named that neither a kind which is off nor the fault makes, or `unknown`.
-
-`{command}` makes this page again.
-
-"""
 
 
 def how(seed: int, robot: str) -> dict[str, Any]:
@@ -172,6 +151,6 @@ def summary(trials: Sequence[Mapping[str, Any]]) -> str:
 
 
 KIND = Kind(
-    "uncalibrated", "parallel robots of which everything is off", "uncalibrated", HEAD, in_turn("uncalibrated", KINDS),
+    "uncalibrated", "parallel robots of which everything is off", "uncalibrated", in_turn("uncalibrated", KINDS),
     trial, told, summary,
 )  # fmt: skip

@@ -8,8 +8,9 @@
 
 A separate simulator (tests/reference/concealed, another formulation that shares no code with the package) draws a
 device, its effects, places, sizes, loads and noise from a seed. The answer is sealed in a file; the diagnosis sees the
-recording alone; the answer is opened only to score. Each kind of trials is a file beside this one, an option says how
-many (`--help`), and `--docs` writes its page of docs/. Finished trials are kept in OUT, so a stopped run goes on.
+recording alone; the answer is opened only to score. Each kind of trials is a file beside this one and a page of docs/,
+into which `--docs` writes the tables; an option says how many (`--help`). Finished trials are kept in OUT, so a stopped
+run goes on.
 
 `--export` writes the scattered devices, their sealed answers and a description of the format, for any other tool;
 `--score` reads that tool's answers.
@@ -24,6 +25,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
 import json
+import re
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -80,26 +82,6 @@ GROUPS = {
 #: Noise of the sensors, as a share of 2 um, 10 urad, 0.03 N and 2 mN m; share of the recordings that do not tell it.
 SENSORS = (0.5, 4.0)
 UNDECLARED = 0.15
-HEAD = """# Concealed trials: how often the diagnosis is right
-
-A simulator of its own (`tests/reference/concealed/`: another formulation of the loaded 3-PRUP, by integrating each leg
-from its end, which shares no code with the package) draws a device, a bench test of 14 poses with 27 loads each, and
-sensors of half to four times 2 µm and 10 µrad; one recording in seven does not tell its noise. The answer is sealed in
-a file. The diagnosis gets the recording alone, its corrected model predicts another test of the same device, and only
-then the answer is opened to score. Seeds decide everything: `{command}`
-makes this page again.
-
-- *Clean*: nothing but the nominal robot. *One*: an effect of the library at a random place and size. *Pairs*: two of
-  them. *Outside*: physics that no law describes (a cubic drive, a drive that moves with another leg's load, drift
-  under load, …), where the right answer is `unknown`.
-- Strength: RMS of what the effect alone changes in the pose channel where it is strongest, in multiples of that
-  channel's noise.
-- *Place right*: the true place is in the class that the verdict names. *Physics right*: the true word of the
-  vocabulary is given.
-- Some effects cannot be told apart by any pose of the tool: a base that sits too high and an encoder that is off, a
-  mass at the tool point and a bias of the force sensor. The verdict then names one and lists the other.
-
-"""
 KNOWN = [name for name in PHYSICS if name != "alien"]
 #: Parameters whose truth is one number under the same name, or under the given one.
 COMPARABLE = {
@@ -277,7 +259,7 @@ def told(result: dict) -> str:
 
 #: All kinds of trials, each by the option that asks for so many.
 TRIALS = (
-    Kind("count", "3-PRUPs without scatter", "concealed", HEAD, devices, trial, told, summary, kept="trials"),
+    Kind("count", "3-PRUPs without scatter", "concealed", devices, trial, told, summary, kept="trials"),
     *(each.KIND for each in (_scattered, _efforts, _elastic, _markers, _uncalibrated, _tracked, _friction, _since,
                              _life, _fleet, _formulas, _loop, _misread)),
 )  # fmt: skip
@@ -338,13 +320,22 @@ def main() -> None:
     for kind in TRIALS:
         found = kind.devices(options)
         if found:
-            text = page(kind, found, options)
+            tables, command = answered(kind, found, options)
+            print("\n" + tables)
             if options.docs:
-                (ROOT / "docs" / f"{kind.page}_trials.md").write_text(text, encoding="utf-8")
+                tell(ROOT / "docs" / f"{kind.page}_trials.md", tables, command)
 
 
-def page(kind: Kind, devices: list[tuple], options: argparse.Namespace) -> str:
-    """Run devices of a kind, print their summary, and return their page."""
+def tell(page: Path, tables: str, command: str) -> None:
+    """Write tables, and the command that makes them again, in the place of those of a page."""
+    head, _, rest = page.read_text(encoding="utf-8").partition("<!-- trials -->")
+    head = re.sub(r"`python scripts/concealed_trials\.py [^`]*--docs`", f"`{command}`", head, count=1)
+    _, mark, rest = rest.partition("<!-- /trials -->")
+    page.write_text(f"{head}<!-- trials -->\n\n{tables}\n{mark}{rest}", encoding="utf-8")
+
+
+def answered(kind: Kind, devices: list[tuple], options: argparse.Namespace) -> tuple[str, str]:
+    """Run devices of a kind; return their tables, and the command that makes them again."""
     beside = {"beside": options.today} if kind is _scattered.KIND else {}
     jobs = {(robot, seed): (partial(kind.trial, **beside), seed, robot, *more) for robot, seed, *more in devices}
     kept = options.out / f"{kind.kept or kind.name}.jsonl"
@@ -353,13 +344,11 @@ def page(kind: Kind, devices: list[tuple], options: argparse.Namespace) -> str:
     if kind.gathered:
         done = sorted([*done, *(item for item in read(kept) if key_of(item) not in jobs)], key=key_of)
     text = (missing if len(jobs) > len(done) else "") + (kind.summary(done) if done else "")
-    print("\n" + text)
     asked = f"--{kind.name} {getattr(options, kind.name)}"
     asked = asked if kind.name == "count" else f"--count 0 {asked}"
     asked += f" --nothing {options.nothing}" * (kind is _formulas.KIND) + " --today" * beside.get("beside", False)
     asked += "".join(f" --robot {name}" for name in options.robot or ())
-    command = f"python scripts/concealed_trials.py {asked} --first-seed {options.first_seed} --docs"
-    return kind.head.format(command=command) + text
+    return text, f"python scripts/concealed_trials.py {asked} --first-seed {options.first_seed} --docs"
 
 
 def scored_answers(answers: list[dict]) -> str:
