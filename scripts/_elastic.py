@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from _benchmark import ALWAYS_TRUE, LARGE, Kind, columns, confusion, grid, in_turn, listed, rate, spread
-from _motion import exported, places_of, tried
+from _motion import exported, is_one_of, judged, places_of, tried
 
 from tests.reference.concealed.elastic import KINDS, draw_elastic, left_by_joint, write
 
@@ -48,13 +48,8 @@ def marks(answer: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, Any]
     found = [item for item in answer["findings"] if item["physics"] not in ALWAYS_TRUE]
     named = [item for item in found if item["physics"] != "unknown"]
     granted = [*truth["effects"], *(more for true in truth["effects"] for more in true["also"])]
-    wrong = [
-        item
-        for item in named
-        if not any(item["physics"] == true["physics"] and places_of(item) & set(true["places"]) for true in granted)
-        and not (truth["late"] and item["physics"] in LATE)
-        and item["physics"] != YIELDS
-    ]
+    beside = (YIELDS, *(LATE if truth["late"] else ()))
+    wrong = [item for item in named if item["physics"] not in beside and not is_one_of(item, granted)]
     unknown = len(named) < len(found) or answer.get("verdict") == "unexplained"
     group = truth["group"]
     return {
@@ -70,29 +65,16 @@ def marks(answer: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, Any]
             {key: item.get(key) for key in ("physics", "location", "candidates", "parameters", "heldout_gain")}
             for item in found
         ],
-        "effects": [_single(true, found) for true in truth["effects"] if true["location"] != "robot" or group == "one"],
+        "effects": [
+            judged(true, found, [item for item in found if any(names(item, place) for place in true["places"])])
+            for true in truth["effects"]
+            if true["location"] != "robot" or group == "one"
+        ],
         "off": _everywhere(truth, named) if truth["everywhere"] else [],
         "wrong": [f"{item['physics']} at {item['location']}" for item in wrong],
         "unknown": unknown,
         "accused": group == "faultless" and bool(wrong or unknown),
         "intervals": list(_intervals(truth, named)),
-    }
-
-
-def _single(true: Mapping[str, Any], found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    placed = [item for item in found if any(names(item, place) for place in true["places"])]
-    right = [item for item in placed if item["physics"] == true["physics"]]
-    others = {text.partition(" at ")[0] for item in placed for text in item.get("alternatives") or ()}
-    elsewhere = f"{found[0]['physics']} elsewhere" if found else "nothing"
-    return {
-        "physics": true["physics"],
-        "location": true["location"],
-        "size": true["size"],
-        "place": bool(placed),
-        "named": any(item["physics"] == true["physics"] for item in found),
-        "right": bool(right),
-        "among": bool(right) or true["physics"] in others,
-        "told": true["physics"] if right else placed[0]["physics"] if placed else elsewhere,
     }
 
 

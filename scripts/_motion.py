@@ -96,41 +96,43 @@ def read_table(path: Path) -> dict[str, np.ndarray]:
 def marks(answer: Mapping[str, Any], truth: Truth) -> dict[str, Any]:
     """Return what an answer got right of a truth."""
     found = [item for item in answer["findings"] if item["physics"] not in ALWAYS_TRUE]
-    effects, granted = [], set()
-    for true in truth["effects"]:
-        here = set(true["places"])
-        placed = [item for item in found if places_of(item) & here]
-        right = [item for item in placed if item["physics"] == true["physics"]]
-        others = {text.partition(" at ")[0] for item in placed for text in item.get("alternatives") or ()}
-        granted |= {id(item) for item in right}
-        granted |= {
-            id(item)
-            for item in found
-            for more in true["also"]
-            if item["physics"] == more["physics"] and places_of(item) & set(more["places"])
-        }
-        effects.append(
-            {
-                "physics": true["physics"],
-                "kind": true["parameters"].get("kind", ""),
-                "location": true["location"],
-                "size": true["size"],
-                "place": bool(placed),
-                "named": any(item["physics"] == true["physics"] for item in found),
-                "right": bool(right),
-                "first": bool(right) and right[0] is found[0],
-                "among": bool(right) or true["physics"] in others,
-                "class": len(right[0].get("candidates") or [0]) if right else 0,
-                "told": right[0]["physics"] if right else placed[0]["physics"] if placed else
-                (f"{found[0]['physics']} elsewhere" if found else "nothing"),
-            }
-        )  # fmt: skip
-    wrong = [item for item in found if id(item) not in granted and item["physics"] != "unknown"]
+    granted = [*truth["effects"], *(more for true in truth["effects"] for more in true["also"])]
+    wrong = [item for item in found if item["physics"] != "unknown" and not is_one_of(item, granted)]
     return {
         "verdict": answer.get("verdict", ""),
         "findings": [{key: item.get(key) for key in ("physics", "location", "candidates")} for item in found],
-        "effects": effects,
+        "effects": [
+            judged(true, found, [item for item in found if places_of(item) & set(true["places"])])
+            | {"kind": true["parameters"].get("kind", "")}
+            for true in truth["effects"]
+        ],
         "wrong": [f"{item['physics']} at {item['location']}" for item in wrong],
+    }
+
+
+def is_one_of(finding: Mapping[str, Any], granted: Sequence[Mapping[str, Any]]) -> bool:
+    """Return whether a finding is one of some effects, by its physics and any of its places."""
+    return any(finding["physics"] == true["physics"] and places_of(finding) & set(true["places"]) for true in granted)
+
+
+def judged(
+    true: Mapping[str, Any], found: Sequence[Mapping[str, Any]], placed: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Return what findings, of which some are at its place, got right of a true effect."""
+    right = [item for item in placed if item["physics"] == true["physics"]]
+    others = {text.partition(" at ")[0] for item in placed for text in item.get("alternatives") or ()}
+    elsewhere = f"{found[0]['physics']} elsewhere" if found else "nothing"
+    return {
+        "physics": true["physics"],
+        "location": true["location"],
+        "size": true["size"],
+        "place": bool(placed),
+        "named": any(item["physics"] == true["physics"] for item in found),
+        "right": bool(right),
+        "first": bool(right) and right[0] is found[0],
+        "among": bool(right) or true["physics"] in others,
+        "class": len(right[0].get("candidates") or [0]) if right else 0,
+        "told": true["physics"] if right else placed[0]["physics"] if placed else elsewhere,
     }
 
 
