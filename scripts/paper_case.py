@@ -62,7 +62,8 @@ def picture(printed, found, path: Path) -> None:
     left.text(1.0, noise, " noise", color=FAINT, fontsize=9, va="center", transform=left.get_yaxis_transform())
     left.set_yscale("log")
     plain_axes(left, 9, labels=("sample", "measured less simulated position [µm]"))
-    loads = found.final.equilibria.evaluation.loads[:, found.final.equilibria.chain.names.index("leg1/linear_rod")]
+    equilibria = found.final.equilibria
+    loads = equilibria.evaluation.loads[:, equilibria.chain.structure.layout.index["leg1/linear_rod"]]
     correct = prup_pin.load("3prup")
     pose = correct.home
     force = np.linspace(loads[:, 1].min(), loads[:, 1].max(), 50)
