@@ -1,4 +1,4 @@
-"""Answers against truths: what a diagnosis named, what it left, and whether its intervals hold.
+"""Answers against truths: what a diagnosis named, what it left, and whether its intervals hold; and tables of that.
 
 An answer is the document that `prup-pin diagnose` writes (diagnosis.json), by whatever tool: a list `findings`, and,
 where the tool calibrates, a list `calibration`. Nothing here knows the package.
@@ -6,8 +6,14 @@ where the tool calibrates, a list `calibration`. Nothing here knows the package.
 
 from __future__ import annotations
 
+import itertools
 import json
-from collections.abc import Iterable, Mapping, Sequence
+import tempfile
+from argparse import Namespace
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +29,8 @@ JOINED = ("hub.mass", "star_1.mass", "star_2.mass", "star_3.mass")
 #: Size from which an effect has to be found.
 LARGE = 3.0
 Answer = Mapping[str, Any]
+#: A trial, as it is kept in OUT.
+Result = Mapping[str, Any]
 
 README = """# Concealed devices: a benchmark for diagnosis within tolerances
 
@@ -66,6 +74,62 @@ leaves there. `unknown` is the physics of what no law describes. `{command} --sc
 """
 
 
+@dataclass(frozen=True)
+class Kind:
+    """A kind of trials: the option that asks for them, the page that tells them, and what is done for each.
+
+    devices: by the options, (robot, seed) and what else trial(seed, robot, …) takes. summary: tables of all results as
+    Markdown. export: writes devices into a folder. kept: OUT/kept.jsonl, where it is not called like the option;
+    gathered: the page is of all results there.
+    """
+
+    name: str
+    help: str
+    page: str
+    devices: Callable[[Namespace], list[tuple]]
+    trial: Callable[..., dict[str, Any]]
+    told: Callable[[Result], str]
+    summary: Callable[[Sequence[Result]], str]
+    export: Callable[[Path, Sequence[tuple[str, int]]], None] | None = None
+    kept: str = ""
+    gathered: bool = False
+
+
+def in_turn(option: str, kinds: Iterable[str]) -> Callable[[Namespace], list[tuple]]:
+    """Return what gives so many devices in all as an option says, each kind in its turn, with their seeds."""
+
+    def devices(options: Namespace) -> list[tuple]:
+        seeds: Counter[str] = Counter()
+        found = []
+        for name in itertools.islice(itertools.cycle(kinds), getattr(options, option)):
+            found.append((name, options.first_seed + seeds[name]))
+            seeds[name] += 1
+        return found
+
+    return devices
+
+
+def of_each(option: str, kinds: Iterable[str]) -> Callable[[Namespace], list[tuple]]:
+    """Return what gives so many devices of each robot that is asked for, else of each kind."""
+    return lambda options: [
+        (name, options.first_seed + index)
+        for name in options.robot or kinds
+        for index in range(getattr(options, option))
+    ]
+
+
+def of_each_or_in_turn(option: str, kinds: Sequence[str]) -> Callable[[Namespace], list[tuple]]:
+    """Return what gives so many devices of each robot that is asked for, else so many in all, each kind in its turn."""
+    return lambda options: (of_each if options.robot else in_turn)(option, kinds)(options)
+
+
+@contextmanager
+def sealed() -> Iterator[tuple[Path, Path]]:
+    """Yield a folder for recordings and one for answers, for as long as a trial takes."""
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder) / "out", Path(folder) / "sealed"
+
+
 def marks(answer: Answer, truth: Mapping[str, Any]) -> dict[str, Any]:
     """Return what an answer got right of a truth."""
     found = [item for item in answer["findings"] if item["physics"] not in ALWAYS_TRUE]
@@ -99,10 +163,20 @@ def marks(answer: Answer, truth: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def by_robot(trials: Sequence[Mapping[str, Any]], robots: Iterable[str]) -> dict[str, list[Mapping[str, Any]]]:
-    """Return trials by the columns of a table: all of them, and those of each robot that has some."""
-    groups = {"all": list(trials)} | {name: [t for t in trials if t["robot"] == name] for name in robots}
-    return {name: mine for name, mine in groups.items() if mine}
+def as_told(findings: Iterable[Any]) -> list[dict[str, Any]]:
+    """Return what is kept of a diagnosis's findings."""
+    return [
+        {
+            "physics": item.physics,
+            "location": item.location,
+            "candidates": list(item.candidates),
+            "alternatives": list(item.alternatives),
+            "parameters": {name: [v.value, *v.interval] for name, v in item.parameters.items()},
+            "gain": item.heldout_gain,
+            "statement": item.statement,
+        }
+        for item in findings
+    ]
 
 
 def named_places(finding: Mapping[str, Any]) -> set[str]:
@@ -181,64 +255,137 @@ def read_poses(path: Path) -> dict[str, np.ndarray]:
     return {key: values[:, [head.index(f"{key}.{axis}") for axis in "xyz"]] for key in ("p", "r")}
 
 
-def table(answers: Mapping[str, Sequence[Mapping[str, Any]]], share) -> str:
-    """Return one Markdown table: questions down, tools across. `share(hits, total)` writes a share."""
-    rows: list[tuple[str, Any]] = [
-        ("scatter alone: something found", lambda t: _count(t, "clean", lambda x: bool(x["findings"]))),
-        ("one effect of 3 x (noise and tolerance) or more: place right", lambda t: _effects(t, "one", "place")),
-        ("… physics right", lambda t: _effects(t, "one", "named")),
+# -- tables ------------------------------------------------------------------------------------------------------------
+
+
+def share(hits: int, total: int) -> str:
+    """Return a share with its 95 % confidence interval."""
+    if not total:
+        return "-"
+    p, z = hits / total, 1.96
+    centre = (p + z * z / (2 * total)) / (1 + z * z / total)
+    half = z * np.sqrt(p * (1 - p) / total + z * z / (4 * total**2)) / (1 + z * z / total)
+    return f"{100 * p:.1f} % ({hits}/{total}; {100 * max(centre - half, 0):.1f}-{100 * min(centre + half, 1):.1f} %)"
+
+
+def rate(
+    hit: Callable[[Any], bool | None],
+    of: Callable[[Any], Any] = lambda trial: True,
+    each: Callable[[Result], Iterable[Any]] = lambda trial: (trial,),
+) -> Callable[[Sequence[Result]], str]:
+    """Return what writes the share of trials, or of what stands in `each` of them, that are hit; None counts nowhere.
+
+    of: those that are asked.
+    """
+
+    def answer(trials: Sequence[Result]) -> str:
+        known = [bool(x) for x in (hit(item) for t in trials for item in each(t) if of(item)) if x is not None]
+        return share(sum(known), len(known))
+
+    return answer
+
+
+def spread(values: Iterable[float], form: str = ".3g", most: bool = False) -> str:
+    """Return the median and in brackets what nine of ten stay below, or the largest."""
+    finite = [value for value in values if np.isfinite(value)]
+    top = (max if most else lambda known: np.quantile(known, 0.9))(finite) if finite else 0.0
+    return f"{np.median(finite):{form}} ({top:{form}})" if finite else "-"
+
+
+def columns(trials: Sequence[Result], robots: Iterable[str] = ()) -> dict[str, list[Result]]:
+    """Return trials by the columns of a table: all of them, and those of each robot that has some, in that order."""
+    names = list(robots) or dict.fromkeys(t["robot"] for t in trials)
+    return filled({"all": list(trials)} | {name: [t for t in trials if t["robot"] == name] for name in names})
+
+
+def filled(groups: Mapping[str, list[Result]]) -> dict[str, list[Result]]:
+    """Return the groups that are not empty."""
+    return {name: mine for name, mine in groups.items() if mine}
+
+
+def listed(names: Iterable[str], rows: Iterable[Iterable[object]]) -> list[str]:
+    """Return the lines of a Markdown table."""
+    head = list(names)
+    return [_row(head), "|---" * len(head) + "|", *map(_row, rows)]
+
+
+def _row(cells: Iterable[object]) -> str:
+    return f"| {' | '.join(map(str, cells))} |"
+
+
+def grid(groups: Mapping[str, Any], rows: Iterable[tuple[str, Callable[[Any], str]]]) -> list[str]:
+    """Return the lines of a table: questions down, groups of trials across."""
+    return listed(("question", *groups), ((name, *map(answer, groups.values())) for name, answer in rows))
+
+
+def confusion(effects: Iterable[tuple[str, Mapping[str, Any]]]) -> list[str]:
+    """Return the lines of a table that says what effects, by a name, were taken for."""
+    told, placed = defaultdict(Counter), Counter()
+    for name, effect in effects:
+        told[name][effect["told"]] += 1
+        placed[name] += effect["place"]
+    taken = {name: ", ".join(f"{word} {count}" for word, count in words.most_common()) for name, words in told.items()}
+    rows = ((name, told[name].total(), placed[name], taken[name]) for name in sorted(told))
+    return listed(("truth", "devices", "place right", "taken for"), rows)
+
+
+def by_size(what: str, bounds: Sequence[float], trials: Sequence[Result], size: str) -> list[str]:
+    """Return the lines of a table of single effects by their size: something found, and found right."""
+    rows = []
+    for low, high in itertools.pairwise((*bounds, np.inf)):
+        mine = [t for t in trials if low <= t["effects"][0][size] < high]
+        if mine:
+            right = sum(t["effects"][0]["right"] for t in mine)
+            top = f"{high:g}" if np.isfinite(high) else "more"
+            rows.append((f"{low:g}-{top}", len(mine), sum(bool(t["findings"]) for t in mine), right))
+    return listed((f"{what} [noise]", "devices", "something found", "place and physics right"), rows)
+
+
+def at_places(items: Iterable[Mapping[str, Any]], size: str = "", otherwise: str = "") -> str:
+    """Return 'physics at location' of effects or findings, with a size in brackets."""
+    said = (f"{x['physics']} at {x['location']}" + (f" ({x[size]:.1f})" if size else "") for x in items)
+    return "; ".join(said) or otherwise
+
+
+def table(answers: Mapping[str, Sequence[Result]]) -> str:
+    """Return one Markdown table: questions down, tools across."""
+
+    def effects(kind: str, key: str, size: str = "size") -> Callable[[Sequence[Result]], str]:
+        return rate(lambda e: e[key], lambda e: e[size] >= 0.95 * LARGE,
+                    lambda t: t["effects"] if t["group"] == kind else ())  # fmt: skip
+
+    def trials(kind: str, hit: Callable[[Result], bool]) -> Callable[[Sequence[Result]], str]:
+        return rate(hit, lambda t: t["group"] == kind)
+
+    rows = [
+        ("scatter alone: something found", trials("clean", lambda t: bool(t["findings"]))),
+        ("one effect of 3 x (noise and tolerance) or more: place right", effects("one", "place")),
+        ("… physics right", effects("one", "named")),
+        ("… physics right, or named among those that the data cannot tell apart", effects("one", "among")),
+        ("… both, in one finding", effects("one", "right")),
+        ("… and nothing named elsewhere", effects("one", "alone")),
+        ("of which scatter cannot imitate 3 x noise or more: place right", effects("one", "place", "left")),
+        ("… physics right", effects("one", "named", "left")),
         (
-            "… physics right, or named among those that the data cannot tell apart",
-            lambda t: _effects(t, "one", "among"),
+            "outside the library: a law named",
+            trials("outside", lambda t: any(item["physics"] != "unknown" for item in t["findings"])),
         ),
-        ("… both, in one finding", lambda t: _effects(t, "one", "right")),
-        ("… and nothing named elsewhere", lambda t: _effects(t, "one", "alone")),
-        (
-            "of which scatter cannot imitate 3 x noise or more: place right",
-            lambda t: _effects(t, "one", "place", "left"),
-        ),
-        ("… physics right", lambda t: _effects(t, "one", "named", "left")),
-        ("outside the library: a law named", lambda t: _count(t, "outside", _a_law)),
         (
             "tolerances misjudged by two, scatter alone: found what is within three of them",
-            lambda t: _count(t, "misjudged clean", lambda x: bool(x["false"])),
+            trials("misjudged clean", lambda t: bool(t["false"])),
         ),
-        ("… one effect: place right", lambda t: _effects(t, "misjudged one", "place")),
-        ("95 % intervals of calibrated parameters that hold the truth", lambda t: _inside(t)),
+        ("… one effect: place right", effects("misjudged one", "place")),
+        (
+            "95 % intervals of calibrated parameters that hold the truth",
+            rate(lambda hit: hit, each=lambda t: t["inside"]),
+        ),
     ]
-    lines = ["| question | " + " | ".join(answers) + " |", "|---" * (1 + len(answers)) + "|"]
-    lines += [f"| {name} | " + " | ".join(share(*rate(trials)) for trials in answers.values()) + " |"
-              for name, rate in rows]  # fmt: skip
-    for kind, text in (("clean", "scatter alone"), ("one", "one effect"), ("outside", "outside the library")):
-        left = [[t["after"] for t in trials if t["group"] == kind] for trials in answers.values()]
-        lines.append(f"| held out, {text}: median (90th percentile) [noise] | " + " | ".join(map(_spread, left)) + " |")
-    counts = [np.mean([len(t["findings"]) for t in trials]) if trials else np.nan for trials in answers.values()]
-    lines.append("| things named a device, mean | " + " | ".join(f"{count:.1f}" for count in counts) + " |")
-    return "\n".join(lines) + "\n"
-
-
-def _spread(values: Sequence[float]) -> str:
-    finite = [value for value in values if np.isfinite(value)]
-    return f"{np.median(finite):.2f} ({np.quantile(finite, 0.9):.2f})" if finite else "-"
-
-
-def _a_law(trial: Mapping[str, Any]) -> bool:
-    return any(item["physics"] != "unknown" for item in trial["findings"])
-
-
-def _count(trials, kind: str, hit) -> tuple[int, int]:
-    chosen = [t for t in trials if t["group"] == kind]
-    return sum(map(hit, chosen)), len(chosen)
-
-
-def _effects(trials, kind: str, key: str, size: str = "size") -> tuple[int, int]:
-    chosen = [e for t in trials if t["group"] == kind for e in t["effects"] if e[size] >= 0.95 * LARGE]
-    return sum(e[key] for e in chosen), len(chosen)
-
-
-def _inside(trials) -> tuple[int, int]:
-    hits = [hit for t in trials for hit in t["inside"]]
-    return sum(hits), len(hits)
-
-
-__all__ = ["export", "group", "left_over", "marks", "read_answers", "table"]
+    rows += [
+        (
+            f"held out, {text}: median (90th percentile) [noise]",
+            lambda ts, kind=kind: spread((t["after"] for t in ts if t["group"] == kind), ".2f"),
+        )
+        for kind, text in (("clean", "scatter alone"), ("one", "one effect"), ("outside", "outside the library"))
+    ]
+    rows += [("things named a device, mean", lambda ts: f"{np.mean([len(t['findings']) for t in ts]):.1f}")]
+    return "\n".join(grid(answers, rows)) + "\n"

@@ -2,46 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import shutil
-import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _motion import answered, exported, group_of, kind_of, marks, named, read_table
+from _benchmark import Kind, in_turn
+from _motion import exported, group_of, named, scored, summary, told, tried
 from scipy.signal import butter, sosfiltfilt
 
 from tests.reference.concealed.efforts import CUT, KINDS, draw_efforts, write
 
 #: A joint slower than this stands still [rad/s]: what friction holds then is nobody's to predict.
 STANDING = 1e-3
-BEFORE = "share of the efforts that the robot file leaves"
-AFTER = "share that the corrected model leaves"
-HEAD = """# Concealed trials on robots in motion
-
-Arms of example-robot-data (ur5, panda, kinova, xarm7) and a five-bar whose loop is closed, in motion: positions as
-encoders of 2^17 to 2^20 counts tell them, velocities in six of ten recordings, efforts. Every mass and inertia is 5 %
-off, which the recording declares. A simulator of its own (`tests/reference/concealed/`: Newton and Euler in base axes,
-virtual work, no code of the package) draws device, motion and log; the answer is sealed while `prup-pin diagnose` and
-`prup-pin predict` see the recording alone.
-
-- *Motion*: five harmonics in every joint, 20 to 60 s at 250 Hz to 1 kHz, standstills in four of ten. One controller in
-  ten has a clock that jitters, repeats rows and loses others; one kinova in five tells its endless joints wrapped.
-- *Noise* of the efforts is partly white and partly decays over 10 to 200 ms; one recording in seven does not tell it.
-- *Size* of an effect: RMS, in the joint where it is strongest, of what it changes below 8 Hz, in multiples of the
-  efforts' noise, of it all and of what is left of it after the best fit of masses and inertias within tolerance (or
-  half the length of that fit in tolerances): the smaller counts. Drawn from 3 to 40.
-- *Outside the library*: a cubic spring, friction that depends on position or switches with time, quadratic drag,
-  efforts that saturate. To name what such a thing is in part (Coulomb friction, where friction depends on position) is
-  not counted as wrong; to say then that all is explained is counted.
-- *Place right*: the true place is in the class that the verdict names. *Held out*: another motion of the same device;
-  RMS of what a prediction leaves below 8 Hz, where no joint stands still, over RMS of the efforts.
-
-`{command}` makes this page again.
-
-"""
 
 
 def how(seed: int, robot: str) -> dict[str, Any]:
@@ -52,17 +27,20 @@ def how(seed: int, robot: str) -> dict[str, Any]:
     return {"seed": seed, "robot": robot, "effects": effects}
 
 
+def written(seed: int, robot: str, out: Path, sealed: Path, name: str) -> None:
+    """Draw a device and write its recordings and its answer, and its robot where it is no well-known one."""
+    kind = KINDS[robot]
+    called = kind.called if kind.called.endswith(".urdf") else None
+    out.mkdir(parents=True, exist_ok=True)
+    if called:
+        shutil.copy(kind.path, out / called)
+    write(draw_efforts(**how(seed, robot)), out, sealed, name)
+
+
 def trial(seed: int, robot: str) -> dict[str, Any]:
     """Draw, seal, diagnose, predict the held-out recording, and only then open the answer."""
-    with tempfile.TemporaryDirectory() as folder:
-        out, sealed = Path(folder) / "out", Path(folder) / "sealed"
-        kind = KINDS[robot]
-        called = str(kind.path) if kind.called.endswith(".urdf") else None
-        write(draw_efforts(**how(seed, robot)), out, sealed, "device", called)
-        answer, seconds = answered(out / "device.csv", out / "device.heldout.csv", out)
-        truth = json.loads((sealed / "device.truth.json").read_text())
-        measured, predicted = read_table(out / "device.heldout.csv"), read_table(out / "heldout.csv")
-    result = marks(answer, truth) | {"seed": seed, "robot": robot, "group": kind_of(truth), "seconds": seconds}
+    answer, seconds, truth, measured, predicted = tried(seed, robot, written)
+    result = scored(seed, robot, answer, truth, seconds)
     return result | {"before": truth["left_by_the_file"], "after": share_left(measured, predicted)}
 
 
@@ -86,13 +64,9 @@ def share_left(measured: Mapping[str, np.ndarray], predicted: Mapping[str, np.nd
     return float(np.sqrt(np.mean(np.square(left)) / np.mean(np.square(whole))))
 
 
-def export(folder: Path, devices: Sequence[tuple[str, int]]) -> None:
-    """Write devices, (robot, seed), as `exported` does."""
-    folder.mkdir(parents=True, exist_ok=True)
-
-    def one(robot: str, seed: int, out: Path, sealed: Path, name: str) -> None:
-        if KINDS[robot].called.endswith(".urdf"):
-            shutil.copy(KINDS[robot].path, out / KINDS[robot].called)
-        write(draw_efforts(**how(seed, robot)), out, sealed, name)
-
-    exported(folder, devices, one)
+KIND = Kind(
+    "efforts", "robots in motion, seen by their efforts", "effort", in_turn("efforts", KINDS), trial, told,
+    partial(summary, before="share of the efforts that the robot file leaves",
+            after="share that the corrected model leaves"),
+    lambda folder, devices: exported(folder / "efforts", devices, written),
+)  # fmt: skip

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import re
-import tempfile
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _benchmark import ALWAYS_TRUE
-from _motion import answered, exported, places_of, read_table
+from _benchmark import ALWAYS_TRUE, LARGE, Kind, columns, confusion, grid, in_turn, listed, rate, spread
+from _motion import exported, is_one_of, judged, places_of, tried
 
-from tests.reference.concealed.elastic import draw_elastic, left_by_joint, write
+from tests.reference.concealed.elastic import KINDS, draw_elastic, left_by_joint, write
 
-#: Size from which an effect has to be found, in its joint.
-LARGE = 3.0
 #: Words for efforts that come late or through a low-pass; true where the log has either.
 LATE = ("effort_delay", "effort_filter")
 #: True of every device here: its gears yield.
@@ -35,51 +30,16 @@ COMPARABLE = {
 }
 #: Parameters of dry friction that depends on load or warms up: its limit is not that of the plain law.
 OTHER_LAWS = {"share_of_load", "cold"}
-HEAD = """# Concealed trials on arms whose gears yield
 
-Arms of example-robot-data (ur5, ur10, panda, kinova, xarm7) as real ones are: each joint has a rotor, a gear that
-yields, and links, k delta + d delta' = tau_l, tau_m = J theta'' + friction(theta') + tau_l; encoders sit on the
-motors. A simulator of its own (`tests/reference/concealed/elastic.py`: Newton and Euler in base axes, elastic inverse
-dynamics, no code of the package) draws device, motion and log; the answer is sealed while `prup-pin diagnose` and
-`prup-pin predict` see the recording alone.
 
-- *Drives*: with the rotor locked, links swing on their gear at 15 to 60 Hz (higher where a gear would yield by more
-  than 8 mrad). A disturbance of 15 to 60 Hz shakes motors by 0.25 to 7.5 rad/s², each alone, and
-  joints shake one another (one device in seven: none); it is
-  the controller's, which its efforts tell, or in three of ten the motor's own, which they do not.
-- *Efforts* have passed a low-pass of first or second order at 15 to 80 Hz (seven of ten) and a delay of 1 to 8 ms
-  (six of ten); their noise is partly white and partly decays, four of ten are rounded to 8 to 16 bit.
-- *Positions* at 250 Hz to 1 kHz have white noise of 1e-6 to 1e-4 rad or 2^12 to 2^20 counts a turn; velocities are
-  logged in half; the clock jitters by up to 0.5 ms in a third. Half of the recordings declare nothing at all, the
-  others their effort noise and tolerances of 5 %.
-- *Faultless* (25 %): the drawing is right, within tolerance where one is declared; efforts are torques behind the
-  gears, or those of motors too light to be seen. *Everywhere* (40 %): dry and viscous friction, rotors and offsets at
-  all joints, masses and inertias 10 to 20 % off, and in three of ten one effect more. *One* (35 %): a payload, an
-  effort's gain or delay, dry or viscous friction of one joint, or a motor that acts on two.
-- *Size*: RMS below 8 Hz in multiples of the efforts' noise and rounding, by joint; single effects are drawn from 5 to
-  40. A joint's friction, rotor or offset counts as told where a finding names it, or one at `robot` lists the joint.
-- *Accused*: a faultless device with a finding, or `unexplained`. That efforts come late is no accusation where they
-  do, nor that a gear yields, which all do.
-- *Yielding*: RMS below 8 Hz by which rigid bodies at the motors' positions need other efforts than at the links', over
-  the noise; what no rigid robot has, on faultless devices too.
-- *Left, missed*: another motion of the same device, efforts as they would be logged without noise; RMS of what a
-  prediction leaves of them below 8 Hz, where all joints move, each joint by its spread; missed: over what the drawing
-  leaves. By spread, a wrist whose efforts are a tenth of their noise counts as much as a shoulder, though no log tells
-  what it needs; so both are told by noise as well.
-
-`{command}` makes such a page again.
-
-"""
+def written(seed: int, robot: str, out: Path, sealed: Path, name: str) -> None:
+    """Draw a device and write its recordings and its answer."""
+    write(draw_elastic(seed, robot), out, sealed, name)
 
 
 def trial(seed: int, robot: str) -> dict[str, Any]:
     """Draw, seal, diagnose, predict the held-out recording, and only then open the answer."""
-    with tempfile.TemporaryDirectory() as folder:
-        out, sealed = Path(folder) / "out", Path(folder) / "sealed"
-        write(draw_elastic(seed, robot), out, sealed, "device")
-        answer, seconds = answered(out / "device.csv", out / "device.heldout.csv", out)
-        truth = json.loads((sealed / "device.truth.json").read_text())
-        true, predicted = read_table(sealed / "device.true.csv"), read_table(out / "heldout.csv")
+    answer, seconds, truth, true, predicted = tried(seed, robot, written)
     return marks(answer, truth) | left(true, predicted, truth) | {"seconds": seconds}
 
 
@@ -88,13 +48,8 @@ def marks(answer: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, Any]
     found = [item for item in answer["findings"] if item["physics"] not in ALWAYS_TRUE]
     named = [item for item in found if item["physics"] != "unknown"]
     granted = [*truth["effects"], *(more for true in truth["effects"] for more in true["also"])]
-    wrong = [
-        item
-        for item in named
-        if not any(item["physics"] == true["physics"] and places_of(item) & set(true["places"]) for true in granted)
-        and not (truth["late"] and item["physics"] in LATE)
-        and item["physics"] != YIELDS
-    ]
+    beside = (YIELDS, *(LATE if truth["late"] else ()))
+    wrong = [item for item in named if item["physics"] not in beside and not is_one_of(item, granted)]
     unknown = len(named) < len(found) or answer.get("verdict") == "unexplained"
     group = truth["group"]
     return {
@@ -110,29 +65,16 @@ def marks(answer: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, Any]
             {key: item.get(key) for key in ("physics", "location", "candidates", "parameters", "heldout_gain")}
             for item in found
         ],
-        "effects": [_single(true, found) for true in truth["effects"] if true["location"] != "robot" or group == "one"],
+        "effects": [
+            judged(true, found, [item for item in found if any(names(item, place) for place in true["places"])])
+            for true in truth["effects"]
+            if true["location"] != "robot" or group == "one"
+        ],
         "off": _everywhere(truth, named) if truth["everywhere"] else [],
         "wrong": [f"{item['physics']} at {item['location']}" for item in wrong],
         "unknown": unknown,
         "accused": group == "faultless" and bool(wrong or unknown),
         "intervals": list(_intervals(truth, named)),
-    }
-
-
-def _single(true: Mapping[str, Any], found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    placed = [item for item in found if any(names(item, place) for place in true["places"])]
-    right = [item for item in placed if item["physics"] == true["physics"]]
-    others = {text.partition(" at ")[0] for item in placed for text in item.get("alternatives") or ()}
-    elsewhere = f"{found[0]['physics']} elsewhere" if found else "nothing"
-    return {
-        "physics": true["physics"],
-        "location": true["location"],
-        "size": true["size"],
-        "place": bool(placed),
-        "named": any(item["physics"] == true["physics"] for item in found),
-        "right": bool(right),
-        "among": bool(right) or true["physics"] in others,
-        "told": true["physics"] if right else placed[0]["physics"] if placed else elsewhere,
     }
 
 
@@ -228,92 +170,50 @@ def left(true: Mapping[str, np.ndarray], predicted: Mapping[str, np.ndarray], tr
     }
 
 
-def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str]) -> str:
-    """Return the tables of all robots as Markdown; `share(hits, total)` writes a share."""
-    robots = list(dict.fromkeys(t["robot"] for t in trials))
-    columns = {"all": list(trials), **{robot: [t for t in trials if t["robot"] == robot] for robot in robots}}
+def summary(trials: Sequence[Mapping[str, Any]]) -> str:
+    """Return the tables of all robots as Markdown."""
+
+    def devices(group: str, hit: Callable[[Mapping[str, Any]], Any]) -> Callable[[Sequence], str]:
+        return rate(hit, lambda t: t["group"] == group)
+
+    def single(key: str) -> Callable[[Sequence], str]:
+        return rate(lambda e: e[key], lambda e: e["size"] >= LARGE,
+                    lambda t: t["effects"] if t["group"] == "one" else ())  # fmt: skip
+
+    def missed(group: str, key: str = "missed") -> Callable[[Sequence], str]:
+        return lambda ts: spread(t[key] for t in ts if t["group"] == group)
+
     rows: list[tuple[str, Callable[[list], str]]] = [("devices", lambda ts: str(len(ts)))]
-    rows += [("faultless: accused", lambda ts: _share(ts, "faultless", lambda t: t["accused"], share))]
-    rows += [("… `unknown` or unexplained", lambda ts: _share(ts, "faultless", lambda t: t["unknown"], share))]
+    rows += [("faultless: accused", devices("faultless", lambda t: t["accused"]))]
+    rows += [("… `unknown` or unexplained", devices("faultless", lambda t: t["unknown"]))]
     for name, key in (("place right", "place"), ("… physics right", "named"), ("… both, in one finding", "right"),
                       ("… both, or told among what cannot be told apart", "among")):  # fmt: skip
-        rows += [(f"one effect: {name}", lambda ts, key=key: _single_share(ts, key, share))]
+        rows += [(f"one effect: {name}", single(key))]
     for group in ("one", "everywhere"):
-        rows += [
-            (f"{group}: something wrong named", lambda ts, g=group: _share(ts, g, lambda t: bool(t["wrong"]), share)),
-            (f"{group}: `unknown` beside", lambda ts, g=group: _share(ts, g, lambda t: t["unknown"], share)),
-        ]
-    kinds = list(dict.fromkeys(item["physics"] for t in trials for item in t["off"]))
-    rows += [
-        (f"everywhere, {LARGE:g} x noise or more: {kind} told", lambda ts, kind=kind: _told_share(ts, kind, share))
-        for kind in kinds
-    ]
-    told = list(dict.fromkeys(item["physics"] for t in trials for item in t["intervals"]))
-    rows += [
-        (f"95 % intervals that hold the truth{of}", lambda ts, kind=kind: _held(ts, kind, share))
-        for of, kind in [("", None), *((f", {kind}", kind) for kind in told)]
-    ]
+        rows += [(f"{group}: something wrong named", devices(group, lambda t: t["wrong"]))]
+        rows += [(f"{group}: `unknown` beside", devices(group, lambda t: t["unknown"]))]
+    for kind in dict.fromkeys(item["physics"] for t in trials for item in t["off"]):
+        strong = rate(lambda item: item["told"], lambda item, kind=kind: item["physics"] == kind and
+                      item["strength"] >= LARGE, lambda t: t["off"])  # fmt: skip
+        rows += [(f"everywhere, {LARGE:g} x noise or more: {kind} told", strong)]
+    for kind in (None, *dict.fromkeys(item["physics"] for t in trials for item in t["intervals"])):
+        held = rate(lambda item: item["inside"], lambda item, kind=kind: kind in (None, item["physics"]),
+                    lambda t: t["intervals"])  # fmt: skip
+        rows += [(f"95 % intervals that hold the truth{f', {kind}' if kind else ''}", held)]
     for group in ("faultless", "one", "everywhere"):
         for name, key in (("the drawing leaves", "before"), ("the prediction leaves", "after"), ("missed", "missed"),
                           ("missed, each joint by its noise", "missed_by_noise")):  # fmt: skip
             if group != "faultless" or not key.startswith("missed"):
-                rows.append(
-                    (
-                        f"held out, {group}: {name}, median (90th percentile)",
-                        lambda ts, g=group, key=key: _spread([t[key] for t in ts if t["group"] == g]),
-                    )
-                )
-    rows += [("seconds a diagnosis, median (90th percentile)", lambda ts: _spread([t["seconds"] for t in ts]))]
+                rows += [(f"held out, {group}: {name}, median (90th percentile)", missed(group, key))]
+    rows += [("seconds a diagnosis, median (90th percentile)", lambda ts: spread(t["seconds"] for t in ts))]
     lines = [f"{len(trials)} devices, seeds from {min(t['seed'] for t in trials)} on, as first answered.", ""]
-    lines += ["| question | " + " | ".join(columns) + " |", "|---" * (1 + len(columns)) + "|"]
-    lines += [f"| {name} | " + " | ".join(rate(mine) for mine in columns.values()) + " |" for name, rate in rows]
-    return "\n".join([*lines, "", *_confusion(trials), "", *_conditions(trials, share), "", *_every(trials)]) + "\n"
-
-
-def _share(trials, group: str, hit, share) -> str:
-    mine = [t for t in trials if t["group"] == group]
-    return share(sum(bool(hit(t)) for t in mine), len(mine))
-
-
-def _single_share(trials, key: str, share) -> str:
-    mine = [e for t in trials if t["group"] == "one" for e in t["effects"] if e["size"] >= LARGE]
-    return share(sum(e[key] for e in mine), len(mine))
-
-
-def _told_share(trials, kind: str, share) -> str:
-    mine = [item for t in trials for item in t["off"] if item["physics"] == kind and item["strength"] >= LARGE]
-    return share(sum(item["told"] for item in mine), len(mine))
-
-
-def _held(trials, kind: str | None, share) -> str:
-    mine = [item for t in trials for item in t["intervals"] if kind in (None, item["physics"])]
-    return share(sum(item["inside"] for item in mine), len(mine))
-
-
-def _spread(values) -> str:
-    finite = [value for value in values if np.isfinite(value)]
-    return f"{np.median(finite):.3g} ({np.quantile(finite, 0.9):.3g})" if finite else "-"
-
-
-def _confusion(trials) -> list[str]:
-    told, placed = defaultdict(Counter), Counter()
-    for t in trials:
-        for e in t["effects"]:
-            name = e["physics"] + (" beside all else" if t["group"] == "everywhere" else "")
-            told[name][e["told"]] += 1
-            placed[name] += e["place"]
-    lines = ["What one effect was taken for:", "", "| truth | devices | place right | taken for |", "|---|---|---|---|"]
-    for name in sorted(told):
-        taken = ", ".join(f"{word} {count}" for word, count in told[name].most_common())
-        lines.append(f"| {name} | {sum(told[name].values())} | {placed[name]} | {taken} |")
-    wrong = Counter(re.sub(r" at .*", "", word) for t in trials for word in t["wrong"])
+    lines += [*grid(columns(trials), rows), "", "What one effect was taken for:", ""]
+    beside = {"everywhere": " beside all else"}
+    lines += confusion((e["physics"] + beside.get(t["group"], ""), e) for t in trials for e in t["effects"])
+    wrong = Counter(word.partition(" at ")[0] for t in trials for word in t["wrong"])
     if wrong:
         lines += ["", "Named though it is not there: " + ", ".join(f"{k} {n}" for k, n in wrong.most_common()) + "."]
-    return lines
-
-
-def _conditions(trials, share) -> list[str]:
-    """Return what a log's features do to accusations and to what is missed."""
+    # what a log's features do to accusations and to what is missed
     features: list[tuple[str, Callable[[Mapping[str, Any]], bool]]] = [
         ("noise and tolerances declared", lambda t: t["declared"]),
         ("nothing declared", lambda t: not t["declared"]),
@@ -327,31 +227,17 @@ def _conditions(trials, share) -> list[str]:
         ("velocities logged", lambda t: t["device"]["velocity"] is not None),
         ("2^15 counts a turn or fewer", lambda t: (t["device"]["counts"] or np.inf) <= 2**15),
     ]
-    lines = [
-        "| log | devices | faultless: accused | missed, one, median | missed, everywhere, median |",
-        "|---" * 5 + "|",
-    ]
-    for name, has in features:
-        mine = [t for t in trials if has(t)]
-        missed = [_spread([t["missed"] for t in mine if t["group"] == group]) for group in ("one", "everywhere")]
-        lines.append(f"| {name} | {len(mine)} | {_share(mine, 'faultless', lambda t: t['accused'], share)} | "
-                     f"{missed[0]} | {missed[1]} |")  # fmt: skip
-    return lines
-
-
-def _every(trials) -> list[str]:
-    lines = [
-        "All devices that are not as they should be:",
-        "",
-        "| device | truth | verdict | left |",
-        "|---|---|---|---|",
-    ]
-    for t in trials:
-        if not good(t):
-            true, named = said(t)
-            change = f"{t['before']:.3g} → {t['after']:.3g}"
-            lines.append(f"| {t['robot']} {t['seed']} | {true} | {t['verdict']}: {named} | {change} |")
-    return lines if len(lines) > 4 else []
+    answers = devices("faultless", lambda t: t["accused"]), missed("one"), missed("everywhere")
+    having = ((name, [t for t in trials if has(t)]) for name, has in features)
+    names = ("log", "devices", "faultless: accused", "missed, one, median", "missed, everywhere, median")
+    lines += ["", *listed(names, ((name, len(mine), *(of(mine) for of in answers)) for name, mine in having)), ""]
+    bad = [t for t in trials if not good(t)]
+    if bad:
+        lines += ["All devices that are not as they should be:", ""]
+        lines += listed(("device", "truth", "verdict", "left"), (
+            (f"{t['robot']} {t['seed']}", said(t)[0], f"{t['verdict']}: {said(t)[1]}",
+             f"{t['before']:.3g} → {t['after']:.3g}") for t in bad))  # fmt: skip
+    return "\n".join(lines) + "\n"
 
 
 def good(trial: Mapping[str, Any]) -> bool:
@@ -378,19 +264,7 @@ def told(trial: Mapping[str, Any]) -> str:
     return f"{'ok' if good(trial) else '--'} {trial['robot']} {trial['seed']}: {true} -> {named}  {change}"
 
 
-def dump(trials: Sequence[Mapping[str, Any]], folder: Path) -> None:
-    """Write each trial as a file of its own, so that two runs can be compared device by device."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for item in trials:
-        (folder / f"{item['robot']}-{item['seed']}.json").write_text(json.dumps(item, indent=1) + "\n")
-
-
-def export(folder: Path, devices: Sequence[tuple[str, int]]) -> None:
-    """Write devices, (robot, seed), as `exported` does, and NAME.true.csv beside."""
-    folder.mkdir(parents=True, exist_ok=True)
-
-    def one(robot: str, seed: int, out: Path, sealed: Path, name: str) -> None:
-        write(draw_elastic(seed, robot), out, sealed, name)
-        (sealed / f"{name}.true.csv").rename(out / f"{name}.true.csv")
-
-    exported(folder, devices, one)
+KIND = Kind(
+    "elastic", "arms in motion whose gears yield", "elastic", in_turn("elastic", KINDS), trial, told, summary,
+    lambda folder, devices: exported(folder / "elastic", devices, written),
+)  # fmt: skip

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from _benchmark import Kind, in_turn, listed, sealed, share
 from _scattered import robot_file
 
 from prup_pin.life.fleet import devices_of, fleet
@@ -20,39 +19,17 @@ from tests.reference.concealed.fleet import draw_fleet, write
 #: Poses of a device's test, and devices of a fleet.
 POSES, DEVICES = 8, 20
 ROBOT = "elastic_arm"
-HEAD = """# Concealed trials of a fleet
-
-Twenty arms of one drawing are tested once each. Every part of each is off by the fleet's true tolerances, which are 0.5
-to 3 times a workshop's ordinary ones, kind by kind; the recordings declare others, 0.7 to 2.5 times the true ones. One
-parameter, a place of a joint or a stiffness, is off on all devices alike by 3 to 8 tolerances: the drawing is wrong. On
-one device alone a drive is stiffer by 8 to 14 tolerances. A simulator of its own (`tests/reference/concealed/`) draws
-them.
-
-Where the last joint is along its axis, is where the target sits on the tool: such an error of the drawing cannot be
-told, and counts as missed.
-
-`prup-pin fleet` gets the recordings; only then the answer is opened.
-
-- *Named*: the parameter that is wrong on all, or the device and its drive, stands among what is told, or among what the
-  tests cannot tell from that. *Accused*: anything else is told of the drawing or of a device. Stiffnesses are off by
-  their logarithms.
-- *Tolerances*: one standard deviation of each kind as told, beside the true one.
-
-`{command}` makes this page again.
-
-"""
 
 
 def trial(seed: int, robot: str) -> dict[str, Any]:
     """Draw, seal, ask, and only then open the answer."""
-    with tempfile.TemporaryDirectory() as folder:
-        out, sealed = Path(folder) / "out", Path(folder) / "sealed"
-        paths = write(draw_fleet(seed, robot, POSES, DEVICES), out, sealed, str(robot_file(robot)))
+    with sealed() as (out, hidden):
+        paths = write(draw_fleet(seed, robot, POSES, DEVICES), out, hidden, str(robot_file(robot)))
         begun = time.process_time()
         devices = devices_of([read_recording(path) for path in paths])
         found = fleet(devices, out / "fleet", robot_name=str(robot_file(robot)))
         seconds = time.process_time() - begun
-        truth = json.loads((sealed / "device01.truth.json").read_text())
+        truth = json.loads((hidden / "device01.truth.json").read_text())
     wrong, (who, apart, alone) = truth["wrong"], truth["apart"]
     name = f"device{who + 1:02}"
     common = [item for item in found.common if wrong[0] in (item.parameter, *item.others)]
@@ -88,38 +65,41 @@ def told(result: Mapping[str, Any]) -> str:
     )
 
 
-def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str]) -> str:
-    """Return the tables as Markdown; `share(hits, total)` writes a share."""
+def summary(trials: Sequence[Mapping[str, Any]]) -> str:
+    """Return the tables as Markdown."""
     count = len(trials)
     each = [(kind, *values) for t in trials for kind, values in t["tolerances"].items()]
     near = sum(abs(value / true - 1) <= 0.2 for _, value, _, _, true, _ in each)
     inside = sum(low <= true <= high for _, _, low, high, true, _ in each)
-    lines = [
-        "| question | answer |",
-        "|---|---|",
-        f"| fleets of {DEVICES} | {count} |",
-        f"| the error of the drawing named | {share(sum(t['named'] for t in trials), count)} |",
-        f"| the device that stands apart named | {share(sum(t['single'] for t in trials), count)} |",
-        f"| fleets in which something else is accused | {share(sum(bool(t['accused']) for t in trials), count)} |",
-        f"| tolerances within 20 % of the true ones | {share(near, len(each))} |",
-        f"| true tolerances in their 95 % intervals | {share(inside, len(each))} |",
-        f"| processor seconds of a device, median | {np.median([t['seconds'] for t in trials]) / DEVICES:.1f} |",
-        "",
-        "| kind | parameters | told in | told over true: mean of logarithms | scatter of it |",
-        "|---|---|---|---|---|",
-    ]
+    lines = listed(("question", "answer"), [
+        (f"fleets of {DEVICES}", count),
+        ("the error of the drawing named", share(sum(t["named"] for t in trials), count)),
+        ("the device that stands apart named", share(sum(t["single"] for t in trials), count)),
+        ("fleets in which something else is accused", share(sum(bool(t["accused"]) for t in trials), count)),
+        ("tolerances within 20 % of the true ones", share(near, len(each))),
+        ("true tolerances in their 95 % intervals", share(inside, len(each))),
+        ("processor seconds of a device, median", f"{np.median([t['seconds'] for t in trials]) / DEVICES:.1f}"),
+    ])  # fmt: skip
     kinds = defaultdict(list)
     for kind, value, _, _, true, parameters in each:
         kinds[kind, parameters].append(np.log(value / true))
-    for (kind, parameters), logs in kinds.items():
-        lines.append(
-            f"| {kind} | {parameters} | {len(logs)} of {count} | {100 * np.expm1(np.mean(logs)):+.1f} % | "
-            f"{100 * np.std(logs):.1f} % |"
-        )
-    lines += ["", "| fleet | what is wrong | told of the drawing | told of single devices |", "|---|---|---|---|"]
-    for t in sorted(trials, key=lambda t: t["seed"]):
-        wrong = f"{t['wrong'][0]} {t['wrong'][2]:+.3g}; {t['apart'][0]}: {t['apart'][1]} {t['apart'][2]:+.3g}"
-        common = "; ".join(f"{name} {value:+.3g} ({low:+.3g} to {high:+.3g})" for name, value, low, high in t["common"])
-        single = "; ".join(f"{device}: {name} {value:+.3g}" for device, name, value, _, _ in t["outliers"])
-        lines.append(f"| {t['seed']} | {wrong} | {common or 'nothing'} | {single or 'nothing'} |")
+    names = ("kind", "parameters", "told in", "told over true: mean of logarithms", "scatter of it")
+    lines += ["", *listed(names, (
+        (*key, f"{len(logs)} of {count}", f"{100 * np.expm1(np.mean(logs)):+.1f} %", f"{100 * np.std(logs):.1f} %")
+        for key, logs in kinds.items())), ""]  # fmt: skip
+    names = ("fleet", "what is wrong", "told of the drawing", "told of single devices")
+    lines += listed(names, map(_row, sorted(trials, key=lambda t: t["seed"])))
     return "\n".join(lines) + "\n"
+
+
+def _row(t: Mapping[str, Any]) -> tuple[object, ...]:
+    """Return what is wrong with a fleet, and what was told."""
+    wrong = f"{t['wrong'][0]} {t['wrong'][2]:+.3g}; {t['apart'][0]}: {t['apart'][1]} {t['apart'][2]:+.3g}"
+    common = "; ".join(f"{name} {value:+.3g} ({low:+.3g} to {high:+.3g})" for name, value, low, high in t["common"])
+    single = "; ".join(f"{device}: {name} {value:+.3g}" for device, name, value, _, _ in t["outliers"])
+    return t["seed"], wrong, common or "nothing", single or "nothing"
+
+
+KIND = Kind(
+    "fleets", "fleets of twenty devices", "fleet", in_turn("fleets", [ROBOT]), trial, told, summary, kept="fleet"
+)

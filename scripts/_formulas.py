@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from argparse import Namespace
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
 import numpy as np
+from _benchmark import Kind, listed, share
 from _efforts import STANDING
 from scipy.signal import butter, sosfiltfilt
 
@@ -41,44 +43,24 @@ CLEAN = "nothing"
 #: Seeds of further ones, after the first.
 CLEAN_SEEDS = 2000
 PRUP = "3prup"
-HEAD = """# Concealed trials on formulas
-
-Arms of example-robot-data and a five-bar in motion, of which one joint has something that is in no law: an effort by a
-textbook's formula, or by a shape of its own that none of our terms has (a raised cosine, a dipole's field, three
-springs that slip, Hertz's power). A simulator that shares no code with the package draws device, motion and log
-(`tests/reference/concealed/strange.py`); masses and inertias are 5 % off. Sizes are 5 to 40 times the noise in the
-joint where they show most. The library of terms was written down before the devices. `{command}` makes this page again.
-
-- *True terms*: the formula, or one that the verdict lists as equal, has a term of the true shape, and nothing but the
-  true variables. Where the laws of the library explain a device down to the noise no formula is asked for: that counts
-  as not found.
-- *Held out*: another motion of the device; what the formula's model leaves below 8 Hz at the joint, over the noise.
-- *Beyond*: the same motion, 20 % wider and faster; the error where a variable is outside its recorded range, over that
-  of the curve of no law, which ends there. Both are right where what is strange ends inside the range.
-- *Confirmed*: the other motion of the same device, diagnosed with the proposed file. *Refuted*: a motion of another
-  device, which has something else at that joint.
-- *Nothing*: devices without anything strange, where a formula is asked for at every joint.
-- *3-PRUPs*: one module deforms with the square or cube of its load, or under one sign of it. Modules of a leg that
-  yield along one direction cannot be told apart, and the coefficient of another one than the true one is another.
-
-"""
 
 
-def devices(count: int, first: int, nothing: int = 0) -> list[tuple[int, str, str]]:
-    """Return seed, robot and kind of strange arms, with a quarter as many without anything and a fifth of 3-PRUPs.
+def devices(options: Namespace) -> list[tuple[str, int, str]]:
+    """Return robot, seed and kind of strange arms, with a quarter as many without anything and a fifth of 3-PRUPs.
 
     They are told in an order of which every beginning has all of them: so far as they were answered, they are a page.
-    nothing: so many more arms without anything, from the seed CLEAN_SEEDS later.
+    `options.nothing`: so many more arms without anything, from the seed CLEAN_SEEDS later.
     """
+    count, first = options.formulas, options.first_seed
     kinds, strained, robots = list(KINDS), list(STRAINS), list(ROBOTS)
-    out = [(first + CLEAN_SEEDS + k, robots[k % len(robots)], CLEAN) for k in range(nothing)]
+    out = [(robots[k % len(robots)], first + CLEAN_SEEDS + k, CLEAN) for k in range(options.nothing)]
     for index in range(count):
-        out.append((first + index, robots[index % len(robots)], kinds[index % len(kinds)]))
+        out.append((robots[index % len(robots)], first + index, kinds[index % len(kinds)]))
         if index % 4 == 3:
             own = count + index // 4
-            out.append((first + own, robots[own % len(robots)], CLEAN))
+            out.append((robots[own % len(robots)], first + own, CLEAN))
         if index % 5 == 4:
-            out.append((first + index // 5, PRUP, strained[index // 5 % len(strained)]))
+            out.append((PRUP, first + index // 5, strained[index // 5 % len(strained)]))
     return out
 
 
@@ -221,8 +203,8 @@ def told(trial: Mapping[str, Any]) -> str:
     return f"{mark} {trial['kind']} {trial['robot']} {trial['seed']}: {named}{left}{judged}"
 
 
-def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str]) -> str:
-    """Return the tables as Markdown; `share(hits, total)` writes a share."""
+def summary(trials: Sequence[Mapping[str, Any]]) -> str:
+    """Return the tables as Markdown."""
     strange = [t for t in trials if t["kind"] != CLEAN and t["robot"] != PRUP]
     proposed = [t for t in strange if "left" in t]
     beyond = [t for t in proposed if t.get("outside", 0) > 0]
@@ -251,19 +233,23 @@ def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str
             t["same"][0] == "confirmed" for t in prups if t.get("true")
         ],
     }
-    lines = ["| | share (hits; 95 %) |", "|---|---|"]
-    lines += [f"| {what} | {share(sum(hits), len(hits))} |" for what, hits in rows.items() if hits]
-    lines += ["", "| truth | robot, seed | proposed | held out | same, other |", "|---|---|---|---|---|"]
-    for t in sorted([*strange, *prups], key=lambda item: (item["kind"], item["seed"])):
-        named = "; ".join(t["proposals"]) or f"none: {t['verdict']} by {', '.join(t['findings']) or 'nothing'}"
-        mark = "" if t.get("true") else " (not found)"
-        judged = ", ".join(t[key][0] for key in ("same", "other") if key in t)
-        cells = (
-            f"{t['kind'].replace('_', ' ')}{mark}",
-            f"{t['robot']} {t['seed']}",
-            named.replace("|", "\\|"),
-            f"{t['left']:.2f}" if "left" in t else "",
-            judged,
-        )
-        lines.append(f"| {' | '.join(cells)} |")
+    shares = ((what, share(sum(hits), len(hits))) for what, hits in rows.items() if hits)
+    lines = [*listed(("", "share (hits; 95 %)"), shares), ""]
+    every = sorted([*strange, *prups], key=lambda item: (item["kind"], item["seed"]))
+    lines += listed(("truth", "robot, seed", "proposed", "held out", "same, other"), map(_row, every))
     return "\n".join(lines) + "\n"
+
+
+def _row(t: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return truth and answer of a strange device."""
+    named = "; ".join(t["proposals"]) or f"none: {t['verdict']} by {', '.join(t['findings']) or 'nothing'}"
+    return (
+        t["kind"].replace("_", " ") + ("" if t.get("true") else " (not found)"),
+        f"{t['robot']} {t['seed']}",
+        named.replace("|", "\\|"),
+        f"{t['left']:.2f}" if "left" in t else "",
+        ", ".join(t[key][0] for key in ("same", "other") if key in t),
+    )
+
+
+KIND = Kind("formulas", "arms in motion with physics that is in no law", "formula", devices, trial, told, summary)

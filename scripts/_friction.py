@@ -7,8 +7,8 @@ from typing import Any
 
 import _scattered
 import numpy as np
-from _benchmark import left_over
-from _scattered import LARGE, OURS, told
+from _benchmark import LARGE, Kind, at_places, filled, grid, in_turn, left_over, listed, rate
+from _scattered import OURS, told
 
 from prup_pin.numbers import counted
 from tests.reference.concealed.scattered import draw_scattered
@@ -19,38 +19,6 @@ EFFECTS = (("coulomb_friction",), ("coulomb_friction", "backlash"))
 CALLED = {"3prup": "3-PRUP", "six_ups": "6-UPS"}
 #: What a prediction may leave, in multiples of the noise.
 ALLOWED = 1.1
-HEAD = """# Concealed trials on scattered devices with dry friction
-
-3-PRUPs and 6-UPS platforms of which every part is a little off, as on the page of [scattered
-devices](scattered_trials.md), and one joint has dry friction. Every second device has a gap besides: of 3-PRUPs in a
-bearing, a nut or a belt, of platforms in a drive. Sizes are drawn from 3 to 40, beside the tolerances as there. Neither
-simulator (`tests/reference/concealed/device.py` and `platform.py`) shares code with the package; both remember where
-each joint slid to.
-
-- *3-PRUPs* rub in a bearing or a slide. Each leg is integrated.
-- *Platforms* rub in the slide of a leg, beside its drive, or about an axis of its universal joint. Loads grow in small
-  steps. Ball joints that close a loop are not drawn: no law of the package acts there. This platform shows friction of
-  tight joints alone: from some 70 N m on in a universal joint, and some 500 N, little of it overcome, in a slide.
-- Friction starts relaxed at every pose, where an unloaded robot stands, in the simulators as in the package's law.
-- *Place and physics*: both in one finding. Effects that stay below 3 are not counted.
-- *Held out*: another bench test of the same device by the corrected model, in multiples of the noise. *By the device
-  itself*: the same by the simulator that drew it, from the wrenches as they were recorded: where a leg's load is near
-  zero, the noise of the wrench sensor decides on which side of a gap it stands.
-
-All answers are those first given, each robot's by one code: the 3-PRUPs' before driven slides were places of dry
-friction. One robot after the other into one `--out` makes this page again: `python scripts/concealed_trials.py --count
-0 --robot 3prup --friction 27 --first-seed 595000`, then `{command}`. What the device itself leaves was added later, and
-to some platforms alone. A 24th platform, 599023 with a gap, had no answer yet when the page was made.
-
-Later code, not in the tables. Fits begin at what a joint felt, gaps open again where another law joins them: five fresh
-platforms (821000 on, three of friction alone) were all named right and left at 1.06 to 1.10. There the slopes by which
-gaps were fitted took no notice of the joint that sticks, so that fits ended before the best values: 821001, fitted on
-with right slopes, has 1430 for 1500 of chi squared, friction's limit 0.3 % off for 2.0 %, and 1.05 for 1.10 left. With
-these slopes six more (823000 on) were all named right and left at 1.05, 1.12, 1.00, 1.11, 1.08 and 1.03. Two beside a
-gap, 1.12 and 1.11, ended where fits end that begin at the truth: what is left beyond the noise is what 14 poses do not
-tell of the other parameters, and at 823001 the noise of the wrench at the gap's edge (the device itself leaves 1.06).
-
-"""
 
 
 def how(seed: int, robot: str) -> dict[str, Any]:
@@ -74,66 +42,47 @@ def at_best(seed: int, robot: str) -> float:
     return left_over({"p": held["p"], "r": held["r"]}, {"p": seen.p, "r": seen.r}, drawn["noise"])
 
 
-def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str]) -> str:
-    """Return the tables as Markdown; `share(hits, total)` writes a share."""
-    groups = {"all": list(trials)}
-    groups |= {
-        f"{called}, {name}": [t for t in trials if t["robot"] == robot and len(t["tools"][OURS]["effects"]) == count]
+def summary(trials: Sequence[Mapping[str, Any]]) -> str:
+    """Return the tables as Markdown."""
+    ours = [{"seed": t["seed"], "robot": t["robot"], "best": t.get("at_best"), **t["tools"][OURS]} for t in trials]
+    groups = filled({"all": ours} | {
+        f"{called}, {name}": [t for t in ours if t["robot"] == robot and len(t["effects"]) == count]
         for robot, called in CALLED.items()
         for count, name in ((1, "friction alone"), (2, "beside a gap"))
-    }
-    groups = {name: mine for name, mine in groups.items() if mine}
-
-    def effects(mine: Sequence[Mapping[str, Any]], physics: str) -> list[Mapping[str, Any]]:
-        every = [e for t in mine for e in t["tools"][OURS]["effects"] if e["size"] >= LARGE]
-        return [e for e in every if e["physics"] == physics]
-
-    def row(question: str, answer: Callable[[Sequence[Mapping[str, Any]]], str]) -> str:
-        return f"| {question} | {' | '.join(answer(mine) for mine in groups.values())} |"
+    })  # fmt: skip
 
     def marked(physics: str, mark: str) -> Callable[[Sequence[Mapping[str, Any]]], str]:
-        return lambda mine: share(sum(e[mark] for e in effects(mine, physics)), len(effects(mine, physics)))
-
-    def after(mine: Sequence[Mapping[str, Any]]) -> list[float]:
-        return [t["tools"][OURS]["after"] for t in mine]
+        return rate(lambda e: e[mark], lambda e: e["size"] >= LARGE and e["physics"] == physics, lambda t: t["effects"])
 
     def quantiles(mine: Sequence[Mapping[str, Any]]) -> str:
-        return f"{np.median(after(mine)):.2f} ({np.quantile(after(mine), 0.9):.2f}; {max(after(mine)):.2f})"
+        after = [t["after"] for t in mine]
+        return f"{np.median(after):.2f} ({np.quantile(after, 0.9):.2f}; {max(after):.2f})"
 
-    lines = [
-        f"| question | {' | '.join(groups)} |",
-        "|---|" + "---|" * len(groups),
-        row("devices", lambda mine: str(len(mine))),
-        row("dry friction: place right", marked("coulomb_friction", "place")),
-        row("… place and physics", marked("coulomb_friction", "right")),
-        row("gap beside: place and physics", marked("backlash", "right")),
-        row("held out [noise]: median (nine of ten; worst)", quantiles),
-        row(f"… no more than {ALLOWED}", lambda mine: share(sum(x <= ALLOWED for x in after(mine)), len(mine))),
-        row(
-            f"… no more than {ALLOWED} times what the device itself leaves",
-            lambda mine: share(sum(_well(t) for t in mine), len(mine)),
-        ),
-        row(
-            "`unknown` beside",
-            lambda mine: str(sum(any(f["physics"] == "unknown" for f in t["tools"][OURS]["findings"]) for t in mine)),
-        ),
-    ]
-    wrong = [t for t in trials if not all(e["right"] for e in t["tools"][OURS]["effects"] if e["size"] >= LARGE)]
-    wrong += [t for t in trials if t not in wrong and t["tools"][OURS]["after"] > ALLOWED]
+    lines = grid(groups, [
+        ("devices", lambda mine: str(len(mine))),
+        ("dry friction: place right", marked("coulomb_friction", "place")),
+        ("… place and physics", marked("coulomb_friction", "right")),
+        ("gap beside: place and physics", marked("backlash", "right")),
+        ("held out [noise]: median (nine of ten; worst)", quantiles),
+        (f"… no more than {ALLOWED}", rate(lambda t: t["after"] <= ALLOWED)),
+        (f"… no more than {ALLOWED} times what the device itself leaves",
+         rate(lambda t: t["after"] <= ALLOWED * max(1.0, t["best"] or 1.0))),
+        ("`unknown` beside", lambda mine: str(
+            sum(any(f["physics"] == "unknown" for f in t["findings"]) for t in mine))),
+    ])  # fmt: skip
+    wrong = [t for t in ours if not all(e["right"] for e in t["effects"] if e["size"] >= LARGE)]
+    wrong += [t for t in ours if t not in wrong and t["after"] > ALLOWED]
     if wrong:
         lines += ["", f"{counted(len(wrong), 'device')} missed or predicted worse:", ""]
-        lines += ["| device | truth (size) | verdict | held out | … by the device itself |", "|---|---|---|---|---|"]
-    for t in wrong:
-        ours = t["tools"][OURS]
-        true = "; ".join(f"{e['physics']} at {e['location']} ({e['size']:.1f})" for e in ours["effects"])
-        named = "; ".join(f"{item['physics']} at {item['location']}" for item in ours["findings"]) or "nothing missing"
-        best = f"{t['at_best']:.2f}" if "at_best" in t else "-"
-        lines.append(f"| {t['robot']} {t['seed']} | {true} | {named} | {ours['after']:.2f} | {best} |")
+        lines += listed(("device", "truth (size)", "verdict", "held out", "… by the device itself"), (
+            (f"{t['robot']} {t['seed']}", at_places(t["effects"], "size"),
+             at_places(t["findings"], otherwise="nothing missing"), f"{t['after']:.2f}",
+             "-" if t["best"] is None else f"{t['best']:.2f}") for t in wrong))  # fmt: skip
     return "\n".join(lines) + "\n"
 
 
-def _well(trial: Mapping[str, Any]) -> bool:
-    return trial["tools"][OURS]["after"] <= ALLOWED * max(1.0, trial.get("at_best", 1.0))
-
-
-__all__ = ["CALLED", "HEAD", "ROBOTS", "how", "summary", "told", "trial"]
+KIND = Kind(
+    "friction", "scattered devices with dry friction in a joint", "friction",
+    lambda options: in_turn("friction", [name for name in ROBOTS if name in (options.robot or ROBOTS)])(options),
+    trial, told, summary, gathered=True,
+)  # fmt: skip

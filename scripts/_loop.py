@@ -7,7 +7,6 @@ carried out by the device's own simulator, and both recordings are diagnosed tog
 from __future__ import annotations
 
 import json
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from _benchmark import Kind, as_told, listed, of_each, sealed, share
 from _scattered import robot_file
 
 import prup_pin
@@ -29,24 +29,6 @@ PLAIN = "3prup, plain"
 KINDS = (PLAIN, *scattered.KINDS)
 #: Poses of the first recording: few enough to leave classes.
 POSES = 6
-HEAD = """# Concealed trials of the experiment loop
-
-A device of one effect is recorded in six poses, few enough that verdicts leave classes: several places that would
-explain the recording as well as the true one. Where a verdict leaves one, the plan that it proposes
-(`next_experiment`) is carried out by the device's own simulator (`tests/reference/concealed/`), with its noise, and
-both recordings are diagnosed together. Effects of 4 to 40 times the noise, in turn; the answer is opened only to score.
-
-- *The true place alone*: the class of the second verdict holds it and no other.
-- *No pose can tell*: what is left beside it is listed in `cannot_separate` of the verdict: either the best plan
-  found was simulated and differs by less than 13 in chi squared after all that may be fitted, as would the best eight
-  places of 168 to 360 poses and loads, each gone through six times; or the law itself names both parts for one effect.
-  That is proved within the poses and loads that were weighed, loads no larger than recorded.
-- *A smaller class*, *the same class*: something is left open, and another experiment is proposed, or a law of several
-  values imitates another one closely. *The true place lost*: it is in no class.
-
-`{command}` makes this page again.
-
-"""
 #: What always acts, or stands beside whatever was found: no place.
 BESIDE = ("finite_deflection", "self_weight")
 #: How a loop may end, and which of these are what was asked for.
@@ -92,8 +74,8 @@ def trial(seed: int, kind: str) -> dict[str, Any]:
     given = drawn(seed, kind)
     begun = time.perf_counter()
     robot = prup_pin.load(given.file)
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder)
+    with sealed() as (out, _):
+        out.mkdir()
         first = _written(given, given.rec, out / "first.csv")
         one = diagnose(robot, first)
         result: dict[str, Any] = {
@@ -141,15 +123,7 @@ def _findings(found: Diagnosis):
 
 
 def _classes(found: Diagnosis) -> list[dict[str, Any]]:
-    return [
-        {
-            "physics": item.physics,
-            "location": item.location,
-            "candidates": list(item.candidates),
-            "alternatives": list(item.alternatives),
-        }
-        for item in _findings(found)
-    ]
+    return as_told(_findings(found))
 
 
 def _true_class(found: Diagnosis, given: Drawn) -> list[str]:
@@ -197,28 +171,25 @@ def told(result: Mapping[str, Any]) -> str:
     return f"{result['robot']} {result['seed']} {true}: {' '.join(sizes)}: {end}  {result['seconds']:.0f} s"
 
 
-def summary(trials: Sequence[Mapping[str, Any]], share) -> str:
-    """Return the tables as Markdown; `share(hits, total)` writes a share."""
+def summary(trials: Sequence[Mapping[str, Any]]) -> str:
+    """Return the tables as Markdown."""
     left = [t for t in trials if t["end"] is not None]
     ends = Counter(t["end"] for t in left)
-    closed = sum(ends[end] for end in CLOSED)
-    lines = [
-        f"{len(trials)} devices; the first verdict left the true place in a class with others: {len(left)}.",
-        "",
-        "| question | answer |",
-        "|---|---|",
-        f"| the second recording leaves the true place alone, or no pose can tell | {share(closed, len(left))} |",
-        *(f"| … {end} | {ends[end]} |" for end in (ALONE, PROVED, SMALLER, SAME, LOST)),
-        "",
-        "| robot | seed | truth | class before | class after | end |",
-        "|---|---|---|---|---|---|",
-    ]
-    for t in left:
-        before, after = (_listed(t[key]) if key in t else "-" for key in ("first", "second"))
-        true = f"{t['physics']} at {t['location']}"
-        lines.append(f"| {t['robot']} | {t['seed']} | {true} | {before} | {after} | {t['end']} |")
+    closed = share(sum(ends[end] for end in CLOSED), len(left))
+    lines = [f"{len(trials)} devices; the first verdict left the true place in a class with others: {len(left)}.", ""]
+    lines += listed(("question", "answer"), (
+        ("the second recording leaves the true place alone, or no pose can tell", closed),
+        *((f"… {end}", ends[end]) for end in (ALONE, PROVED, SMALLER, SAME, LOST))))  # fmt: skip
+    lines += ["", *listed(("robot", "seed", "truth", "class before", "class after", "end"), (
+        (t["robot"], t["seed"], f"{t['physics']} at {t['location']}",
+         *(_listed(t[key]) if key in t else "-" for key in ("first", "second")), t["end"]) for t in left))]  # fmt: skip
     return "\n".join(lines) + "\n"
 
 
 def _listed(classes: Sequence[Mapping[str, Any]]) -> str:
     return "; ".join(f"{item['physics']} at {', '.join(item['candidates'])}" for item in classes) or "nothing"
+
+
+KIND = Kind(
+    "loop", "devices whose next experiment is carried out", "loop", of_each("loop", [PLAIN]), trial, told, summary
+)

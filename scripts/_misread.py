@@ -7,14 +7,14 @@ told, or something else, the whole diagnosis is carried out, to see what it make
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from _benchmark import Kind, columns, grid, in_turn, listed, rate, sealed, spread
 from _scattered import robot_file
 
 import prup_pin
@@ -40,31 +40,6 @@ ROBOTS = {
 _IN_MOTION = ("ur5", "xarm7")
 #: One log in so many is not misread at all, to see whether it is accused.
 _PLAIN = 4
-HEAD = """# Logs that are written otherwise than they say
-
-Devices of the other pages (a 3-PRUP as drawn, a 6-UPS platform and an arm of elastic joints of which every part is a
-little off, ur5 and xarm7 in motion) and a Delta robot, faultless or with a fault; then what they logged is changed by
-`tests/reference/concealed/misread.py`, which shares no code with the package: signs, units, orders of columns, frames,
-ways of rotations, axes that count together with a neighbour. Nothing in the log or beside it says so.
-
-- *Told right*: the log as it is read is the log before it was changed, to 0.1 % (efforts 10 %, moments about a point
-  that was found 15 %), or the finding declares what was done (a gain of all drives within a factor of 1.5: masses
-  decide it).
-- *Explained by physics*: the whole diagnosis ends with `explained` or `nothing_missing` without telling
-  `log_convention`.
-- *Accused*: a log that was not changed, of which any convention is told, or that is refused.
-- *Refused*: the diagnosis names no reading and carries nothing out.
-
-`{command}` makes this page again.
-
-"""
-
-
-def jobs_of(count: int, first: int) -> dict[tuple[str, int], tuple]:
-    """Return so many logs, the robots in turn: by robot and seed."""
-    robots = list(ROBOTS)
-    turns = [(robots[index % len(robots)], first + index // len(robots)) for index in range(count)]
-    return {(robot, seed): (trial, seed, robot) for robot, seed in turns}
 
 
 def _drawn(seed: int, robot: str, out: Path, sealed: Path, faults: Sequence[str]) -> None:
@@ -97,10 +72,9 @@ def trial(seed: int, robot: str) -> dict[str, Any]:
     rng = np.random.default_rng([seed, 71, *robot.encode()])
     known = ROBOTS[robot]
     faults = [str(rng.choice(known))] if rng.random() < 0.5 else []
-    with tempfile.TemporaryDirectory() as folder:
-        out, sealed = Path(folder) / "out", Path(folder) / "sealed"
+    with sealed() as (out, hidden):
         out.mkdir()
-        _drawn(seed, robot, out, sealed, faults)
+        _drawn(seed, robot, out, hidden, faults)
         path = out / "device.csv"
         true = read_recording(path)
         table = misread.read(path)
@@ -196,47 +170,43 @@ def told(result: Mapping[str, Any]) -> str:
             f"{said}  {result['seconds']:.0f} s")  # fmt: skip
 
 
-def _seconds(trials: Sequence[Mapping[str, Any]]) -> str:
-    values = [t["seconds"] for t in trials]
-    return f"{np.median(values):.1f} ({np.quantile(values, 0.9):.1f})"
-
-
-def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str]) -> str:
-    """Return the tables as Markdown; `share(hits, total)` writes a share."""
-    robots = [robot for robot in ROBOTS if any(t["robot"] == robot for t in trials)]
-    columns = {"all": list(trials), **{robot: [t for t in trials if t["robot"] == robot] for robot in robots}}
-
-    def of(which: Callable[[Mapping], bool], hit: Callable[[Mapping], bool]) -> Callable[[list], str]:
-        return lambda ts: share(sum(bool(hit(t)) for t in ts if which(t)), sum(bool(which(t)) for t in ts))
-
-    rows: list[tuple[str, Callable[[list], str]]] = [
+def summary(trials: Sequence[Mapping[str, Any]]) -> str:
+    """Return the tables as Markdown."""
+    rows = [
         ("logs", lambda ts: str(len(ts))),
-        ("misread: told right", of(lambda t: t["name"], lambda t: t["right"])),
-        ("… faultless devices", of(lambda t: t["name"] and not t["fault"], lambda t: t["right"])),
-        ("… a fault beside", of(lambda t: t["name"] and t["fault"], lambda t: t["right"])),
-        ("misread: something else told", of(lambda t: t["name"], lambda t: t["told"] and not t["right"])),
-        ("misread: refused", of(lambda t: t["name"], lambda t: t["refused"] and not t["told"])),
-        ("misread: explained by physics", of(lambda t: t["name"], lambda t: t["physics"])),
-        ("as it says: accused", of(lambda t: not t["name"], lambda t: t["accused"])),
-        ("seconds to ask, median (90th percentile)", _seconds),
+        ("misread: told right", rate(lambda t: t["right"], lambda t: t["name"])),
+        ("… faultless devices", rate(lambda t: t["right"], lambda t: t["name"] and not t["fault"])),
+        ("… a fault beside", rate(lambda t: t["right"], lambda t: t["name"] and t["fault"])),
+        ("misread: something else told", rate(lambda t: t["told"] and not t["right"], lambda t: t["name"])),
+        ("misread: refused", rate(lambda t: t["refused"] and not t["told"], lambda t: t["name"])),
+        ("misread: explained by physics", rate(lambda t: t["physics"], lambda t: t["name"])),
+        ("as it says: accused", rate(lambda t: t["accused"], lambda t: not t["name"])),
+        ("seconds to ask, median (90th percentile)", lambda ts: spread((t["seconds"] for t in ts), ".1f")),
     ]
     lines = [f"{len(trials)} logs, seeds from {min(t['seed'] for t in trials)} on, as first answered.", ""]
-    lines += ["| question | " + " | ".join(columns) + " |", "|---" * (1 + len(columns)) + "|"]
-    lines += [f"| {name} | " + " | ".join(rate(mine) for mine in columns.values()) + " |" for name, rate in rows]
-    lines += ["", "By misreading:", "", "| written | logs | told right |", "|---|---|---|"]
+    lines += [*grid(columns(trials, ROBOTS), rows), "", "By misreading:", ""]
     by_name = defaultdict(list)
     for t in trials:
         if t["name"]:
             by_name[t["name"]].append(t["right"])
-    lines += [f"| {name} | {len(hits)} | {sum(hits)} |" for name, hits in sorted(by_name.items())]
+    hits = ((name, len(right), sum(right)) for name, right in sorted(by_name.items()))
+    lines += listed(("written", "logs", "told right"), hits)
     wrong = [t for t in trials if t["accused"] or (t["name"] and not t["right"])]
     if wrong:
         lines += ["", f"All {len(wrong)} logs that were not told right, or accused:", ""]
-        lines += ["| log | written | told | diagnosis |", "|---|---|---|---|"]
-        for t in wrong:
-            named = ", ".join(f"{physics} at {place}" for physics, place in t["findings"][:4])
-            diagnosis = f"{t['verdict']}: {named}" if t["verdict"] else "refused" if t["refused"] else ""
-            beside = f" beside {t['fault']}" if t["fault"] else ""
-            lines.append(f"| {t['robot']} {t['seed']} | {t['name'] or 'as it says'}{beside} | "
-                         f"{' '.join(t['told']) or 'nothing'} | {diagnosis} |")  # fmt: skip
+        lines += listed(("log", "written", "told", "diagnosis"), map(_wrong, wrong))
     return "\n".join(lines) + "\n"
+
+
+def _wrong(trial: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the row of a log that was not told right."""
+    named = ", ".join(f"{physics} at {place}" for physics, place in trial["findings"][:4])
+    verdict = f"{trial['verdict']}: {named}" if trial["verdict"] else "refused" if trial["refused"] else ""
+    written = (trial["name"] or "as it says") + (f" beside {trial['fault']}" if trial["fault"] else "")
+    return f"{trial['robot']} {trial['seed']}", written, " ".join(trial["told"]) or "nothing", verdict
+
+
+KIND = Kind(
+    "misread", "logs that are written otherwise than they say", "misread", in_turn("misread", ROBOTS), trial,
+    told, summary,
+)  # fmt: skip

@@ -11,19 +11,28 @@ import shutil
 import subprocess
 import sys
 import time
-from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _benchmark import ALWAYS_TRUE, named_places
+from _benchmark import (
+    ALWAYS_TRUE,
+    LARGE,
+    Result,
+    at_places,
+    by_size,
+    columns,
+    confusion,
+    grid,
+    listed,
+    named_places,
+    rate,
+    sealed,
+    spread,
+)
 
-#: Size from which an effect has to be found.
-LARGE = 3.0
 Truth = Mapping[str, Any]
-Result = Mapping[str, Any]
-Share = Callable[[int, int], str]
 #: What is drawn: group -> (share of the trials, effects).
 GROUPS = {"clean": (0.25, 0), "one": (0.50, 1), "pair": (0.10, 2), "outside": (0.15, 1)}
 
@@ -61,13 +70,16 @@ def named(rng: np.random.Generator, group: str, known: Sequence[str], first: int
 
 
 def exported(folder: Path, devices: Sequence[tuple[str, int]], write: Callable[..., None]) -> None:
-    """Write recordings and sealed answers of devices, (robot, seed); NAME.csv, NAME.json, NAME.heldout.csv, and
-    truth.json with all answers. `write(robot, seed, out, sealed, name)` writes one."""
+    """Write recordings and sealed answers of devices, (robot, seed); NAME.csv, NAME.json, NAME.heldout.csv (and
+    NAME.true.csv), and truth.json with all answers. `write(seed, robot, out, sealed, name)` writes one."""
+    folder.mkdir(parents=True, exist_ok=True)
     truths = {}
     for robot, seed in devices:
         name = f"{robot}-{seed}"
-        write(robot, seed, folder, folder / "sealed", name)
+        write(seed, robot, folder, folder / "sealed", name)
         truths[name] = json.loads((folder / "sealed" / f"{name}.truth.json").read_text())
+        for noiseless in (folder / "sealed").glob(f"{name}.true.csv"):
+            noiseless.rename(folder / noiseless.name)
         print(f"{name} written", flush=True)
     (folder / "truth.json").write_text(json.dumps(truths, indent=1) + "\n")
     shutil.rmtree(folder / "sealed")
@@ -84,41 +96,43 @@ def read_table(path: Path) -> dict[str, np.ndarray]:
 def marks(answer: Mapping[str, Any], truth: Truth) -> dict[str, Any]:
     """Return what an answer got right of a truth."""
     found = [item for item in answer["findings"] if item["physics"] not in ALWAYS_TRUE]
-    effects, granted = [], set()
-    for true in truth["effects"]:
-        here = set(true["places"])
-        placed = [item for item in found if places_of(item) & here]
-        right = [item for item in placed if item["physics"] == true["physics"]]
-        others = {text.partition(" at ")[0] for item in placed for text in item.get("alternatives") or ()}
-        granted |= {id(item) for item in right}
-        granted |= {
-            id(item)
-            for item in found
-            for more in true["also"]
-            if item["physics"] == more["physics"] and places_of(item) & set(more["places"])
-        }
-        effects.append(
-            {
-                "physics": true["physics"],
-                "kind": true["parameters"].get("kind", ""),
-                "location": true["location"],
-                "size": true["size"],
-                "place": bool(placed),
-                "named": any(item["physics"] == true["physics"] for item in found),
-                "right": bool(right),
-                "first": bool(right) and right[0] is found[0],
-                "among": bool(right) or true["physics"] in others,
-                "class": len(right[0].get("candidates") or [0]) if right else 0,
-                "told": right[0]["physics"] if right else placed[0]["physics"] if placed else
-                (f"{found[0]['physics']} elsewhere" if found else "nothing"),
-            }
-        )  # fmt: skip
-    wrong = [item for item in found if id(item) not in granted and item["physics"] != "unknown"]
+    granted = [*truth["effects"], *(more for true in truth["effects"] for more in true["also"])]
+    wrong = [item for item in found if item["physics"] != "unknown" and not is_one_of(item, granted)]
     return {
         "verdict": answer.get("verdict", ""),
         "findings": [{key: item.get(key) for key in ("physics", "location", "candidates")} for item in found],
-        "effects": effects,
+        "effects": [
+            judged(true, found, [item for item in found if places_of(item) & set(true["places"])])
+            | {"kind": true["parameters"].get("kind", "")}
+            for true in truth["effects"]
+        ],
         "wrong": [f"{item['physics']} at {item['location']}" for item in wrong],
+    }
+
+
+def is_one_of(finding: Mapping[str, Any], granted: Sequence[Mapping[str, Any]]) -> bool:
+    """Return whether a finding is one of some effects, by its physics and any of its places."""
+    return any(finding["physics"] == true["physics"] and places_of(finding) & set(true["places"]) for true in granted)
+
+
+def judged(
+    true: Mapping[str, Any], found: Sequence[Mapping[str, Any]], placed: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Return what findings, of which some are at its place, got right of a true effect."""
+    right = [item for item in placed if item["physics"] == true["physics"]]
+    others = {text.partition(" at ")[0] for item in placed for text in item.get("alternatives") or ()}
+    elsewhere = f"{found[0]['physics']} elsewhere" if found else "nothing"
+    return {
+        "physics": true["physics"],
+        "location": true["location"],
+        "size": true["size"],
+        "place": bool(placed),
+        "named": any(item["physics"] == true["physics"] for item in found),
+        "right": bool(right),
+        "first": bool(right) and right[0] is found[0],
+        "among": bool(right) or true["physics"] in others,
+        "class": len(right[0].get("candidates") or [0]) if right else 0,
+        "told": true["physics"] if right else placed[0]["physics"] if placed else elsewhere,
     }
 
 
@@ -135,112 +149,64 @@ def kind_of(truth: Truth) -> str:
     return "outside" if effects[0]["physics"] == "unknown" else "one" if len(effects) == 1 else "pair"
 
 
-def summary(trials: Sequence[Result], share: Share, before: str, after: str) -> str:
-    """Return the tables of all robots as Markdown; `share(hits, total)` writes a share, `before` and `after` say what
-    the held-out numbers of a trial are."""
-    robots = list(dict.fromkeys(t["robot"] for t in trials))
-    columns = {"all": list(trials), **{robot: [t for t in trials if t["robot"] == robot] for robot in robots}}
-    rows: list[tuple[str, Callable[[list[Result]], str]]] = [
+def summary(trials: Sequence[Result], before: str, after: str) -> str:
+    """Return the tables of all robots as Markdown; `before` and `after` say what a trial's held-out numbers are."""
+
+    def effects(kind: str, key: str) -> Callable[[Sequence[Result]], str]:
+        return rate(lambda e: e[key], lambda e: e["size"] >= 0.95 * LARGE,
+                    lambda t: t["effects"] if t["group"] == kind else ())  # fmt: skip
+
+    def devices(kind: str, hit: Callable[[Result], bool]) -> Callable[[Sequence[Result]], str]:
+        return rate(hit, lambda t: t["group"] == kind)
+
+    rows = [
         ("devices", lambda ts: str(len(ts))),
-        ("within tolerance: something found", lambda ts: _count(ts, "clean", lambda t: bool(t["findings"]), share)),
-        (f"one effect of {LARGE:g} x noise or more: place right", lambda ts: _effects(ts, "one", "place", share)),
-        ("… physics right", lambda ts: _effects(ts, "one", "named", share)),
-        ("… both, in one finding", lambda ts: _effects(ts, "one", "right", share)),
-        ("… both, in the first finding", lambda ts: _effects(ts, "one", "first", share)),
-        ("… both, or told among what cannot be told apart", lambda ts: _effects(ts, "one", "among", share)),
-        ("… and nothing wrong named beside", lambda ts: _count(ts, "one", lambda t: not t["wrong"], share)),
-        ("pairs: effects with both right", lambda ts: _effects(ts, "pair", "right", share)),
-        ("outside the library: a wrong law named", lambda ts: _count(ts, "outside", lambda t: bool(t["wrong"]), share)),
-        ("… all said to be explained", lambda ts: _count(ts, "outside", lambda t: t["verdict"] == "explained", share)),
-        ("… `unknown`, at the right place", lambda ts: _effects(ts, "outside", "right", share)),
-        ("places in the class of a right finding, median (90th percentile)", _classes),
-        (f"held out, {before}, median", lambda ts: _spread([t["before"] for t in ts])),
-        (f"held out, {after}, median (90th percentile)", lambda ts: _spread([t["after"] for t in ts])),
-        ("seconds a diagnosis, median (90th percentile)", lambda ts: _spread([t["seconds"] for t in ts])),
+        ("within tolerance: something found", devices("clean", lambda t: bool(t["findings"]))),
+        (f"one effect of {LARGE:g} x noise or more: place right", effects("one", "place")),
+        ("… physics right", effects("one", "named")),
+        ("… both, in one finding", effects("one", "right")),
+        ("… both, in the first finding", effects("one", "first")),
+        ("… both, or told among what cannot be told apart", effects("one", "among")),
+        ("… and nothing wrong named beside", devices("one", lambda t: not t["wrong"])),
+        ("pairs: effects with both right", effects("pair", "right")),
+        ("outside the library: a wrong law named", devices("outside", lambda t: bool(t["wrong"]))),
+        ("… all said to be explained", devices("outside", lambda t: t["verdict"] == "explained")),
+        ("… `unknown`, at the right place", effects("outside", "right")),
+        (
+            "places in the class of a right finding, median (90th percentile)",
+            lambda ts: spread(e["class"] for t in ts for e in t["effects"] if e["right"]),
+        ),
+        (f"held out, {before}, median", lambda ts: spread(t["before"] for t in ts)),
+        (f"held out, {after}, median (90th percentile)", lambda ts: spread(t["after"] for t in ts)),
+        ("seconds a diagnosis, median (90th percentile)", lambda ts: spread(t["seconds"] for t in ts)),
     ]
-    lines = ["| question | " + " | ".join(columns) + " |", "|---" * (1 + len(columns)) + "|"]
-    lines += [f"| {name} | " + " | ".join(rate(mine) for mine in columns.values()) + " |" for name, rate in rows]
-    return "\n".join([*lines, "", *_confusion(trials), "", *_by_size(trials), "", *_missed(trials)]) + "\n"
+    lines = [*grid(columns(trials), rows), "", "What single effects were taken for:", ""]
+    lines += confusion((called(t, e), e) for t in trials if t["group"] != "pair" for e in t["effects"])
+    lines += ["", "Single effects of the library by size:", ""]
+    lines += by_size("size", (0, 1, 3, 5, 10, 20), [t for t in trials if t["group"] == "one"], "size")
+    missed = [t for t in trials if not good(t)]
+    if missed:
+        lines += ["", f"All {len(missed)} devices on which something was missed, misplaced, misnamed or made up:", ""]
+        rows = ((f"{t['robot']} {t['seed']}", said(t)[0], f"{t['verdict']}: {said(t)[1]}") for t in missed)
+        lines += listed(("device", "truth (size)", "verdict"), rows)
+    return "\n".join(lines) + "\n"
 
 
-def _effects(trials: Sequence[Result], kind: str, key: str, share: Share) -> str:
-    chosen = [e for t in trials if t["group"] == kind for e in t["effects"] if e["size"] >= 0.95 * LARGE]
-    return share(sum(e[key] for e in chosen), len(chosen))
-
-
-def _count(trials: Sequence[Result], kind: str, hit: Callable[[Result], bool], share: Share) -> str:
-    chosen = [t for t in trials if t["group"] == kind]
-    return share(sum(map(hit, chosen)), len(chosen))
-
-
-def _classes(trials: Sequence[Result]) -> str:
-    return _spread([e["class"] for t in trials for e in t["effects"] if e["right"]])
-
-
-def _spread(values: Sequence[float]) -> str:
-    finite = [value for value in values if np.isfinite(value)]
-    return f"{np.median(finite):.3g} ({np.quantile(finite, 0.9):.3g})" if finite else "-"
-
-
-def _confusion(trials: Sequence[Result]) -> list[str]:
-    told, placed = defaultdict(Counter), defaultdict(list)
-    for t in trials:
-        for e in t["effects"] if t["group"] != "pair" else ():
-            name = f"outside: {e['kind'].replace('_', ' ')}" if t["group"] == "outside" else e["physics"]
-            told[name][e["told"]] += 1
-            placed[name].append(e["place"])
-    lines = [
-        "What single effects were taken for:",
-        "",
-        "| truth | devices | place right | taken for |",
-        "|---|---|---|---|",
-    ]
-    for name in sorted(told):
-        taken = ", ".join(f"{word} {count}" for word, count in told[name].most_common())
-        lines.append(f"| {name} | {len(placed[name])} | {sum(placed[name])} | {taken} |")
-    return lines
-
-
-def _by_size(trials: Sequence[Result]) -> list[str]:
-    lines = ["Single effects of the library by size:", ""]
-    lines += ["| size [noise] | devices | something found | place and physics right |", "|---|---|---|---|"]
-    one = [t for t in trials if t["group"] == "one"]
-    for low, high in ((0, 1), (1, 3), (3, 5), (5, 10), (10, 20), (20, 1e9)):
-        mine = [t for t in one if low <= t["effects"][0]["size"] < high]
-        if mine:
-            right = sum(t["effects"][0]["right"] for t in mine)
-            top = f"{high:g}" if high < 1e8 else "more"
-            lines.append(f"| {low}-{top} | {len(mine)} | {sum(bool(t['findings']) for t in mine)} | {right} |")
-    return lines
+def called(trial: Result, effect: Mapping[str, Any]) -> str:
+    """Return the name of a true effect."""
+    return f"outside: {effect['kind'].replace('_', ' ')}" if trial["group"] == "outside" else effect["physics"]
 
 
 def good(trial: Result) -> bool:
     """Return whether nothing was missed, misplaced, misnamed or made up."""
-    return all(e["right"] for e in trial["effects"]) and not trial["wrong"] and (
-        bool(trial["effects"]) or not trial["findings"]
-    )  # fmt: skip
-
-
-def _missed(trials: Sequence[Result]) -> list[str]:
-    missed = [t for t in trials if not good(t)]
-    if not missed:
-        return []
-    lines = [f"All {len(missed)} devices on which something was missed, misplaced, misnamed or made up:", ""]
-    lines += ["| device | truth (size) | verdict |", "|---|---|---|"]
-    for t in missed:
-        true, named = said(t)
-        lines.append(f"| {t['robot']} {t['seed']} | {true} | {t['verdict']}: {named} |")
-    return lines
+    named = bool(trial["effects"]) or not trial["findings"]
+    return all(e["right"] for e in trial["effects"]) and not trial["wrong"] and named
 
 
 def said(trial: Result) -> tuple[str, str]:
     """Return truth and findings of a trial in words."""
-    true = "; ".join(
-        f"{e['kind'] if e['physics'] == 'unknown' else e['physics']} at {e['location']} ({e['size']:.1f})"
-        for e in trial["effects"]
-    )
-    named = "; ".join(f"{item['physics']} at {item['location']}" for item in trial["findings"])
-    return true or "within tolerance", named or "nothing"
+    true = [e | {"physics": e["kind"]} if e["physics"] == "unknown" else e for e in trial["effects"]]
+    return at_places(true, "size", "within tolerance"), at_places(trial["findings"], otherwise="nothing")
 
 
 def told(trial: Result) -> str:
@@ -248,3 +214,23 @@ def told(trial: Result) -> str:
     true, named = said(trial)
     change = f"{trial['before']:.3g} -> {trial['after']:.3g}  {trial['seconds']:.0f} s"
     return f"{'ok' if good(trial) else '--'} {trial['robot']} {trial['seed']}: {true} -> {named}  {change}"
+
+
+def tried(seed: int, robot: str, write: Callable[..., None], options: Sequence[str] = ()):
+    """Draw a device by write(seed, robot, out, sealed, name), diagnose it, predict its held-out recording.
+
+    Return the answer, the seconds, the truth, and the tables of what was held out (without noise, where the simulator
+    tells that) and of its prediction.
+    """
+    with sealed() as (out, hidden):
+        write(seed, robot, out, hidden, "device")
+        answer, seconds = answered(out / "device.csv", out / "device.heldout.csv", out, options)
+        truth = json.loads((hidden / "device.truth.json").read_text())
+        noiseless = hidden / "device.true.csv"
+        measured = noiseless if noiseless.exists() else out / "device.heldout.csv"
+        return answer, seconds, truth, read_table(measured), read_table(out / "heldout.csv")
+
+
+def scored(seed: int, robot: str, answer: Mapping[str, Any], truth: Truth, seconds: float) -> dict[str, Any]:
+    """Return what an answer got right, and which device it is of."""
+    return marks(answer, truth) | {"seed": seed, "robot": robot, "group": kind_of(truth), "seconds": seconds}

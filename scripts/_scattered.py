@@ -3,22 +3,34 @@
 from __future__ import annotations
 
 import json
-import tempfile
 import time
-from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _benchmark import LARGE, left_over, marks, table
+from _benchmark import (
+    Kind,
+    at_places,
+    confusion,
+    export,
+    group,
+    left_over,
+    listed,
+    marks,
+    of_each,
+    sealed,
+    spread,
+    table,
+)
 from _project import ROOT
 from _today import TODAY
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.recordings import Recording, read_recording
-from prup_pin.simulation import simulate
+from prup_pin.robot import Robot
+from prup_pin.simulation import Prediction, simulate
 from prup_pin.views.report.as_json import diagnosis_as_json
 from tests.reference.concealed.scattered import KINDS, draw_scattered, write
 
@@ -51,13 +63,6 @@ def how(seed: int, robot: str) -> dict[str, Any]:
     return {"seed": seed, "robot": robot, "effects": names, "misjudged": misjudged, "sensors": sensors}
 
 
-def group(given: Mapping[str, Any]) -> str:
-    """Return the name of the group that a device is drawn from."""
-    effects = given["effects"]
-    kind = "clean" if not effects else "outside" if effects == ["alien"] else "one"
-    return f"misjudged {kind}" if given["misjudged"] else kind
-
-
 def robot_file(robot: str) -> Path:
     """Return where the robot file lies."""
     if KINDS[robot].file == robot:
@@ -73,100 +78,91 @@ def trial(
     `beside`: also by what people do today; `drawn(seed, robot)`: how a device is drawn.
     """
     given = drawn(seed, robot)
-    with tempfile.TemporaryDirectory() as folder:
-        out, sealed = Path(folder) / "out", Path(folder) / "sealed"
-        write(draw_scattered(**given), out, sealed, "device", str(robot_file(robot)))
+    with sealed() as (out, hidden):
+        write(draw_scattered(**given), out, hidden, "device", str(robot_file(robot)))
         recording, heldout = (read_recording(out / f"device{part}.csv") for part in ("", ".heldout"))
         noise = json.loads((out / "device.json").read_text())
         noise = {key: noise[f"{key}_noise"] for key in ("position", "rotation")}
         loaded = prup_pin.load(robot_file(robot))
-        begun = time.perf_counter()
-        found = diagnose(loaded, recording)
-        seconds = time.perf_counter() - begun
-        answers = {OURS: (diagnosis_as_json(found, loaded), _poses(simulate(loaded, heldout, found.effects)), seconds)}
-        for name, tool in TODAY.items() if beside else ():
+        answers = {}
+        for name, tool in {OURS: _ours, **(TODAY if beside else {})}.items():
             begun = time.perf_counter()
             answer, predicted = tool(loaded, recording, heldout)
             answers[name] = answer, predicted, time.perf_counter() - begun
-        before = left_over(_measured(heldout), _poses(simulate(loaded, heldout)), noise)
-        truth = json.loads((sealed / "device.truth.json").read_text())
+        before = left_over(poses_of(heldout), poses_of(simulate(loaded, heldout)), noise)
+        truth = json.loads((hidden / "device.truth.json").read_text())
     return {
         "seed": seed,
         "robot": robot,
-        "group": group(given),
+        "group": group(truth),
         "sensors": given["sensors"],
         "before": before,
         "tools": {
-            name: marks(answer, truth) | {"after": left_over(_measured(heldout), predicted, noise), "seconds": taken}
+            name: marks(answer, truth) | {"after": left_over(poses_of(heldout), predicted, noise), "seconds": taken}
             for name, (answer, predicted, taken) in answers.items()
         },
     }
 
 
-def _measured(recording: Recording) -> dict[str, np.ndarray]:
-    return {"p": np.array(recording.position), "r": np.array(recording.rotation)}
+def _ours(robot: Robot, recording: Recording, heldout: Recording) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    found = diagnose(robot, recording)
+    return diagnosis_as_json(found, robot), poses_of(simulate(robot, heldout, found.effects))
 
 
-def _poses(predicted) -> dict[str, np.ndarray]:
-    return {"p": predicted.position, "r": predicted.rotation}
+def poses_of(seen: Recording | Prediction) -> dict[str, np.ndarray]:
+    """Return positions and rotation vectors of what was measured or predicted, (N, 3) each."""
+    return {"p": np.array(seen.position), "r": np.array(seen.rotation)}
 
 
-def summary(trials: Sequence[Mapping[str, Any]], share) -> str:
-    """Return the tables of all robots as Markdown; `share(hits, total)` writes a share."""
+def summary(trials: Sequence[Mapping[str, Any]]) -> str:
+    """Return the tables of all robots as Markdown."""
     parts = []
     for robot in KINDS:
         mine = sorted((t for t in trials if t["robot"] == robot), key=lambda t: t["seed"])
         if mine:
-            parts.append(f"### {robot}: {len(mine)} devices\n\n{_of_one(mine, share)}")
+            parts.append(f"### {robot}: {len(mine)} devices\n\n{_of_one(mine)}")
     return "\n".join(parts)
 
 
-def _of_one(trials: Sequence[Mapping[str, Any]], share) -> str:
+def _of_one(trials: Sequence[Mapping[str, Any]]) -> str:
     tools = list(dict.fromkeys(name for t in trials for name in t["tools"]))
     answers = {
         name: [{"group": t["group"], **t["tools"][name]} for t in trials if name in t["tools"]] for name in tools
     }
     before = f"{np.median([t['before'] for t in trials]):.1f}"
-    seconds = ", ".join(
-        f"{name} {np.median([a['seconds'] for a in mine]):.0f} ({max(a['seconds'] for a in mine):.0f})"
-        for name, mine in answers.items()
-    )
-    lines = [
-        table(answers, share),
-        f"Held out as drawn, median: {before} x noise. Seconds, median (longest): {seconds}.",
-        "",
-        "| truth | devices | place right | taken for |",
-        "|---|---|---|---|",
-    ]
-    told, placed = defaultdict(Counter), defaultdict(list)
-    missed = []
-    for t in trials:
-        ours = t["tools"][OURS]
-        for e in ours["effects"]:
-            told[e["physics"]][e["told"]] += 1
-            placed[e["physics"]].append(e["place"])
-        good = all(e["right"] for e in ours["effects"]) and (bool(ours["effects"]) or not ours["findings"])
-        if not good:
-            true = "; ".join(f"{e['physics']} at {e['location']} ({e['size']:.1f})" for e in ours["effects"])
-            named = "; ".join(f"{item['physics']} at {item['location']}" for item in ours["findings"])
-            missed.append(f"| {t['seed']} | {t['group']} | {true or 'scatter alone'} | {named or 'nothing missing'} |")
-    for physics in sorted(told):
-        taken = ", ".join(f"{name} {count}" for name, count in told[physics].most_common())
-        lines.append(f"| {physics} | {sum(told[physics].values())} | {sum(placed[physics])} | {taken} |")
+    seconds = ", ".join(f"{name} {spread((a['seconds'] for a in mine), '.0f', True)}" for name, mine in answers.items())
+    missed = [t for t in trials if not _good(t)]
+    lines = [table(answers), f"Held out as drawn, median: {before} x noise. Seconds, median (longest): {seconds}.", ""]
+    lines += confusion((e["physics"], e) for t in trials for e in t["tools"][OURS]["effects"])
     if missed:
         lines += ["", f"All {len(missed)} devices that were missed, misplaced or misnamed:", ""]
-        lines += ["| seed | group | truth (size) | verdict |", "|---|---|---|---|", *missed]
+        lines += listed(("seed", "group", "truth (size)", "verdict"), (
+            (t["seed"], t["group"], at_places(t["tools"][OURS]["effects"], "size", "scatter alone"),
+             at_places(t["tools"][OURS]["findings"], otherwise="nothing missing")) for t in missed))  # fmt: skip
     return "\n".join(lines) + "\n"
+
+
+def _good(trial: Mapping[str, Any]) -> bool:
+    ours = trial["tools"][OURS]
+    return all(e["right"] for e in ours["effects"]) and (bool(ours["effects"]) or not ours["findings"])
 
 
 def told(result: Mapping[str, Any]) -> str:
     """Return one line on a trial."""
     ours = result["tools"][OURS]
-    true = ", ".join(f"{e['physics']}@{e['location']}({e['size']:.1f})" for e in ours["effects"]) or "scatter"
-    found = ", ".join(f"{item['physics']}@{item['location']}" for item in ours["findings"]) or "nothing"
-    good = all(e["right"] for e in ours["effects"]) and bool(ours["effects"]) == (found != "nothing")
+    true = at_places(ours["effects"], "size", "scatter")
+    found = at_places(ours["findings"], otherwise="nothing")
     change = f"{result['before']:.1f} -> {ours['after']:.2f}  {ours['seconds']:.0f} s"
-    return f"{'ok' if good else '--'} {result['robot']} {result['seed']} {result['group']}: {true} -> {found}  {change}"
+    mark = "ok" if _good(result) else "--"
+    return f"{mark} {result['robot']} {result['seed']} {result['group']}: {true} -> {found}  {change}"
 
 
-__all__ = ["GROUPS", "LARGE", "OURS", "how", "robot_file", "summary", "told", "trial"]
+def _exported(folder: Path, devices: Sequence[tuple[str, int]]) -> None:
+    named = [(f"{robot}-{seed}", how(seed, robot)) for robot, seed in devices]
+    export(folder, named, {robot: robot_file(robot) for robot, _ in devices})
+
+
+KIND = Kind(
+    "scattered", "devices of each robot whose parameters scatter", "scattered", of_each("scattered", KINDS),
+    trial, told, summary, _exported,
+)  # fmt: skip

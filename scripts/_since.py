@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from _benchmark import by_robot
+from _benchmark import Kind, as_told, columns, grid, listed, of_each_or_in_turn, rate, sealed
 from _scattered import robot_file
 
 import prup_pin
@@ -24,39 +22,13 @@ from tests.reference.concealed.since import CHANGES, draw_pair, write
 ROBOTS = {"elastic_arm": (14, 10), "3prup": (8, 6), "six_ups": (14, 10)}
 #: The robots of three trials, unless others are asked for.
 IN_TURN = ("elastic_arm", "elastic_arm", "3prup")
-HEAD = """# Concealed trials of what changed since an earlier test
-
-An arm of six yielding joints and a 3-PRUP, every part of them off within tolerances that stand beside the recordings,
-are tested twice. Poses, loads and noise are others each time; half of the devices, and all whose play grows, have play
-somewhere at the first test already. In between the play grows (by 2 to 12 times the noise, RMS in the strongest
-channel), or a part elsewhere keeps 60 to 75 % of its stiffness, or the tracker is moved by 0.1 to 1 mm and turned by
-0.2 to 2 mrad without a word, or nothing happens. Simulators of their own (`tests/reference/concealed/`) draw them.
-
-The first recording is diagnosed, its corrected model is written and read again, and the second recording is diagnosed
-against it; only then the answer is opened.
-
-- *Right*: what changed is named, its physics, at its place or with its place among those that the data cannot tell
-  apart; nothing else is named. *Size in its interval*: the true value lies in the 95 % interval of what is named there
-  (of a tracker: its shift is right within a tenth).
-- *Accused*: something is named that has not changed. `unknown` counts.
-
-`{command}` makes this page again.
-
-"""
-
-
-def devices(count: int, first: int) -> list[tuple[str, int]]:
-    """Return robots and seeds of so many trials."""
-    robots = [IN_TURN[place % len(IN_TURN)] for place in range(count)]
-    return [(robot, first + robots[:place].count(robot)) for place, robot in enumerate(robots)]
 
 
 def trial(seed: int, robot: str) -> dict[str, Any]:
     """Draw, seal, diagnose both tests, and only then open the answer."""
     change = CHANGES[seed % len(CHANGES)]
-    with tempfile.TemporaryDirectory() as folder:
-        out, sealed = Path(folder) / "out", Path(folder) / "sealed"
-        write(draw_pair(seed, robot, change, ROBOTS[robot]), out, sealed, str(robot_file(robot)))
+    with sealed() as (out, hidden):
+        write(draw_pair(seed, robot, change, ROBOTS[robot]), out, hidden, str(robot_file(robot)))
         loaded = prup_pin.load(robot_file(robot))
         then, now = (read_recording(out / f"{name}.csv") for name in ("then", "now"))
         begun = time.process_time()
@@ -66,7 +38,7 @@ def trial(seed: int, robot: str) -> dict[str, Any]:
         write_model(model, out / "model.json")
         found = diagnose(loaded, now, against=read_model(out / "model.json"))
         ended = time.process_time()
-        truth = json.loads((sealed / "now.truth.json").read_text())
+        truth = json.loads((hidden / "now.truth.json").read_text())
     named = [item for item in found.findings if item.physics not in ("finite_deflection", "self_weight")]
     right = [item for item in named if _is_right(item, truth)]
     assert found.since is not None
@@ -77,17 +49,7 @@ def trial(seed: int, robot: str) -> dict[str, Any]:
         "truth": truth,
         "first": {"verdict": first.verdict, "findings": [f"{f.physics} at {f.location}" for f in first.findings]},
         "verdict": found.verdict,
-        "findings": [
-            {
-                "physics": item.physics,
-                "location": item.location,
-                "candidates": list(item.candidates),
-                "alternatives": list(item.alternatives),
-                "parameters": {name: [v.value, *v.interval] for name, v in item.parameters.items()},
-                "statement": item.statement,
-            }
-            for item in named
-        ],
+        "findings": as_told(named),
         "values": [[v.physics, v.location, v.parameter, v.then.value, v.now.value, v.seen] for v in found.since.values],
         "found": bool(right),
         "inside": None if not right else _is_inside(right[0], truth),
@@ -131,36 +93,38 @@ def told(result: Mapping[str, Any]) -> str:
     )
 
 
-def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str]) -> str:
-    """Return the tables as Markdown; `share(hits, total)` writes a share."""
-    groups = by_robot(trials, ROBOTS)
-    lines = [f"| question | {' | '.join(groups)} |", "|---|" + "---|" * len(groups)]
+def summary(trials: Sequence[Mapping[str, Any]]) -> str:
+    """Return the tables as Markdown."""
 
-    def row(question: str, answer: Callable[[list], str]) -> None:
-        lines.append(f"| {question} | {' | '.join(answer(mine) for mine in groups.values())} |")
+    def at(change: str, hit: Callable[[Mapping[str, Any]], bool | None]) -> Callable[[Sequence], str]:
+        return rate(hit, lambda t: t["change"] == change)
 
-    row("pairs of tests", lambda mine: str(len(mine)))
+    rows: list[tuple[str, Callable[[Sequence], str]]] = [("pairs of tests", lambda mine: str(len(mine)))]
     for change in CHANGES[:-1]:
-        row(f"{change}: found", lambda mine, c=change: _of([t["found"] for t in mine if t["change"] == c], share))
-        row("… and nothing else accused", lambda mine, c=change: _of(
-            [t["found"] and not t["accused"] for t in mine if t["change"] == c], share))  # fmt: skip
-        row("… its size in its interval", lambda mine, c=change: _of(
-            [t["inside"] for t in mine if t["change"] == c and t["inside"] is not None], share))  # fmt: skip
-    row("nothing: nothing is said to have changed", lambda mine: _of(
-        [not t["findings"] for t in mine if t["change"] == "nothing"], share))  # fmt: skip
-    row("processor seconds of the first and of the second test, median", lambda mine: ", ".join(
-        f"{sorted(t['seconds'][k] for t in mine)[len(mine) // 2]:.0f}" for k in (0, 1)))  # fmt: skip
-    lines += ["", "| device | what happened (size) | told | held out |", "|---|---|---|---|"]
-    for t in sorted(trials, key=lambda t: (t["robot"], t["seed"])):
-        truth = t["truth"]
-        what = t["change"]
-        if what != "nothing":
-            what = f"{what} at {truth['places'][0]} ({truth['size']}): {truth['then']:.3g} → {truth['now']:.3g}"
-        said = "; ".join(f"{item['physics']} at {item['location']}{_value(item)}" for item in t["findings"])
-        lines.append(
-            f"| {t['robot']} {t['seed']} | {what} | {said or 'nothing has changed'} | {t['residual'][1]:.2f} |"
-        )
+        rows += [
+            (f"{change}: found", at(change, lambda t: t["found"])),
+            ("… and nothing else accused", at(change, lambda t: t["found"] and not t["accused"])),
+            ("… its size in its interval", at(change, lambda t: t["inside"])),
+        ]
+    rows += [
+        ("nothing: nothing is said to have changed", at("nothing", lambda t: not t["findings"])),
+        ("processor seconds of the first and of the second test, median", lambda mine: ", ".join(
+            f"{sorted(t['seconds'][k] for t in mine)[len(mine) // 2]:.0f}" for k in (0, 1))),
+    ]  # fmt: skip
+    lines = [*grid(columns(trials, ROBOTS), rows), ""]
+    lines += listed(("device", "what happened (size)", "told", "held out"), (
+        (f"{t['robot']} {t['seed']}", _happened(t),
+         "; ".join(f"{item['physics']} at {item['location']}{_value(item)}" for item in t["findings"])
+         or "nothing has changed", f"{t['residual'][1]:.2f}")
+        for t in sorted(trials, key=lambda t: (t["robot"], t["seed"]))))  # fmt: skip
     return "\n".join(lines) + "\n"
+
+
+def _happened(trial: Mapping[str, Any]) -> str:
+    what, truth = trial["change"], trial["truth"]
+    if what == "nothing":
+        return what
+    return f"{what} at {truth['places'][0]} ({truth['size']}): {truth['then']:.3g} → {truth['now']:.3g}"
 
 
 def _value(item: Mapping[str, Any]) -> str:
@@ -171,5 +135,6 @@ def _value(item: Mapping[str, Any]) -> str:
     return ""
 
 
-def _of(answers: Sequence[bool], share: Callable[[int, int], str]) -> str:
-    return share(sum(bool(answer) for answer in answers), len(answers)) if answers else "-"
+KIND = Kind(
+    "since", "devices that are tested twice", "since", of_each_or_in_turn("since", IN_TURN), trial, told, summary
+)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from _benchmark import Kind, filled, grid, in_turn, listed, rate, sealed, spread
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
@@ -22,42 +21,21 @@ from tests.reference.concealed.tracked import ROBOTS, draw_tracked, how, write
 RIGHT = 2e-4
 #: Rows at both ends of a log before and after which nobody knows the motion.
 ENDS = 10
-HEAD = """# Concealed trials on arms whose poses are logged in motion
-
-Four arms (a UR5, a Panda, a Kinova, an xArm 7) move, and 2 500 rows at 50 to 200 Hz hold what motors and poses tell. Of
-half of them gears yield, each joint's by 20 to 100 µrad/(N m), under weight and under the torque that Newton and Euler
-ask for in the motion. Half are seen by a tracker that stands anywhere: zeros are off by 8 mrad, links by 1 mm and
-2 mrad, masses by 5 %, the target by 10 mm (one standard deviation); noise 20 to 100 µm and 0.1 to 0.5 mrad. The others
-have a second encoder behind each gear, with a noise of 5 to 30 µrad, by which poses of the drawing are told; of these
-arms masses alone are off. Of half of the arms all motors' encoders are late alike, of the others each for itself: two
-in five not at all, the rest by 0 to 10 ms. Half declare their noise. A simulator of its own
-(`tests/reference/concealed/tracked.py`) draws them; the answer is sealed while the diagnosis sees the recording alone.
-
-- *Right*: every joint's delay, its own and that of all together, is within 0.2 ms.
-- *Delay called compliance*: compliance is named where gears are stiff. *Compliance called delay*: a delay is off by
-  more than that where they yield.
-- *Held out*: another motion of the same arm by the corrected model, in multiples of the noise, but for ten rows at both
-  ends.
-
-`{command}` makes this page again.
-
-"""
 
 
 def trial(seed: int, robot: str) -> dict[str, Any]:
     """Draw, seal, diagnose, predict the held-out recording, and only then open the answer."""
     given = how(seed, robot)
     drawn = draw_tracked(**given)
-    with tempfile.TemporaryDirectory() as folder:
-        out, sealed = Path(folder) / "out", Path(folder) / "sealed"
-        write(drawn, out, sealed, "device")
+    with sealed() as (out, hidden):
+        write(drawn, out, hidden, "device")
         recording, heldout = (read_recording(out / f"device{part}.csv") for part in ("", ".heldout"))
         loaded = prup_pin.load(KINDS[robot].called)
         begun = time.process_time()
         found = diagnose(loaded, recording)
         seconds = time.process_time() - begun
         predicted = simulate(loaded, heldout, found.effects)
-        truth = json.loads((sealed / "device.truth.json").read_text())
+        truth = json.loads((hidden / "device.truth.json").read_text())
     told = {}
     for item in found.findings:
         if item.physics == "encoder_delay":
@@ -109,52 +87,35 @@ def told(result: Mapping[str, Any]) -> str:
     )
 
 
-def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str]) -> str:
-    """Return the tables as Markdown; `share(hits, total)` writes a share."""
-    groups = {
+def summary(trials: Sequence[Mapping[str, Any]]) -> str:
+    """Return the tables as Markdown."""
+    groups = filled({
         "all": list(trials),
         "stiff gears": [t for t in trials if not t["yields"]],
         "gears that yield": [t for t in trials if t["yields"]],
         "a tracker": [t for t in trials if not t["behind_gears"]],
         "encoders behind gears": [t for t in trials if t["behind_gears"]],
-    }
-    groups = {name: mine for name, mine in groups.items() if mine}
-
-    def row(question: str, answer: Callable[[list], str]) -> str:
-        return f"| {question} | {' | '.join(answer(mine) for mine in groups.values())} |"
-
-    def quantiles(mine: list, of: Callable[[Mapping[str, Any]], float], form: str) -> str:
-        found = [of(t) for t in mine]
-        return f"{np.median(found):{form}} ({max(found):{form}})"
-
-    lines = [
-        f"| question | {' | '.join(groups)} |",
-        "|---|" + "---|" * len(groups),
-        row("arms", lambda mine: str(len(mine))),
-        row("all delays within 0.2 ms", lambda mine: share(sum(miss(t) <= RIGHT for t in mine), len(mine))),
-        row("worst delay off by [ms], median (worst)", lambda mine: quantiles(mine, lambda t: 1e3 * miss(t), ".3f")),
-        row("delay called compliance", lambda mine: str(sum(yielding(t) and not t["yields"] for t in mine))),
-        row(
-            "compliance called delay",
-            lambda mine: str(sum(miss(t) > RIGHT and t["yields"] for t in mine)),
-        ),
-        row("compliance named where gears yield", lambda mine: f"{sum(yielding(t) and t['yields'] for t in mine)}/"
-            f"{sum(t['yields'] for t in mine)}"),
-        row("held out [noise], median (worst)", lambda mine: quantiles(mine, lambda t: t["after"], ".2f")),
-        row("seconds of one processor, median (longest)", lambda mine: quantiles(mine, lambda t: t["seconds"], ".0f")),
-        "",
-        "| arm | gears | poses by | late [ms] | off by [ms] | told | held out |",
-        "|---|---|---|---|---|---|---|",
-    ]  # fmt: skip
-    for t in trials:
-        late = ", ".join(f"{1e3 * value:.2f}" for value in dict.fromkeys(t["late"].values()))
-        named = ", ".join(dict.fromkeys(physics for physics, _ in t["findings"])) or "nothing"
-        lines.append(
-            f"| {t['robot']} {t['seed']} | {'yield' if t['yields'] else 'stiff'} | "
-            f"{'encoders' if t['behind_gears'] else 'tracker'} | {late} | {1e3 * miss(t):.3f} | {named} | "
-            f"{t['after']:.2f} |"
-        )
+    })  # fmt: skip
+    lines = grid(groups, [
+        ("arms", lambda mine: str(len(mine))),
+        ("all delays within 0.2 ms", rate(lambda t: miss(t) <= RIGHT)),
+        ("worst delay off by [ms], median (worst)", lambda mine: spread((1e3 * miss(t) for t in mine), ".3f", True)),
+        ("delay called compliance", lambda mine: str(sum(yielding(t) and not t["yields"] for t in mine))),
+        ("compliance called delay", lambda mine: str(sum(miss(t) > RIGHT and t["yields"] for t in mine))),
+        ("compliance named where gears yield", lambda mine:
+         f"{sum(yielding(t) and t['yields'] for t in mine)}/{sum(t['yields'] for t in mine)}"),
+        ("held out [noise], median (worst)", lambda mine: spread((t["after"] for t in mine), ".2f", True)),
+        ("seconds of one processor, median (longest)", lambda mine: spread((t["seconds"] for t in mine), ".0f", True)),
+    ])  # fmt: skip
+    lines += ["", *listed(("arm", "gears", "poses by", "late [ms]", "off by [ms]", "told", "held out"), (
+        (f"{t['robot']} {t['seed']}", "yield" if t["yields"] else "stiff",
+         "encoders" if t["behind_gears"] else "tracker",
+         ", ".join(f"{1e3 * value:.2f}" for value in dict.fromkeys(t["late"].values())), f"{1e3 * miss(t):.3f}",
+         ", ".join(dict.fromkeys(physics for physics, _ in t["findings"])) or "nothing", f"{t['after']:.2f}")
+        for t in trials))]  # fmt: skip
     return "\n".join(lines) + "\n"
 
 
-__all__ = ["HEAD", "ROBOTS", "summary", "told", "trial"]
+KIND = Kind(
+    "tracked", "arms whose poses are logged in motion", "tracked", in_turn("tracked", ROBOTS), trial, told, summary
+)

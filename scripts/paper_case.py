@@ -19,7 +19,7 @@ from _project import ROOT
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.recordings import read_recording
-from prup_pin.views.drawing.plotting import Figure, FigureCanvasAgg
+from prup_pin.views.drawing.plotting import plain_axes, sheet
 from prup_pin.views.scene.colours import AFTER, BEFORE, FAINT, INK
 from tests.reference.concealed.draw import draw, write
 
@@ -50,8 +50,7 @@ def main() -> None:
 
 def picture(printed, found, path: Path) -> None:
     """Draw residuals before and after, and a rod's bending by the printed and by the correct equation."""
-    figure = Figure(figsize=(11, 4.6), dpi=130, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = sheet(11, 4.6)
     left, right = figure.add_axes((0.075, 0.13, 0.4, 0.66)), figure.add_axes((0.575, 0.13, 0.4, 0.66))
     for residual, colour, label in (
         (found.residual_before, BEFORE, "printed sign"),
@@ -62,8 +61,9 @@ def picture(printed, found, path: Path) -> None:
     left.axhline(noise, color=FAINT, lw=1.0, ls=(0, (4, 3)))
     left.text(1.0, noise, " noise", color=FAINT, fontsize=9, va="center", transform=left.get_yaxis_transform())
     left.set_yscale("log")
-    _frame(left, "sample", "measured less simulated position [µm]")
-    loads = found.final.equilibria.evaluation.loads[:, found.final.equilibria.chain.names.index("leg1/linear_rod")]
+    plain_axes(left, 9, labels=("sample", "measured less simulated position [µm]"))
+    equilibria = found.final.equilibria
+    loads = equilibria.evaluation.loads[:, equilibria.chain.structure.layout.index["leg1/linear_rod"]]
     correct = prup_pin.load("3prup")
     pose = correct.home
     force = np.linspace(loads[:, 1].min(), loads[:, 1].max(), 50)
@@ -73,22 +73,12 @@ def picture(printed, found, path: Path) -> None:
         matrix = compliance.module_compliances["leg1/linear_rod"]
         moved = [(matrix @ np.array([0, f, 0, -offset * f, 0, 0]))[1] for f in force]
         right.plot(force, 1e6 * np.array(moved), color=colour, lw=2.2, label=name)
-    _frame(right, "$f_y$ at the tip of rod 1 [N]", "deflection of the tip along y [µm]")
+    plain_axes(right, 9, labels=("$f_y$ at the tip of rod 1 [N]", "deflection of the tip along y [µm]"))
     for axes, title in ((left, "A correct robot against the model"), (right, "A rod's bending, Eq. (90)")):
         axes.set_title(title, fontsize=11, loc="left", color=INK, pad=10)
         axes.legend(frameon=False, fontsize=9.5, markerscale=2.5, handlelength=1.2)
     figure.text(0.075, 0.93, "The sign that the paper misprints", fontsize=14, weight="bold", va="center")
     figure.savefig(path)
-
-
-def _frame(axes, x: str, y: str) -> None:
-    axes.set_xlabel(x, fontsize=10)
-    axes.set_ylabel(y, fontsize=10)
-    axes.tick_params(labelsize=9)
-    axes.grid(color="#EDF0F2", zorder=0)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
 
 
 if __name__ == "__main__":

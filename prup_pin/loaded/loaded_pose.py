@@ -13,14 +13,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError, NoStiffnessError, NotConvergedError
+from ..errors import InputError, NotConvergedError
 from ..kernel import NEGLIGIBLE, NEGLIGIBLE_ENERGY
 from ..kinematics import ClosedPose
 from ..mechanism import Mechanism
 from ..modules import CompliantModule, DriveModule
 from ..numbers import number
-from ..spatial import Array, as_wrench, motion_between, wrench_text
-from ..statics.compliance import _ROUNDING, _Named
+from ..spatial import Array, as_wrench, motion_between
+from ..statics.compliance import _Named, no_stiffness
 from .border import inverted, no_border
 from .chain import Chain
 from .derivative import load_columns, tool_columns
@@ -125,13 +125,7 @@ class LoadedPose:
         rigid = values <= NEGLIGIBLE_ENERGY * values.max()
         if rigid.any():
             directions = right[rigid] * self._scaling[:1]
-            directions = directions / np.abs(directions).max(axis=1, keepdims=True)
-            listed = "; ".join(wrench_text(direction, 3, _ROUNDING) for direction in directions)
-            raise NoStiffnessError(
-                f"no K: these {len(directions)} of 6 directions are rigid (no module yields to them): {listed}. "
-                "C is complete; give a compliance to more joints or bodies if these directions should yield",
-                directions,
-            )
+            raise no_stiffness(directions / np.abs(directions).max(axis=1, keepdims=True))
         return _frozen((right.T / values) @ left.T * self._scaling)
 
     # -- what the modules carry ------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import robots
 from ..errors import InputError, ParameterError, PrupPinError, UnknownNameError, nearest_names
-from ..files import json_lines, write_whole
+from ..files import json_lines, named_beside, write_whole
 from ..laws import LAWS, Effect, Law, Place
 from ..laws.deviations import Calibration, calibration_of
 from ..laws.efforts import EFFORT_LAWS
@@ -393,9 +393,7 @@ class _Reader(KeyReader):
         """Return the robot as `load` takes it from here, and its mechanism, or None after reporting."""
         if not name:
             return name, None
-        beside = self.problems.path.parent / robots.as_path(name)
-        if (Path(name).suffix or len(Path(name).parts) > 1) and robots.is_file(beside):
-            name = str(beside)
+        name = named_beside(name, self.problems.path)
         try:
             return name, reading.load(name).mechanism
         except UnknownNameError as error:

@@ -89,6 +89,16 @@ def yielding_stiffness(compliance: Array, scaling: Array) -> Array:
     return symmetric(stiffness)
 
 
+def no_stiffness(rigid: Array) -> NoStiffnessError:
+    """Return the error that K does not exist, for these rigid directions (n, 6)."""
+    listed = "; ".join(wrench_text(direction, 3, _ROUNDING) for direction in rigid)
+    return NoStiffnessError(
+        f"no K: these {len(rigid)} of 6 directions are rigid (no module yields to them): {listed}. "
+        "C is complete; give a compliance to more joints or bodies if these directions should yield",
+        rigid,
+    )
+
+
 def natural_basis(space: Array, axes: Array) -> Array:
     """Return a basis (n, 6) of a space of orthonormal columns (6, n): first those of `axes` (m, 6) that lie in it.
 
@@ -157,12 +167,7 @@ class Compliance:
         if not 0 < frobenius(inverted) * frobenius(scaled) < 0.1 / NEGLIGIBLE_ENERGY:
             rigid = self.rigid_directions
             if len(rigid):
-                listed = "; ".join(wrench_text(direction, 3, _ROUNDING) for direction in rigid)
-                raise NoStiffnessError(
-                    f"no K: these {len(rigid)} of 6 directions are rigid (no module yields to them): {listed}. "
-                    "C is complete; give a compliance to more joints or bodies if these directions should yield",
-                    rigid,
-                )
+                raise no_stiffness(rigid)
         k = symmetric(inverted)
         k *= self._scaling
         k.setflags(write=False)
