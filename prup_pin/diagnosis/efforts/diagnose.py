@@ -58,6 +58,7 @@ from .search import (
     relieving_curve,
     searched,
     with_relieving_laws,
+    without_needless_kinds,
     without_needless_nuisances,
 )
 from .verdict import effort_diagnosis_of
@@ -259,7 +260,7 @@ def _searched(
         start = refined(common, start, range(len(start.terms)), at_last=True)
         found = searched(common, start, _part(tell, 0.4, 0.7))
         return common, found if relative_gain(held_out(usual), held_out(found))[0] > GAIN else usual
-    usual = usual.apart()
+    usual = without_needless_kinds(usual).apart()
     found = searched(common, sure, _part(tell, 0.4, 0.7))
     plain = searched(common, beside_known(common.start()), _part(tell, 0.7, 1.0))
     if relative_gain(held_out(plain), held_out(found))[0] > GAIN:

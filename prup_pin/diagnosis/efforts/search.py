@@ -268,6 +268,25 @@ def without_needless_nuisances(model: EffortModel) -> EffortModel:
     return pruned(replace(model, keeps_nuisances=False), common)
 
 
+def without_needless_kinds(model: EffortModel) -> EffortModel:
+    """Return the model without kinds of nuisances that held-out blocks do not ask for, at whatever joints.
+
+    A short motion may tell of no joint alone what it tells of all together.
+    """
+    while True:
+        now, needless = held_out(model), []
+        kinds: dict[str, list[EffortCandidate]] = {}
+        for term in filter(model.is_nuisance, model.terms):
+            kinds.setdefault(term.law.physics, []).append(term)
+        for own in kinds.values():
+            share, sure = relative_gain(held_out(model.without(*own)), now)
+            if share <= NO_MATTER or sure <= SURE:
+                needless.append((share, own))
+        if not needless:
+            return model
+        model = model.without(*min(needless, key=lambda item: item[0])[1])
+
+
 def pruned(model: EffortModel, doubtful: Sequence[EffortCandidate]) -> EffortModel:
     """Return the model without those of the `doubtful` terms that the others make needless."""
     while (worse := _needless(model, doubtful)) is not None:

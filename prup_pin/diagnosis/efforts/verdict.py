@@ -173,7 +173,10 @@ def _by_link(names: Sequence[str]) -> str:
 
 
 def effects_of(final: FinalState, doubtful: Sequence[EffortCandidate]) -> Iterator[Effect]:
-    """Yield all effects of the corrected model: laws, and toleranced parameters. doubtful: laws told as curves."""
+    """Yield all effects of the corrected model: laws that add something, and toleranced parameters.
+
+    doubtful: laws told as curves.
+    """
     gains = [] if final.gains is None else final.efforts.gains_among(final.model)[1]
     within = [
         (final.efforts.deviations[index], amount)
@@ -183,6 +186,8 @@ def effects_of(final: FinalState, doubtful: Sequence[EffortCandidate]) -> Iterat
     yield from effects_of_deviations([item for item, _ in within], np.array([amount for _, amount in within]))
     for term in final.model.terms:
         own = final.x[final.model.slice_of(term)]
+        if not own.any():
+            continue
         if term in doubtful:
             # as a curve through knots, which ends where its joint's travel does
             efforts = term.law.efforts_per(term.place, term.values, final.at) @ own
