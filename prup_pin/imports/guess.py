@@ -261,8 +261,8 @@ class _Page:
         if unused and self._measures_nothing:
             which = ", ".join(some(list(unused), 6))
             doubt = (
-                "nothing but the joints' motion is used, which tells nothing by itself: what else was measured, efforts "
-                f"(tau.<joint>) or a place (p.x, p.FRAME.x)? Is it {which}? Else none"
+                "nothing but the joints' motion is used, which tells nothing by itself: what else was measured, "
+                f"efforts (tau.<joint>) or a place (p.x, p.FRAME.x)? Is it {which}? Else none"
             )
             yield self.told("", doubt, "columns").strip()
         if unused or log.left_out:
