@@ -1,5 +1,7 @@
 """A search for laws of efforts: what is left beside many fits, combinations of masses, several links at once."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -274,3 +276,14 @@ def test_friction_of_which_no_joint_is_sure_alone_foretells_the_next_motion():
         left += float(((efforts - predicted.efforts[name])[turns] ** 2).sum())
         whole += float((efforts[turns] ** 2).sum())
     assert np.sqrt(left / whole) < 0.15
+
+
+@pytest.mark.parametrize("times", [1, 3])
+def test_a_robot_much_heavier_than_its_drawing_may_be_a_log_in_another_unit(times):
+    """Masses of all links that are three times as large are said to be what a unit looks like."""
+    _, log = one_way(2)
+    rng = np.random.default_rng(5)
+    scaled = {name: times * tau + 0.02 * rng.normal(size=len(tau)) for name, tau in log.efforts.items()}
+    told = [text for text in diagnose(load("ur5"), replace(log, efforts=scaled)).remarks if "as heavy as" in text]
+    assert len(told) == (times == 3)
+    assert all("2.8 times" in text and '"effort_gain": 1' in text for text in told)

@@ -13,6 +13,7 @@ from ...laws.efforts import Body, curve_by_position
 from ...laws.efforts.deviations import effects_of_deviations
 from ...mechanism.assumed import masses_in_doubt
 from ...numbers import counted, number
+from ..criteria import AS_GOOD
 from ..diagnosis import Finding
 from .belongs import CHECK_ROBOT
 from .diagnosis import EffortDiagnosis
@@ -143,6 +144,14 @@ def _remarks_of(final: FinalState) -> list[str]:
         if term.law.body is Body.ALL_LINKS:
             untold = _by_link(efforts.base_parameters(term.law).silent)
             remarks.append(f"this motion says nothing about {untold}: what it does not show stays as drawn")
+            times, reach = final.heaviness_of(term)
+            unlikely = times + reach < 1 / AS_GOOD or times - reach > AS_GOOD
+            if unlikely and final.gains is None:
+                remarks.append(
+                    f"all links together come out {number(times, 2)} times as heavy as in the robot file (95 %: "
+                    f"{number(times - reach, 2)} to {number(times + reach, 2)}): efforts in another unit look so too; "
+                    'where the masses are right, declare "tolerances": {"effort_gain": 1}'
+                )
     return remarks
 
 
