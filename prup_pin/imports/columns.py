@@ -274,11 +274,20 @@ def _joint_in(draft: Draft, name: str) -> str:
     return max(whole or fits, key=len, default="")
 
 
+def _by_number(joints: Sequence[str]) -> Sequence[str]:
+    """Return joints whose names differ by a number alone in the order of these, which need not be the tree's."""
+    numbered = [re.fullmatch(r"(.*?)(\d+)(\D*)", joint) for joint in joints]
+    parts = [found.group(1, 3) for found in numbered if found]
+    numbers = {joint: int(found.group(2)) for joint, found in zip(joints, numbered, strict=True) if found}
+    alike = len(parts) == len(joints) and len(set(parts)) == 1
+    return sorted(joints, key=numbers.__getitem__) if alike else joints
+
+
 def _named(draft: Draft, stream: Stream, kind: str, members: Sequence[_Member]) -> list[Line]:
     """Return the lines of one group of columns, joint by joint."""
     lines = []
     turning = [joint for joint in draft.driven if not draft.slides[joint]]
-    order = turning if len(turning) == len(members) else draft.driven  # of columns without names of joints
+    order = _by_number(turning if len(turning) == len(members) else draft.driven)  # of columns without names of joints
     for place, (number, source, target) in enumerate(sorted(members)):
         doubt, reason, unit = "", "", stream.unit_of(source)
         if not target and draft.mechanism is None:

@@ -200,6 +200,13 @@ class _Page:
             none = f"seen were {called}, and no frame of the robot is called like one; write lines p.FRAME.x{there}"
             yield self.told("", none, "")
 
+    @property
+    def _measures_nothing(self) -> bool:
+        """Whether positions of joints are all that is used, and nothing has been asked of what else there is."""
+        draft = self.draft
+        moving = bool(draft.joints) and all(line.target.startswith(("q.", "qd.", "qdd.")) for line in draft.lines)
+        return moving and not (draft.turns or draft.others or draft.movers or self.doubts)
+
     def rotations(self) -> Iterator[str]:
         if self.draft.turns:
             yield from ("", "rotations:")
@@ -251,6 +258,13 @@ class _Page:
                 f"a load on the tool, along z of the base, in {unit}? Then this line is one of the columns; else none"
             )
             yield self.told(f"# {line}", doubt, name)
+        if unused and self._measures_nothing:
+            which = ", ".join(some(list(unused), 6))
+            doubt = (
+                "nothing but the joints' motion is used, which tells nothing by itself: what else was measured, "
+                f"efforts (tau.<joint>) or a place (p.x, p.FRAME.x)? Is it {which}? Else none"
+            )
+            yield self.told("", doubt, "columns").strip()
         if unused or log.left_out:
             yield from ("", "# Not used:", *(f"#   {name}" for name in (*unused, *log.left_out)))
         angles = [name for name, unit in unused.items() if dimension_of(unit) == "angle"]

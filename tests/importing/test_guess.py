@@ -560,3 +560,31 @@ def test_a_column_that_is_called_a_load_is_not_dropped_in_silence(lift_and_arm):
     ]
     assert "# w.fz: {from: Kraft, unit: N}  # CHECK" in made.text
     assert not any("Kraft" in doubt for doubt in guess(log_of(still | load | {"w.fx": TAU[:, 1]}), lift_and_arm).doubts)
+
+
+@pytest.mark.parametrize("order", [(1, 2, 3), (3, 2, 1)], ids=["from the base on", "from the tool on"])
+def test_columns_called_by_numbers_go_to_the_joints_of_these_numbers(tmp_path, order):
+    names = ["ground", *(f"link_{joint}" for joint in order)]
+    joints = "".join(
+        f'<joint name="joint_{joint}" type="revolute"><parent link="{names[k]}"/><child link="{names[k + 1]}"/>'
+        '<origin xyz="0 0 0.3"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="9" velocity="3"/></joint>'
+        for k, joint in enumerate(order)
+    )
+    links = "".join(f'<link name="{name}"/>' for name in names)
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{links}{joints}</robot>')
+    arm = prup_pin.load(tmp_path / "arm.urdf").mechanism
+    columns = yaml.safe_load(guess(log_of({"t": logs.T} | logs.numbered("J{}", Q[:, :3], 1)), arm).text)["columns"]
+    assert {target: column["from"] for target, column in columns.items() if target != "time"} == {
+        "q.joint_1": "J1",
+        "q.joint_2": "J2",
+        "q.joint_3": "J3",
+    }
+
+
+def test_a_map_of_nothing_but_positions_asks_what_else_was_measured(ur5):
+    q = logs.numbered("q{}", Q) | logs.numbered("qd{}", QD)
+    (doubt,) = guess(log_of({"t": logs.T} | q | {"dutycycle": TAU[:, 0]}), ur5).doubts
+    assert "nothing but the joints' motion is used" in doubt
+    assert "dutycycle" in doubt
+    for nothing_to_ask in ({}, logs.numbered("tau{}", TAU) | {"dutycycle": TAU[:, 0]}):
+        assert guess(log_of({"t": logs.T} | q | nothing_to_ask), ur5).doubts == ()

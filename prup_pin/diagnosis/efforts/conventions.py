@@ -7,7 +7,7 @@ log is not what it says, and no law is to be made of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -716,7 +716,7 @@ class _Search:
             return None  # which is declared to be what it says
         if any(item.columns == "tau" and item.word in _OF_UNIT for item in self.recording.conventions):
             return None  # which is declared
-        if len(sizes) < min(2, len(self.motion.driven)) or 2 * len(sizes) < len(self.motion.driven):
+        if len(sizes) < min(2, len(self.motion.driven)) or not self._carry_most(signed):
             return None
         usual = float(np.median(sizes))
         # a load may make some of them larger besides
@@ -732,6 +732,12 @@ class _Search:
             would_do = FAR_LESS < usual < LITTLE**-2 if few else self._load_would_do(usual)
             return None if would_do else unit
         return unit
+
+    def _carry_most(self, joints: Collection[str]) -> bool:
+        """Return whether some joints are half of all drives, or carry nearly all that the rigid robot takes."""
+        own = [name in joints for name in self.motion.driven]
+        squares = np.sum(self.rigid**2, axis=0)
+        return 2 * sum(own) >= len(own) or float(squares[own].sum()) > MOSTLY * float(squares.sum())
 
     def _load_would_do(self, gain: float) -> bool:
         return tool_load_would_do(self.at, dict.fromkeys(self.motion.driven, gain))

@@ -295,6 +295,16 @@ class FinalState:
         chance = 2 * max(len(change), 1) * np.array([student_sf(size, degrees) for size in sure])
         return ChangedParameters(base, change, student_95(degrees) * deviation, chance)
 
+    def heaviness_of(self, term: EffortCandidate) -> tuple[float, float]:
+        """Return how many times the drawing's efforts all links take in this motion, and half the 95 % interval."""
+        _, covariance, degrees = self.covariances
+        own, kept = self.model.slice_of(term), self.efforts.kept
+        drawn = self.efforts.rigid[kept]
+        columns = np.tensordot(drawn, term.law.efforts_per(term.place, term.values, self.at)[kept], 2)
+        per = columns / max(float(np.sum(drawn**2)), np.finfo(float).tiny)
+        variance = max(float(per @ covariance[own, own] @ per), 0.0)
+        return 1 + float(per @ self.x[own]), student_95(degrees) * float(np.sqrt(variance))
+
     @property
     def needless(self) -> EffortCandidate | None:
         """The law by name of the largest p-value, if chance alone could make it so large; else None.

@@ -391,6 +391,11 @@ class EffortModel:
         """Return the model in another problem of the same columns."""
         return replace(self, problem=problem)
 
+    def apart(self) -> EffortModel:
+        """Return the same model in a copy of its columns, which no later search cuts."""
+        columns = self.problem.columns
+        return self.in_problem(replace(self.problem, columns=columns.only(range(columns.size))))
+
     def alone(self) -> EffortModel:
         """Return the same model of its own columns alone."""
         return self.alone_in(self.problem.columns.only(self.where))

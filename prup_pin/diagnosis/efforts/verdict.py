@@ -13,6 +13,7 @@ from ...laws.efforts import Body, curve_by_position
 from ...laws.efforts.deviations import effects_of_deviations
 from ...mechanism.assumed import masses_in_doubt
 from ...numbers import counted, number
+from ..criteria import AS_GOOD
 from ..diagnosis import Finding
 from .belongs import CHECK_ROBOT
 from .diagnosis import EffortDiagnosis
@@ -143,6 +144,14 @@ def _remarks_of(final: FinalState) -> list[str]:
         if term.law.body is Body.ALL_LINKS:
             untold = _by_link(efforts.base_parameters(term.law).silent)
             remarks.append(f"this motion says nothing about {untold}: what it does not show stays as drawn")
+            times, reach = final.heaviness_of(term)
+            unlikely = times + reach < 1 / AS_GOOD or times - reach > AS_GOOD
+            if unlikely and final.gains is None:
+                remarks.append(
+                    f"all links together come out {number(times, 2)} times as heavy as in the robot file (95 %: "
+                    f"{number(times - reach, 2)} to {number(times + reach, 2)}): efforts in another unit look so too; "
+                    'where the masses are right, declare "tolerances": {"effort_gain": 1}'
+                )
     return remarks
 
 
@@ -173,7 +182,10 @@ def _by_link(names: Sequence[str]) -> str:
 
 
 def effects_of(final: FinalState, doubtful: Sequence[EffortCandidate]) -> Iterator[Effect]:
-    """Yield all effects of the corrected model: laws, and toleranced parameters. doubtful: laws told as curves."""
+    """Yield all effects of the corrected model: laws that add something, and toleranced parameters.
+
+    doubtful: laws told as curves.
+    """
     gains = [] if final.gains is None else final.efforts.gains_among(final.model)[1]
     within = [
         (final.efforts.deviations[index], amount)
@@ -183,6 +195,8 @@ def effects_of(final: FinalState, doubtful: Sequence[EffortCandidate]) -> Iterat
     yield from effects_of_deviations([item for item, _ in within], np.array([amount for _, amount in within]))
     for term in final.model.terms:
         own = final.x[final.model.slice_of(term)]
+        if not own.any():
+            continue
         if term in doubtful:
             # as a curve through knots, which ends where its joint's travel does
             efforts = term.law.efforts_per(term.place, term.values, final.at) @ own
