@@ -66,7 +66,10 @@ class Source:
         """Return the error that says what its code raised, where, and what to do."""
         said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         without = f"leave --with {self.name} out" if self.is_file else f"pip uninstall {self.name}"
-        return PluginError(self, f"{what}: {said}{f' ({at})' if at else ''}. Repair it, or {without}")
+        repair = "Repair it"
+        if isinstance(error, ImportError) and self.is_file and (error.name or "").startswith(__name__):
+            repair = "A file of yours imports by full names, as in 'from prup_pin.laws.law import Law'. Repair it"
+        return PluginError(self, f"{what}: {said}{f' ({at})' if at else ''}. {repair}, or {without}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -182,6 +182,7 @@ def law(**changed):
     ("text", "said"),
     [
         ("a = 1\n1 / 0", r"the file cannot be used: ZeroDivisionError: division by zero \(mine\.py, line 2\)"),
+        ("from .deeds import Deed", "A file of yours imports by full names, as in 'from prup_pin"),
         ("def", r"the file cannot be used: SyntaxError: .*mine\.py, line 1"),
         ("import sys\nsys.exit(1)", r"the file cannot be used: SystemExit: 1 \(mine\.py, line 2\)"),
         ("a = 1", "brings nothing: expected one of the lists LAWS, MODULES, READERS, ROBOTS"),

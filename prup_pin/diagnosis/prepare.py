@@ -495,7 +495,8 @@ def check_belongs(
         why = "" if lost is None else f": row {lost[0] + 2}: {lost[1]}"
         raise InputError(
             "the robot reaches none of the recording's poses, or none of its samples is complete"
-            f"{why}. Check --robot, the q columns' names and units [m, rad]; no other way to write them would do"
+            f"{why}. Check --robot, the q columns' names and units [m, rad]; no other way to write them was found that "
+            "would do: one that you know of can be declared, as in --convention q=mm"
         )
     for measured in stack.channels:
         if isinstance(measured, PoseChannel):

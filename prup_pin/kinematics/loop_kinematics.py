@@ -235,11 +235,19 @@ class LoopKinematics:
         )
 
     def _far_homes(self) -> str:
-        """Return which positions of the home are hardly in m and rad, as a sentence and 'Give'; '' where none is."""
+        """Return which positions of the home are hardly in m and rad, or outside limits; '' where none is.
+
+        As a sentence and 'Give'.
+        """
         far = []
         for name, value in self.mechanism.description.home.items():
-            if told := meant_otherwise(value, self.mechanism.joint(name).unit or ""):
+            joint = self.mechanism.joint(name)
+            if told := meant_otherwise(value, joint.unit or ""):
                 far.append(f"{name} = {told}")
+            elif not self._within(name, value):
+                lower, upper = float(self.lower[joint.first_q]), float(self.upper[joint.first_q])
+                limits = f"{number(lower, 6)} … {number(upper, 6)} {joint.unit}"
+                far.append(f"{name} = {self._told(value, joint.unit or '')}, outside its limits {limits}")
         return f"Home has {'; '.join(far)}. Give" if far else ""
 
     def _home_line(self) -> str:

@@ -170,6 +170,17 @@ def test_a_home_in_millimetres_that_closes_no_loop_is_suspected():
         _ = prup_pin.load("3prup", home={"leg1_slide": 400}).home
 
 
+def test_a_home_outside_a_joints_limits_is_told_of_that_joint(tmp_path):
+    """Loops that then close nowhere near would be blamed on any joint of theirs."""
+    text = (EXAMPLES / "five_bar.urdf").read_text(encoding="utf-8")
+    home = re.search(r"<home [^>]*>", text)[0]
+    joint = re.search(r'<home (\w+)="', home)[1]
+    path = tmp_path / "five_bar.urdf"
+    path.write_text(text.replace(home, re.sub(rf'{joint}="[^"]*"', f'{joint}="6"', home)), encoding="utf-8")
+    with pytest.raises(prup_pin.UnreachablePoseError, match=rf"Home has {joint} = 6 rad .*, outside its limits"):
+        _ = prup_pin.load(path).home
+
+
 @pytest.mark.parametrize(("height", "told"), [(0.7, "108 mm"), (1.0, "408 mm"), (400.0, "399 m")])
 def test_out_of_reach_is_told_by_how_far_that_is(height, told):
     """Both legs of the five-bar are stretched at most: 0.6 m from motors 0.1 m beside the middle."""

@@ -392,7 +392,7 @@ def test_what_is_missed_is_over_what_the_drawing_leaves(elastic):
     assert np.isnan(elastic.left(true, {"tau.a": predicted["tau.a"]}, truth())["missed"])
 
 
-def test_the_page_counts_what_was_right_and_lists_what_was_not(elastic, tmp_path):
+def test_the_page_counts_what_was_right_and_lists_what_was_not(elastic):
     more = {"before": 0.4, "after": 0.02, "missed": 0.05, "missed_by_noise": 0.03, "seconds": 12.0}
     cases = [
         (answer(verdict="nothing_missing"), truth("faultless")),
@@ -401,16 +401,14 @@ def test_the_page_counts_what_was_right_and_lists_what_was_not(elastic, tmp_path
         (answer(finding("coulomb_friction", "robot", {"a.limit": (1, 0, 2)})), truth("everywhere", [DRY], seed=4)),
     ]
     trials = json.loads(json.dumps([elastic.marks(*case) | more for case in cases]))
-    text = elastic.HEAD.format(command="this") + elastic.summary(trials, "{}/{}".format)
+    text = elastic.summary(trials)
     rows = dict(line.strip("| ").split(" | ")[:2] for line in text.splitlines() if line.count(" | ") > 1)
-    assert rows["faultless: accused"] == "1/2"
-    assert rows["one effect: … both, in one finding"] == "1/1"
-    assert rows["everywhere, 3 x noise or more: coulomb_friction told"] == "1/2"
+    assert "(1/2;" in rows["faultless: accused"]
+    assert "(1/1;" in rows["one effect: … both, in one finding"]
+    assert "(1/2;" in rows["everywhere, 3 x noise or more: coulomb_friction told"]
     assert rows["held out, one: missed, median (90th percentile)"] == "0.05 (0.05)"
     assert "Named though it is not there: cogging 1." in text
     assert "| ur5 2 |" in text
     assert "| ur5 4 |" in text
     assert "| ur5 3 |" not in text
     assert elastic.told(trials[0]).startswith("ok ur5 1: faultless -> nothing")
-    elastic.dump(trials, tmp_path)
-    assert json.loads((tmp_path / "ur5-2.json").read_text())["accused"]
