@@ -266,8 +266,13 @@ def candidates(
     warm = inputs.temperature is not None and np.ptp(np.nan_to_num(inputs.warming)) > LEAST_WARMING
     step = float(np.median(np.diff(inputs.time))) if len(inputs) > 1 else 0.0
     pulled = np.any(mechanism.gravity if inputs.gravity is None else np.nan_to_num(inputs.gravity))
-    has = {"temperature": warm, "speed": inputs.moves, "gravity": pulled, "wrench": not inputs.weight_alone}
-    has["weight"] = inputs.gravity is None
+    has = {
+        "temperature": warm,
+        "speed": inputs.moves,
+        "gravity": pulled,
+        "weight": inputs.gravity is None,
+        "wrench": not inputs.weight_alone,
+    }
     return [
         Candidate(law, place, mechanism, step)
         for law in laws_of(mechanism, markers, groups, alone)

@@ -246,8 +246,7 @@ class LoopKinematics:
                 far.append(f"{name} = {told}")
             elif not self._within(name, value):
                 lower, upper = float(self.lower[joint.first_q]), float(self.upper[joint.first_q])
-                limits = f"{number(lower, 6)} … {number(upper, 6)} {joint.unit}"
-                far.append(f"{name} = {self._told(value, joint.unit or '')}, outside its limits {limits}")
+                far.append(f"{name} = {self._told_outside(value, lower, upper, joint.unit or '')}")
         return f"Home has {'; '.join(far)}. Give" if far else ""
 
     def _home_line(self) -> str:
@@ -728,18 +727,20 @@ class LoopKinematics:
         name = next(joint.name for joint in self.mechanism.joints if joint.first_q <= worst < joint.first_q + joint.nq)
         return name, float(q[worst]), float(self.lower[worst]), float(self.upper[worst])
 
+    def _told_outside(self, value: float, lower: float, upper: float, unit: str) -> str:
+        """Return a position and the limits that it is outside of, for people."""
+        text = f"{self._told(value, unit)}, outside its limits {number(lower, 6)} … {number(upper, 6)} {unit}"
+        if unit == "rad":
+            text += f" ({number(np.degrees(lower), 4)} … {number(np.degrees(upper), 4)} deg)"
+        return text
+
     def _check_limits(self, q: Array, requested: dict, only: set[str] | None = None) -> None:
         outside = self._outside(q)
         if outside is None or (only is not None and outside[0] not in only):
             return
         name, value, lower, upper = outside
         unit = self._unit(name)
-        text = (
-            f"joint '{name}' would stand at {self._told(value, unit)}, outside its limits {number(lower, 6)} … "
-            f"{number(upper, 6)} {unit}"
-        )
-        if unit == "rad":
-            text += f" ({number(np.degrees(lower), 4)} … {number(np.degrees(upper), 4)} deg)"
+        text = f"joint '{name}' would stand at {self._told_outside(value, lower, upper, unit)}"
         if not requested and self.mechanism.description.described and np.array_equal(q, self.home):
             raise UnreachablePoseError(
                 f"'{self.mechanism.name}' cannot stand at its home: {text}. "

@@ -403,9 +403,9 @@ def test_the_page_counts_what_was_right_and_lists_what_was_not(elastic):
     trials = json.loads(json.dumps([elastic.marks(*case) | more for case in cases]))
     text = elastic.summary(trials)
     rows = dict(line.strip("| ").split(" | ")[:2] for line in text.splitlines() if line.count(" | ") > 1)
-    assert "(1/2;" in rows["faultless: accused"]
-    assert "(1/1;" in rows["one effect: … both, in one finding"]
-    assert "(1/2;" in rows["everywhere, 3 x noise or more: coulomb_friction told"]
+    assert rows["faultless: accused"] == "50.0 % (1/2; 9.5-90.5 %)"
+    assert rows["one effect: … both, in one finding"] == "100.0 % (1/1; 20.7-100.0 %)"
+    assert rows["everywhere, 3 x noise or more: coulomb_friction told"] == "50.0 % (1/2; 9.5-90.5 %)"
     assert rows["held out, one: missed, median (90th percentile)"] == "0.05 (0.05)"
     assert "Named though it is not there: cogging 1." in text
     assert "| ur5 2 |" in text
