@@ -15,6 +15,14 @@ from .modules_at import actuator_places, drive_of
 from .setup import Setup
 
 
+_OFFSET = Quantity("offset", "m", "true position less the reported one", 1e-4, lower=-0.1, upper=0.1)
+
+
+def offset_of(slides: bool) -> Quantity:
+    """Return the offset of an encoder of a slide, or of a hinge."""
+    return _OFFSET if slides else replace(_OFFSET, unit="rad", default=1e-3)
+
+
 class EncoderOffset(Law):
     """An actuator stands at q + offset where its encoder reports q."""
 
@@ -23,16 +31,14 @@ class EncoderOffset(Law):
     called = "zero, homing"
     sensor = "encoders"
     remedy = "set the zero of the encoder at {place} anew, by the offset found here"
-    quantities = (Quantity("offset", "m", "true position less the reported one", 1e-4, lower=-0.1, upper=0.1),)
+    quantities = (_OFFSET,)
     neutral: ClassVar = {"offset": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(name) for name in actuator_places(mechanism)]
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return (
-            self.quantities if _slides(place, mechanism) else (replace(self.quantities[0], unit="rad", default=1e-3),)
-        )
+        return (offset_of(_slides(place, mechanism)),)
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return drive_of(place.name, mechanism)

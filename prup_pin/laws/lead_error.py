@@ -7,11 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..mechanism import Mechanism
+from ..mechanism import Joint, Mechanism
 from ..numbers import number, quantity
 from ..parameters import Quantity
 from .deeds import Deed, Solved, Travel
 from .drawn import Drawn
+from .encoder import misread, offset_of
 from .law import Law, Place
 from .modules_at import screws, travels
 from .setup import Setup
@@ -60,8 +61,44 @@ class LeadError(Law):
         return f"{place.name} travels {number(more, 3, signed=True)} {each} than its encoder says"
 
 
+class LeadErrorFromElsewhere(LeadError):
+    """The nut travels (q - q0) (1 + relative) from where it is counted, q0: not from where the encoder reads zero.
+
+    A screw that was homed in the middle of its travel is right there. Told by what is off at the robot file's home
+    position, which data tell best: travel less q is offset + relative (q - home).
+    """
+
+    summary = "a screw with another lead, homed elsewhere than at zero"
+    called = "pitch error, scale, homing"
+    quantities = (*LeadError.quantities, offset_of(slides=True))
+    neutral: ClassVar = {"relative": 0.0, "offset": 0.0}
+    variant = "homed elsewhere"
+    toleranced = False
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        return (*LeadError.quantities, offset_of(_joint(mechanism, travels(mechanism)[place.name]).slides))
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        column = travels(setup.mechanism)[place.name]
+        beyond = setup.inputs.actuators[:, column] - _home(setup.mechanism, column)
+        yield Travel(column, values["offset"] + values["relative"] * beyond)
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        unit = _unit(mechanism, travels(mechanism)[place.name])
+        return f"{super().statement(place, values, mechanism)}; at home its encoder {misread(values['offset'], unit)}"
+
+
+def _home(mechanism: Mechanism, column: int) -> float:
+    """Return where an actuator stands at the robot file's home position [m or rad]."""
+    return float(mechanism.home_configuration()[_joint(mechanism, column).first_q])
+
+
+def _joint(mechanism: Mechanism, column: int) -> Joint:
+    return mechanism.joint(mechanism.actuated[column])
+
+
 def _unit(mechanism: Mechanism, column: int) -> str:
-    return mechanism.joint(mechanism.actuated[column]).unit or "rad"
+    return _joint(mechanism, column).unit or "rad"
 
 
 class PeriodicLeadError(Law):

@@ -22,8 +22,9 @@ from .state import Conditions, State
 from .structure import Sliding, Structure
 from .values import ModuleValues
 
-#: Forces left over, as a share of the largest one carried, and gaps left open [m, rad].
-_UNBALANCED, _OPEN, _JAMMED = 1e-6, 1e-8, 1e-10
+#: Forces left over, as a share of the largest one carried or of a load [N, N m] that stiff modules round: and gaps left
+#: open [m, rad].
+_UNBALANCED, _LIGHT, _OPEN, _JAMMED = 1e-6, 1.0, 1e-8, 1e-10
 
 
 class ModuleFrames(NamedTuple):
@@ -109,7 +110,7 @@ def is_balanced(structure: Structure, state: State, at: Evaluation, bordered: np
     """Return which samples obey all equations, (N,), also those that the steps of a bordered matrix leave out.
 
     What these leave open is a jam, and no rounding: of samples that are `bordered` (N,) less is allowed, and what a
-    drawing to seven digits opens while the joints move.
+    drawing to seven digits opens while the joints move. Where no step leaves anything out, small steps balance.
     """
     free = len(structure.free)
     carried = np.abs(at.carried).max(axis=(1, 2), initial=0.0)
@@ -117,7 +118,7 @@ def is_balanced(structure: Structure, state: State, at: Evaluation, bordered: np
     gaps = np.abs(at.residual[:, free:]).max(axis=1, initial=0.0)
     moved = np.abs(state.travel).max(axis=1, initial=0.0)
     least = np.where(bordered, _JAMMED + NEGLIGIBLE * moved, _OPEN)
-    return (forces <= _UNBALANCED * (carried + _UNBALANCED)) & (gaps <= least)
+    return (~bordered | (forces <= _UNBALANCED * (carried + _LIGHT))) & (gaps <= least)
 
 
 # ------------------------------------------------------------------------------------------------------------- motions

@@ -73,3 +73,18 @@ def test_two_single_faults_are_told_by_their_names(hexapod):
             assert low - 0.5 * (high - low) < value < high + 0.5 * (high - low)
             assert high - low < 0.1 * abs(value)
     assert not any("everything is off at once" in remark for remark in found.remarks)
+
+
+def test_a_lead_that_is_right_in_the_middle_of_the_travel_is_told(hexapod):
+    leg = hexapod.mechanism.actuated[1]
+    homed = float(hexapod.home.joints[leg])
+    faults = (
+        ("lead_error", "leg2/drive", "proportional", {"relative": 1e-3}),
+        ("encoder_offset", leg, "", {"offset": -1e-3 * homed}),
+    )
+    found = diagnose(hexapod, bench_of(hexapod, *faults))
+    assert found.verdict == "explained"
+    told = {finding.physics: finding for finding in found.findings}
+    assert told.keys() == {"lead_error", "self_weight"}
+    low, high = told["lead_error"].parameters["relative"].interval
+    assert low < 1e-3 < high < 1.3 * low

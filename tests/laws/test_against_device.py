@@ -198,6 +198,20 @@ def test_a_law_is_what_the_device_does(device, ours, within, beyond):
     assert there < within < wrong
 
 
+def test_a_screw_that_is_homed_elsewhere_has_another_lead_and_another_zero():
+    """What the device does with both, and the home of its robot file is 0.4 m from where the encoder reads zero."""
+    both = (
+        {"physics": "lead_error", "location": "leg2/ball_screw", "kind": "proportional", "ratio": 2e-4},
+        {"physics": "encoder_offset", "location": "leg2/ball_screw", "offset": -6e-5},
+    )
+    place = "leg2/ball_screw", "homed elsewhere"
+    ours = effect(laws.LeadErrorFromElsewhere, *place, relative=2e-4, offset=2e-4 * 0.4 - 6e-5)
+    other = effect(laws.LeadErrorFromElsewhere, *place, relative=2e-4, offset=-6e-5)
+    without, there, wrong = apart(both, NOTHING, [ours], [other])
+    assert without > 3.0
+    assert there < AS_LONG_AS_TOLD < wrong
+
+
 def test_every_law_of_poses_is_compared_with_an_equation_or_a_device():
     folder = Path(__file__).parent
     texts = [path.read_text(encoding="utf-8") for path in folder.glob("test_*.py") if path.name != "test_contract.py"]

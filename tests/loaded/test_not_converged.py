@@ -64,6 +64,18 @@ def test_what_does_not_lie_near_is_not_looked_for_in_steps(monkeypatch):
         assert find_equilibria(robot._chain, [pose], rows, conditions, start, near=True).converged.all() == found
 
 
+def test_without_its_load_a_robot_comes_back_to_rest():
+    """What rounding leaves of the load's own deformation is no jam, though it is all that any part carries."""
+    robot = prup_pin.load("3prup")
+    poses, rows = [robot.pose(z=z) for z in (0.4, 0.45, 0.5)], np.arange(3)
+    start = find_equilibria(robot._chain, poses, rows, Conditions(np.tile([3e2, 2e2, -5e2, 10.0, 0, 5.0], (3, 1))))
+    back = find_equilibria(robot._chain, poses, rows, Conditions(np.zeros((3, 6))), start, near=True)
+    assert start.converged.all()
+    assert back.converged.all()
+    at_rest = find_equilibria(robot._chain, poses, rows, Conditions(np.zeros((3, 6))))
+    np.testing.assert_allclose(back.tool, at_rest.tool, atol=1e-11)
+
+
 def test_a_weight_that_turns_an_idle_joint(tmp_path):
     """A pendulum beside the tool hangs askew: where it would come to rest is no small motion, and not looked for."""
     file = RobotFile((0, 0, -9.81))
