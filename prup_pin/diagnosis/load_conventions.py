@@ -2,20 +2,21 @@
 
 What changes while the actuators stand still, against the drawn compliance with each module as soft as suits best, which
 no bench knows better. A convention is told where it leaves a third of what the log leaves as it is written, on blocks
-that were held out too; and clearly less than that where one place, the base or a module, yields besides in proportion
-to its load: what lies in series with all else does what another unit of forces does.
+that were held out too; and clearly less than that where one place, the base or a module, yields besides, in proportion
+to its load or as far as a play lets it: what lies in series with all else does what another unit of forces does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import lsq_linear
+from scipy.optimize import lsq_linear, nnls
 
-from ..laws import Inputs
+from ..laws import LAWS, Effect, Inputs
+from ..loaded import FirstOrder
 from ..recordings import WORDS, Convention, Drawn, Recording, read_as
 from ..recordings.conventions import AXES, Evidence, may_be_read
 from ..robot import Robot
@@ -55,6 +56,7 @@ class _Loaded:
 
     parts: Array
     places: tuple[Array, ...]
+    resting: tuple[Array, ...]
     seen: Array
     moved: Array
     wrench: Array
@@ -77,7 +79,8 @@ class _Loaded:
 
     def select(self, rows: np.ndarray) -> _Loaded:
         return replace(
-            self, parts=self.parts[:, rows], places=tuple(each[:, rows] for each in self.places), seen=self.seen[rows],
+            self, parts=self.parts[:, rows], places=tuple(each[:, rows] for each in self.places),
+            resting=tuple(each[:, rows] for each in self.resting), seen=self.seen[rows],
             moved=self.moved[rows], wrench=self.wrench[rows], tool=self.tool[rows],
             blocks=self.blocks[rows], free=_freed(self.blocks[rows]),
             noise=self.noise * len(self.wrench[rows]) / len(self.wrench),
@@ -94,9 +97,10 @@ class _Loaded:
         return modules if place is None else np.concatenate((modules, self.by_place(wrench, place)), axis=1)
 
     def by_place(self, wrench: Array, place: int) -> Array:
-        """Return how a place moves the tool that yields along each of its loads in proportion to it (6 n, k)."""
+        """Return how a place moves the tool that yields along each of its loads (6 n, k): in proportion, and by a play."""
         carried = self.places[place]
-        deformed = (carried * wrench).sum(axis=2)[..., None] * carried
+        loads = (carried * wrench).sum(axis=2) + self.resting[place]
+        deformed = np.concatenate([along[..., None] * carried for along in (loads, np.sign(loads))])
         moved = (self.seen @ deformed[..., None])[..., 0]
         if place < len(self.parts):  # coupled as it is drawn
             moved = np.concatenate((moved, (self.parts[place] @ wrench[..., None])[None, ..., 0]))
@@ -200,6 +204,7 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     places = [np.array([item.wrench_jacobians[name] for item in each])[which].swapaxes(0, 1) for name in names]
     tool = np.array([geometry.poses[pose].base_from_tool for pose in used])[which]
     wrench = recording.wrench[rows]
+    resting = _resting(simulator, names, places, wrench)
     exists = seen[rows]
     weight = np.where(exists, 1 / np.array(COARSE), 0.0)
     bent = _moved(tool, run.position[there], run.rotation[there]) - (parts.sum(axis=0) @ wrench[..., None])[..., 0]
@@ -210,15 +215,29 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     turned = turn_between(tool[:, :3, :3], turn.T @ rotation_exp(np.nan_to_num(vector[rows]))) @ turn.T
     moved = np.concatenate((position[rows] - shift - tool[:, :3, 3] @ turn.T, turned), axis=1)
     places.append(base_wrench_from_point(tool[:, :3, 3]).swapaxes(0, 1))
+    resting.append(np.zeros(places[-1].shape[:2]))
     parts = parts * weight[None, :, :, None]
     noise = _noise_of(recording, parts.sum(axis=0), weight, exists) * (1 - len(np.unique(blocks[rows])) / len(rows))
     moved, bent = (np.where(exists, values, 0.0) * weight for values in (moved, np.nan_to_num(bent)))
     loaded = _Loaded(
-        parts, tuple(places), weight[:, :, None] * along, moved, wrench, tool, blocks[rows], _freed(blocks[rows]), noise
-    )
+        parts, tuple(places), tuple(resting), weight[:, :, None] * along, moved, wrench, tool, blocks[rows],
+        _freed(blocks[rows]), noise,
+    )  # fmt: skip
     # what large deflections add to C w is much the same however the wrench is read, unless it is read far too large
     other = replace(loaded, moved=moved - bent)
     return min(loaded, other, key=lambda item: _left(item, wrench).yielding)
+
+
+def _resting(simulator: Simulator, names: Sequence[str], places: Sequence[Array], wrench: Array) -> list[Array]:
+    """Return what each module carries (k, n) beside wrenches (n, 6) on the tool, where the robot has its own weight."""
+    mechanism = simulator.robot.mechanism
+    weighs = next((law for law in LAWS if law.weighs and law.places(mechanism)), None)
+    acting = [] if weighs is None else [Effect(weighs, (at := weighs.places(mechanism)[0]), weighs.starts(at, mechanism)[0])]
+    first = FirstOrder(simulator.run(acting).equilibria)
+    return [
+        np.nan_to_num(first.loads(name).T - (carried * wrench).sum(axis=2))
+        for name, carried in zip(names, places, strict=True)
+    ]
 
 
 def _stands(tool: Array, position: Array) -> tuple[Array, Array]:
@@ -321,13 +340,14 @@ def _likeliest(loaded: _Loaded, wrench: Array, levers: Array | None = None) -> t
     base = np.linalg.qr(modules)[0]
     known = plain.trust * (1 - plain.softness)
     rest = _beside(base, np.append(plain.left, known))
-    taken = []
+    left = []
     for place in range(len(loaded.places)):
         columns = loaded.by_place(read, place)
         columns = _beside(base, np.concatenate((columns, np.zeros((len(known), columns.shape[1])))))
-        basis = np.linalg.qr(columns)[0]
-        taken.append(float(((basis.T @ rest) ** 2).sum()))
-    return plain, _suiting(loaded, wrench, levers, int(np.argmax(taken)))
+        small = np.asarray(np.linalg.qr(np.column_stack((columns, rest)), mode="r"))
+        scale = np.maximum(np.linalg.norm(small[:, :-1], axis=0), 1e-30)
+        left.append(nnls(small[:, :-1] / scale, small[:, -1])[1])
+    return plain, _suiting(loaded, wrench, levers, int(np.argmin(left)))
 
 
 def _beside(basis: Array, values: Array) -> Array:

@@ -9,6 +9,7 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.load_conventions import conventions_of_loads
 from prup_pin.recordings import Noise, Recording
 from prup_pin.simulation import effect_named, simulate
 from prup_pin.spatial import rotation_exp, rotation_log
@@ -88,3 +89,14 @@ def test_a_lead_that_is_right_in_the_middle_of_the_travel_is_told(hexapod):
     assert told.keys() == {"lead_error", "self_weight"}
     low, high = told["lead_error"].parameters["relative"].interval
     assert low < 1e-3 < high < 1.3 * low
+
+
+@pytest.mark.parametrize(
+    ("written", "words"), [(1.0, []), (-1.0, ["wrench=reaction"]), (1 / 9.80665, ["force=kgf", "moment=kgf_m"])]
+)
+def test_a_play_hides_no_other_way_to_write_wrenches(hexapod, written, words):
+    """Its weight holds the platform on one side of the gap, until a load turns it over."""
+    play = ("backlash", "leg2/drive", "", {"half_gap": 2e-5, "closing_load": 2.0})
+    recording = bench_of(hexapod, play)
+    found = conventions_of_loads(hexapod, replace(recording, wrench=written * recording.wrench))
+    assert [str(each) for each in (found.conventions if found else ())] == words
