@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -97,7 +98,7 @@ class _Loaded:
         return modules if place is None else np.concatenate((modules, self.by_place(wrench, place)), axis=1)
 
     def by_place(self, wrench: Array, place: int) -> Array:
-        """Return how a place moves the tool that yields along each of its loads (6 n, k): in proportion, and by a play."""
+        """Return how a place moves the tool that yields along each of its loads (6 n, k): in proportion, by a play."""
         carried = self.places[place]
         loads = (carried * wrench).sum(axis=2) + self.resting[place]
         deformed = np.concatenate([along[..., None] * carried for along in (loads, np.sign(loads))])
@@ -229,11 +230,12 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
 
 
 def _resting(simulator: Simulator, names: Sequence[str], places: Sequence[Array], wrench: Array) -> list[Array]:
-    """Return what each module carries (k, n) beside wrenches (n, 6) on the tool, where the robot has its own weight."""
+    """Return what each module carries (k, n) beside wrenches (n, 6) on the tool where the robot has its own weight."""
     mechanism = simulator.robot.mechanism
-    weighs = next((law for law in LAWS if law.weighs and law.places(mechanism)), None)
-    acting = [] if weighs is None else [Effect(weighs, (at := weighs.places(mechanism)[0]), weighs.starts(at, mechanism)[0])]
-    first = FirstOrder(simulator.run(acting).equilibria)
+    weights = (
+        Effect(law, at, law.starts(at, mechanism)[0]) for law in LAWS if law.weighs for at in law.places(mechanism)
+    )
+    first = FirstOrder(simulator.run(list(islice(weights, 1))).equilibria)
     return [
         np.nan_to_num(first.loads(name).T - (carried * wrench).sum(axis=2))
         for name, carried in zip(names, places, strict=True)

@@ -14,7 +14,6 @@ from .law import Law, Place
 from .modules_at import actuator_places, drive_of
 from .setup import Setup
 
-
 _OFFSET = Quantity("offset", "m", "true position less the reported one", 1e-4, lower=-0.1, upper=0.1)
 
 

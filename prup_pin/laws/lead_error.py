@@ -25,7 +25,9 @@ class LeadError(Law):
     summary = "a screw with another lead, an encoder with another scale"
     called = "pitch error, scale"
     remedy = "divide the scale of the encoder at {place} by 1 + its error, or enter the lead or ratio that is there"
-    quantities = (Quantity("relative", "1", "error of the lead", 1e-4, lower=-0.5, upper=0.5),)
+    quantities: ClassVar[tuple[Quantity, ...]] = (
+        Quantity("relative", "1", "error of the lead", 1e-4, lower=-0.5, upper=0.5),
+    )
     neutral: ClassVar = {"relative": 0.0}
     variant = "proportional"
 
@@ -61,7 +63,7 @@ class LeadError(Law):
         return f"{place.name} travels {number(more, 3, signed=True)} {each} than its encoder says"
 
 
-class LeadErrorFromElsewhere(LeadError):
+class HomedLeadError(LeadError):
     """The nut travels (q - q0) (1 + relative) from where it is counted, q0: not from where the encoder reads zero.
 
     A screw that was homed in the middle of its travel is right there. Told by what is off at the robot file's home

@@ -205,8 +205,8 @@ def test_a_screw_that_is_homed_elsewhere_has_another_lead_and_another_zero():
         {"physics": "encoder_offset", "location": "leg2/ball_screw", "offset": -6e-5},
     )
     place = "leg2/ball_screw", "homed elsewhere"
-    ours = effect(laws.LeadErrorFromElsewhere, *place, relative=2e-4, offset=2e-4 * 0.4 - 6e-5)
-    other = effect(laws.LeadErrorFromElsewhere, *place, relative=2e-4, offset=-6e-5)
+    ours = effect(laws.HomedLeadError, *place, relative=2e-4, offset=2e-4 * 0.4 - 6e-5)
+    other = effect(laws.HomedLeadError, *place, relative=2e-4, offset=-6e-5)
     without, there, wrong = apart(both, NOTHING, [ours], [other])
     assert without > 3.0
     assert there < AS_LONG_AS_TOLD < wrong
