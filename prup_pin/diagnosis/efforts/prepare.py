@@ -324,7 +324,7 @@ class PreparedEfforts:
         for law in EFFORT_LAWS:
             single = [candidate for candidate in candidates if candidate.law is law]
             every = law.together([candidate.place for candidate in single])
-            if len(single) > 1 and every is not None:
+            if single and every is not None:
                 where = slice(single[0].where.start, single[-1].where.stop)
                 candidates.append(EffortCandidate(every, every.places(self.at.mechanism)[0], {}, where))
         self._own_size = columns.size
