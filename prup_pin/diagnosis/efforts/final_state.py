@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import eigh
 
 from ...laws import Effect, Law, Place
 from ...laws.efforts import Body
@@ -281,7 +282,18 @@ class FinalState:
         if term.law.body is Body.ALL_LINKS:
             return float(self.changed_parameters(term).chance.min(initial=1.0))
         own = self.model.slice_of(term)
-        return hotelling_sf(self.x[own], covariance[own, own], degrees)
+        told = self._told_combinations(own) if term.law.body else np.eye(own.stop - own.start)
+        return hotelling_sf(told @ self.x[own], told @ covariance[own, own] @ told.T, degrees)
+
+    def _told_combinations(self, own: slice) -> Array:
+        """Return combinations (r, p) of some coefficients of which the motion tells more than the prior does.
+
+        Of the ten numbers of a body that turns about one axis it tells three: the others are where the prior has them,
+        and say nothing of whether there is a body.
+        """
+        prior = self.problem.precision(self.model.where)[own, own]
+        told, ways = eigh(self.normal[own, own] - prior, prior)
+        return np.asarray(ways[:, told > 1].T @ prior)
 
     def changed_parameters(self, term: EffortCandidate) -> ChangedParameters:
         """Return the base parameters of all links, and by how much each differs from the drawing."""
