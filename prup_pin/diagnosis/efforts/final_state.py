@@ -17,8 +17,8 @@ from ...recordings.columns import AS_LOGGED
 from ...robot import Robot
 from ...spatial import Array
 from ..chances import hotelling_sf, student_95, student_sf
-from ..criteria import FALSE_ALARM, GAIN, LITTLE, MOST, NO_MATTER, SURE
-from ..normal_equations import NormalEquations
+from ..criteria import FALSE_ALARM, GAIN, LITTLE, MOST, NO_MATTER, ROUNDING, SURE
+from ..normal_equations import NormalEquations, column_scales
 from .belongs import Doubt
 from .evidence import CrossValidation, held_out, relative_gain
 from .gains import Gains, scale_of
@@ -291,9 +291,14 @@ class FinalState:
         Of the ten numbers of a body that turns about one axis it tells three: the others are where the prior has them,
         and say nothing of whether there is a body.
         """
-        prior = self.problem.precision(self.model.where)[own, own]
-        told, ways = eigh(self.normal[own, own] - prior, prior)
-        return np.asarray(ways[:, told > 1].T @ prior)
+        unit = column_scales(np.diag(self.normal)[own])
+        whole, prior = (
+            matrix[own, own] * unit[:, None] * unit
+            for matrix in (self.normal, self.problem.precision(self.model.where))
+        )
+        whole = whole + ROUNDING * np.eye(len(unit))  # of what neither tells
+        share, ways = eigh(whole - prior, whole)
+        return np.asarray((ways[:, share > MOST].T @ whole) / unit)
 
     def changed_parameters(self, term: EffortCandidate) -> ChangedParameters:
         """Return the base parameters of all links, and by how much each differs from the drawing."""
