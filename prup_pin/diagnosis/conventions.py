@@ -18,7 +18,7 @@ from ..robot import Robot
 from ..simulation import as_recorded, drawn_for, in_format
 from .criteria import LEVER, MOST_LISTED, OPEN_FRAME
 from .diagnosis import Diagnosis, Finding
-from .efforts.conventions import conventions_of_efforts
+from .efforts.conventions import conventions_of_efforts, is_mirrored
 from .efforts.with_poses import has_efforts, has_poses
 from .load_conventions import conventions_of_loads
 from .pose_conventions import conventions_of_poses
@@ -130,7 +130,10 @@ def _of_efforts(robot: Robot, recording: Recording) -> Evidence | None:
 
 
 def _check_only(found: Evidence, recording: Recording, robot: Robot) -> None:
-    """Raise where another reading of joints is as good, and makes other positions or efforts of the log."""
+    """Raise where another reading of joints is as good, and makes other positions or efforts of the log.
+
+    Of a robot that is its own mirror image both say the same, and foretell the same of any log that is written alike.
+    """
     drawn = drawn_for(robot)
     first = read_as(recording, found.conventions, drawn)
     for other in found.others:
@@ -141,6 +144,8 @@ def _check_only(found: Evidence, recording: Recording, robot: Robot) -> None:
         for field in ("positions", "efforts"):
             one, two = getattr(first, field), getattr(second, field)
             if any(not np.allclose(one[name], two[name], rtol=1e-3, atol=1e-6, equal_nan=True) for name in one):
+                if is_mirrored(robot.mechanism, first, second):
+                    break
                 ways = " or ".join(_declared(item) for item in (found.conventions, other))
                 raise InputError(
                     f"{recording.path or 'the log'} is not written as it says: {_how_far(found)}. Two readings are as "

@@ -14,7 +14,7 @@ from prup_pin.diagnosis.efforts.shares import gains_of_efforts, tool_load_would_
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.dynamics.inertial import point_mass
 from prup_pin.errors import InputError
-from prup_pin.recordings import Drawn, Recording, convention_of, joints_of, read_recording, written_as
+from prup_pin.recordings import Drawn, Recording, Tolerances, convention_of, joints_of, read_recording, written_as
 from prup_pin.recordings.conventions import may_be_read
 from prup_pin.simulation import drawn_for
 from tests.reference.concealed import efforts
@@ -179,6 +179,13 @@ def far_from_its_drawing(ur5, recording, turned):
 @pytest.mark.parametrize("turned", [("elbow_joint",), ("shoulder_lift_joint", "wrist_2_joint"), ()])
 def test_signs_are_told_of_a_robot_that_is_far_from_its_drawing(ur5, recording, turned):
     assert told(ur5, far_from_its_drawing(ur5, recording, turned)) == [f"tau.{name}=reversed" for name in turned]
+
+
+def test_signs_are_told_beside_a_unit_that_nobody_knows(ur5, recording):
+    log = far_from_its_drawing(ur5, recording, ("elbow_joint",))
+    amperes = {name: 7 * tau for name, tau in log.efforts.items()}
+    log = replace(log, efforts=amperes, tolerances=Tolerances(effort_gain=1.0))
+    assert told(ur5, log) == ["tau.elbow_joint=reversed"]
 
 
 def test_of_a_wrist_that_rubs_and_little_else_both_signs_are_told(ur5, recording):

@@ -32,6 +32,7 @@ from ..criteria import (
     MOSTLY,
     NEARLY,
     ROUGHLY,
+    ROUNDING,
 )
 from ..quarter_turns import quarter_turns
 from ..thinning import evenly_spaced
@@ -88,6 +89,23 @@ def conventions_of_efforts(mechanism: Mechanism, recording: Recording) -> Eviden
         told,
         conventions=(clock, *told.conventions),
         others=tuple((clock, *reading) for reading in told.others),
+    )
+
+
+def is_mirrored(mechanism: Mechanism, one: Recording, other: Recording) -> bool:
+    """Return whether one reading of a log is the other with all that moves turned round, which the robot cannot tell.
+
+    A bar on a horizontal axis is its own mirror image: which way it turns is a matter of where one stands.
+    """
+    try:
+        at, mirror = (InMotion.of(mechanism, motion_of(item, mechanism)) for item in (one, other))
+    except PrupPinError:
+        return False
+    both = ((at.motion.position, mirror.motion.position), (at.motion.efforts, mirror.motion.efforts),
+            (at.rigid, mirror.rigid))  # fmt: skip
+    return all(
+        mine.shape == theirs.shape and np.allclose(mine, -theirs, rtol=1e-3, atol=ROUNDING * np.nanmax(np.abs(mine)))
+        for mine, theirs in both
     )
 
 
@@ -321,17 +339,18 @@ class _Search:
         By the robot as it is drawn, or, where that tells too little of a real one, by bodies that are free about it.
         """
         found = self._by_drawing()
-        if not self._is_compared or in_any_unit(self.recording.tolerances.declared):
+        if not self._is_compared:
             return found
         steps = () if found is None else found.conventions
-        begin = read_as(self.written, steps, self.drawn)
+        written = self._in_units_of_their_own if in_any_unit(self.recording.tolerances.declared) else self.written
+        begin = read_as(written, steps, self.drawn)
         plain = self._unlikely(begin)
         if plain.explains:
             return found
-        taken, unlikely, others = self._likelier(begin)
+        taken, unlikely, others = self._likelier(written, begin)
         if not taken or (steps and not unlikely.nats < plain.nats - _SURELY):
             return found
-        return _evidence(taken, self._unlikely(self.written).left, unlikely.left, others)
+        return _evidence(taken, self._unlikely(written).left, unlikely.left, others)
 
     @cached_property
     def _count(self) -> int:
@@ -342,6 +361,13 @@ class _Search:
     def _is_compared(self) -> bool:
         known = self.compares and self._count >= FEWEST_NUMBERS and np.isfinite(self.efforts).all()
         return bool(known and self.efforts.any())
+
+    @cached_property
+    def _in_units_of_their_own(self) -> Recording:
+        """The log as it is written, each effort in the unit in which it is as large as the rigid robot's."""
+        sizes = gains_of_efforts(self.motion, self.efforts, self.rigid, follows=0.0)
+        own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
+        return replace(self.written, efforts=own)
 
     def _by_drawing(self) -> Evidence | None:
         if not self._is_compared:
@@ -354,9 +380,7 @@ class _Search:
             tried.append(self._found((unit,), read_as(self.written, [unit], self.drawn)))
         elif first > FAR_LESS and (in_any_unit(self.recording.tolerances.declared) or gains_apart(signed)):
             # each drive in a unit of its own is no sign turned round: what is read otherwise is looked for beside that
-            sizes = gains_of_efforts(self.motion, self.efforts, self.rigid, follows=0.0)
-            own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
-            begin = replace(self.written, efforts=own)
+            begin = self._in_units_of_their_own
             beside = self._found((), begin)
             if not beside.conventions and beside.read < FAR_LESS and tried[0].read > FAR_LESS * beside.read:
                 return None  # these units are all that is other
@@ -370,16 +394,18 @@ class _Search:
             return self._before_gears(first)
         return min(found, key=lambda item: item.read * (1 + 0.05 * len(item.conventions)))
 
-    def _likelier(self, beside: Recording) -> tuple[tuple[Convention, ...], Unlikely, Sequence[tuple[Convention, ...]]]:
-        """Return signs and orders by which the log is surely likelier, how unlikely it then is, and others as good.
+    def _likelier(
+        self, written: Recording, beside: Recording
+    ) -> tuple[tuple[Convention, ...], Unlikely, Sequence[tuple[Convention, ...]]]:
+        """Return signs and orders by which a log is surely likelier, how unlikely it then is, and others as good.
 
-        Surely, too, beside what else may be: that the drawing tells nothing of it, or that gravity pulls another way;
+        Likelier, too, whatever else may be: that the drawing tells nothing of it, or that gravity pulls another way;
         beside: the log as it is read by the robot as drawn.
         """
-        begun = self._unlikely(self.written)
+        begun = self._unlikely(written)
         taken: tuple[Convention, ...] = ()
         others: list[tuple[Convention, ...]] = []
-        now, unlikely = self.written, begun
+        now, unlikely = written, begun
         while len(taken) < _MOST:
             steps = [step for step in self._readings(now) if may_be_read(self.written, step) and _is_likely(step)]
             tried = [(self._unlikely(read_as(now, step, self.drawn)), step) for step in steps]
@@ -392,15 +418,16 @@ class _Search:
             alike = [other for read, other in tried if read.nats + _price(other) < least + _WORD and other != step]
             others = [(*other, *step) for other in others] + [(*taken, *other) for other in dict.fromkeys(alike)]
             taken, now, unlikely = (*taken, *step), read_as(now, step, self.drawn), best
-        return (taken, unlikely, others) if taken and self._is_sure(beside, taken, unlikely) else ((), begun, ())
+        sure = taken and self._likeliest(now) + _price(taken) < self._likeliest(beside)
+        return (taken, unlikely, others) if sure else ((), begun, ())
 
-    def _is_sure(self, beside: Recording, taken: Sequence[Convention], unlikely: Unlikely) -> bool:
-        """Return whether nothing else makes a log as likely as conventions do."""
-        written = self.read(beside, self._few)
-        others = [self._likelihood(*written, drawn=False).nats]
+    def _likeliest(self, recording: Recording) -> float:
+        """Return how unlikely a log is, in nats, by the drawing or by whatever else makes it likelier."""
+        read = self.read(recording, self._few)
+        found = [self._likelihood(*read).nats, self._likelihood(*read, drawn=False).nats]
         if self.mechanism.gravity.any():
-            others.append(self._likelihood(*written, pulled=self._pulled[self._few]).nats)
-        return unlikely.nats + _price(taken) < min(others) - _SURELY
+            found.append(self._likelihood(*read, pulled=self._pulled[self._few]).nats)
+        return min(found)
 
     @cached_property
     def _likelihood(self) -> EffortLikelihood:

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import eigh
 
 from ...laws import Effect, Law, Place
 from ...laws.efforts import Body
@@ -16,8 +17,8 @@ from ...recordings.columns import AS_LOGGED
 from ...robot import Robot
 from ...spatial import Array
 from ..chances import hotelling_sf, student_95, student_sf
-from ..criteria import FALSE_ALARM, GAIN, LITTLE, MOST, NO_MATTER, SURE
-from ..normal_equations import NormalEquations
+from ..criteria import FALSE_ALARM, GAIN, LITTLE, MOST, NO_MATTER, ROUNDING, SURE
+from ..normal_equations import NormalEquations, column_scales
 from .belongs import Doubt
 from .evidence import CrossValidation, held_out, relative_gain
 from .gains import Gains, scale_of
@@ -281,7 +282,23 @@ class FinalState:
         if term.law.body is Body.ALL_LINKS:
             return float(self.changed_parameters(term).chance.min(initial=1.0))
         own = self.model.slice_of(term)
-        return hotelling_sf(self.x[own], covariance[own, own], degrees)
+        told = self._told_combinations(own) if term.law.body else np.eye(own.stop - own.start)
+        return hotelling_sf(told @ self.x[own], told @ covariance[own, own] @ told.T, degrees)
+
+    def _told_combinations(self, own: slice) -> Array:
+        """Return combinations (r, p) of some coefficients of which the motion tells more than the prior does.
+
+        Of the ten numbers of a body that turns about one axis it tells three: the others are where the prior has them,
+        and say nothing of whether there is a body.
+        """
+        unit = column_scales(np.diag(self.normal)[own])
+        whole, prior = (
+            matrix[own, own] * unit[:, None] * unit
+            for matrix in (self.normal, self.problem.precision(self.model.where))
+        )
+        whole = whole + ROUNDING * np.eye(len(unit))  # of what neither tells
+        share, ways = eigh(whole - prior, whole)
+        return np.asarray((ways[:, share > MOST].T @ whole) / unit)
 
     def changed_parameters(self, term: EffortCandidate) -> ChangedParameters:
         """Return the base parameters of all links, and by how much each differs from the drawing."""

@@ -41,6 +41,8 @@ from .problem import column_blocks, kept_samples
 
 #: Samples that are looked at.
 _SAMPLES = 6000
+#: Columns of an offset and plain friction, which come first of what is no body's.
+_FRICTION = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +164,7 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     declared = in_any_unit(tolerances)
     if at.motion.standing or len(at.driven) < (1 if declared else 2) or not at.rigid.any():
         return None
-    products = _products(at)
+    products = _products(at, declared)
     if products is None:
         return None
     products, drawn = _identified(products, *drawn_bodies(at, tolerances))
@@ -170,14 +172,14 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     if start is None:
         return None
     alike, before, after = np.ones(len(start)), [], []  # held out, where all are as told and where each is its own
-    for block in range(FOLDS):
+    for block in range(products.power.shape[1]):
         others = products.without(block)
         before.append(_residual_squares(products, block, _inertial(others, drawn, MUCH, alike)[0], alike))
         own, log, _ = _solved(others, drawn, MUCH, start)
         after.append(_residual_squares(products, block, own, np.exp(log)))
     saving = np.array(before) - np.array(after)
-    sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(FOLDS), np.finfo(float).tiny)
-    if np.sum(after) > MUCH * products.size:
+    sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(len(saving)), np.finfo(float).tiny)
+    if np.sum(after) > MUCH * products.size and not declared:
         return None
     whole = products.without(None)
     found, log, covariance = _solved(whole, drawn, 1.0, start)
@@ -270,7 +272,8 @@ def drawn_bodies(at: InMotion, tolerances: Mapping[str, float]) -> tuple[Array, 
     return np.concatenate(drawn), np.concatenate(spread)
 
 
-def _products(at: InMotion) -> _Products | None:
+def _products(at: InMotion, declared: bool) -> _Products | None:
+    """Return what tells gains; declared: to be in any unit, which a short motion of one drive is to tell as well."""
     motion = at.motion
     rows = kept_samples(at)
     rows = rows[:: max(1, len(rows) // _SAMPLES)]
@@ -282,9 +285,10 @@ def _products(at: InMotion) -> _Products | None:
     whole = at.regressor.reshape(len(at), len(at.driven), -1)
     size = whole.shape[2]
     blocks = column_blocks(rows, FOLDS)
-    if blocks.max() + 1 < FOLDS:
+    folds = int(blocks.max()) + 1
+    if folds < FOLDS and not declared:
         return None
-    columns = np.zeros((len(at.driven), FOLDS, size, size))
+    columns = np.zeros((len(at.driven), folds, size, size))
     moment, power = np.zeros(columns.shape[:3]), np.zeros(columns.shape[:2])
     total = 0.0
     for joint, name in enumerate(at.driven):
@@ -296,10 +300,13 @@ def _products(at: InMotion) -> _Products | None:
         if good.sum() < FEWEST_NUMBERS:
             continue
         own = low_pass(_nuisance_columns(at, name), motion.piece)[rows]
+        borne = low_pass(at.rigid[:, joint], motion.piece)[rows]
+        if declared and np.linalg.norm(_beside(own[good], borne[good])) < LITTLE * np.linalg.norm(borne[good]):
+            own = own[:, :_FRICTION]  # of one drive a counterbalance and a rotor are all that its body asks for
         values = np.column_stack((measured[:, joint], inertial))
-        values[good] -= own[good] @ np.linalg.lstsq(own[good], values[good], rcond=1e-9)[0]
+        values[good] = _beside(own[good], values[good])
         values[~good] = 0.0
-        left = values[good, 0] - values[good, 1:] @ np.linalg.lstsq(values[good, 1:], values[good, 0], rcond=1e-7)[0]
+        left = _beside(values[good, 1:], values[good, 0], 1e-7)
         sigma2 = float(left @ left) / good.sum()
         if not sigma2 > 0:
             continue
@@ -307,15 +314,22 @@ def _products(at: InMotion) -> _Products | None:
         alike = float(np.clip(left[1:] @ left[:-1] / (left @ left), 0.0, 0.99))
         total += good.sum() * (1 - alike) / (1 + alike)
         values *= np.sqrt((1 - alike) / (1 + alike) / sigma2)
-        for block in range(FOLDS):
+        for block in range(folds):
             part = values[blocks == block]
             gram = part.T @ part
             columns[joint, block], moment[joint, block], power[joint, block] = gram[1:, 1:], gram[1:, 0], gram[0, 0]
     return _Products(columns, moment, power, total) if power.any(axis=1).all() else None
 
 
+def _beside(columns: Array, values: Array, rcond: float = 1e-9) -> Array:
+    """Return what columns (n, m) leave of values (n, ...)."""
+    return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=rcond)[0])
+
+
 def _nuisance_columns(at: InMotion, joint: str) -> Array:
-    """Return what a joint's effort may hold beside bodies (N, m): friction, rotor, an offset, a counterbalance."""
+    """Return what a joint's effort may hold beside bodies (N, m): first an offset and friction, then a rotor, a
+    counterbalance and neighbours.
+    """
     ones = np.ones(len(at))
     if joint not in at.motion.names:
         return ones[:, None]

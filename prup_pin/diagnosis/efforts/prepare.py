@@ -15,7 +15,8 @@ from ...laws.efforts import CURVES, EFFORT_LAWS, ROUGH_CURVES, EffortLaw
 from ...laws.efforts.deviations import EffortDeviation, effort_deviations, name_of_body
 from ...laws.efforts.effort_law import usual_way
 from ...spatial import Array
-from ..criteria import AR_ORDER, EFFORT_TOLD, MOST_SAMPLES, UNSEEN
+from ..criteria import AR_ORDER, EFFORT_TOLD, LITTLE, MOST_SAMPLES, UNSEEN
+from ..normal_equations import NormalEquations
 from .gains import precision_of_gains
 from .inertial import BaseParameters
 from .nuisance import learned_precisions, usual_precisions
@@ -324,11 +325,25 @@ class PreparedEfforts:
         for law in EFFORT_LAWS:
             single = [candidate for candidate in candidates if candidate.law is law]
             every = law.together([candidate.place for candidate in single])
-            if len(single) > 1 and every is not None:
+            if every is not None and (len(single) > 1 or self._tells_more(problem, candidates, single)):
                 where = slice(single[0].where.start, single[-1].where.stop)
                 candidates.append(EffortCandidate(every, every.places(self.at.mechanism)[0], {}, where))
         self._own_size = columns.size
         return self.with_candidates(columns, candidates, problem.prior)
+
+    def _tells_more(
+        self, problem: EffortProblem, candidates: Iterable[EffortCandidate], single: Iterable[EffortCandidate]
+    ) -> bool:
+        """Return whether laws at one place tell anything that those which every drive has do not: a slide's mass is all
+        that a rotor is.
+        """
+        common = [c for c in candidates if c.law.everywhere]
+        own, others = ([i for c in some for i in range(c.where.start, c.where.stop)] for some in (single, common))
+        total = problem.columns.total
+        left = total[np.ix_(own, own)] - total[np.ix_(own, others)] @ NormalEquations.of(
+            total[np.ix_(others, others)]
+        ).solve(total[np.ix_(others, own)])
+        return float(np.trace(left)) > LITTLE**2 * float(np.trace(total[np.ix_(own, own)]))
 
     def with_candidates(
         self, columns: DesignMatrix, candidates: Sequence[EffortCandidate], prior: Array
