@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from operator import is_
 from typing import Any
 
@@ -376,38 +376,23 @@ class Problem:
         return min((self._descended(begun, reach) for begun in self._begun(terms, start)), key=_objective)
 
     def _descended(self, fit: Fit, reach: float) -> Fit:
-        """Return where Gauss-Newton steps lead from a fit, shortened where they do not help.
-
-        Derivatives are taken where it begins, and anew where a step did otherwise than they foretold: they cost as much
-        as several steps. What helped is tried first next time, and what goes a little farther before it.
-        """
-        if not (fit.terms or len(fit.x)) or not np.isfinite(fit.chi2):
-            return fit
-        fit, taken_at, own = self.relinearised(fit), fit.x, True
-        ways, first = self._ways(fit), 0
+        """Return where Gauss-Newton steps lead from a fit, shortened where they do not help."""
+        taken_at = fit.x
         for _ in range(_MOST_STEPS):
-            step, enough = self._step(fit, reach), max(SETTLED, 1e-5 * fit.chi2)
-            promised = self._promised(fit, step)
-            if promised < enough:
-                break
-            tries = ((way, self._tried(fit, reach, step, *way)) for way in ways[first:] + ways[:first])
-            helped = next(((way, each) for way, each in tries if _objective(each) < _objective(fit)), None)
-            if helped is None:
-                if own:
-                    break
-                fit, taken_at, own = self.relinearised(fit), fit.x, True
-                continue
-            (way, better), before = helped, fit
-            gained, fit = _objective(before) - _objective(better), better
-            first = max(ways.index(way) - 1, 0)
-            if gained < enough:
-                break
-            own = abs(gained - promised) > LITTLE * promised
-            if not own:
-                fit.once("jacobian", partial(self.jacobian, before))
-            elif np.abs(fit.x - taken_at).max(initial=0.0) > MOST:
+            if not (fit.terms or len(fit.x)) or not np.isfinite(fit.chi2):
+                return fit
+            if np.abs(fit.x - taken_at).max(initial=0.0) > MOST:
                 fit, taken_at = self.relinearised(fit), fit.x
-        return replace(fit)  # whose own Jacobian nobody knows yet
+            step, enough = self._step(fit, reach), max(SETTLED, 1e-5 * fit.chi2)
+            if self._promised(fit, step) < enough:
+                return fit
+            better = next((each for each in self._tries(fit, reach, step) if _objective(each) < _objective(fit)), None)
+            if better is None:
+                return fit
+            gained, fit = _objective(fit) - _objective(better), better
+            if gained < enough:
+                return fit
+        return fit
 
     def _promised(self, fit: Fit, step: Array) -> float:
         """Return the chi squared that a step gains to first order."""
@@ -416,15 +401,11 @@ class Problem:
         left, x = residual - jacobian @ step[:count] - held @ step[count:], fit.x + step[count:]
         return float(residual @ residual + fit.x @ fit.x - left @ left - x @ x)
 
-    @staticmethod
-    def _ways(fit: Fit) -> list[tuple[float, float]]:
-        """Return shares and dampings of steps: the whole one, shorter ones, those that leave what data hardly tell."""
-        damped = [(1.0, damping) for damping in (UNSEEN, GAIN, MOST)] if fit.terms else []
-        return [*((share, 0.0) for share in shortened(LITTLE)), *damped]
-
-    def _tried(self, fit: Fit, reach: float, step: Array, share: float, damping: float) -> Fit:
-        """Return the fit a share of a step further, or by a damped one."""
-        return self._moved(fit, self._step(fit, reach, damping) if damping else share * step)
+    def _tries(self, fit: Fit, reach: float, step: Array) -> Iterator[Fit]:
+        """Yield fits a step further: the whole step, shorter ones, and those that leave what data hardly tell."""
+        yield from (self._moved(fit, share * step) for share in shortened(LITTLE))
+        if fit.terms:
+            yield from (self._moved(fit, self._step(fit, reach, damping)) for damping in (UNSEEN, GAIN, MOST))
 
     def _begun(self, terms: Sequence[Term], start: Fit) -> Iterator[Fit]:
         """Yield fits from which terms are fitted: as they stand, or new ones at a share of what they do.
@@ -445,7 +426,7 @@ class Problem:
                 fit = self.fit_at(less, start.run, start, near=True)
                 if np.isfinite(fit.chi2):
                     break
-            yield fit
+            yield fit if each is terms else self.relinearised(fit)
 
     def _opened(self, terms: Sequence[Term], start: Fit) -> Sequence[Term]:
         """Return terms whose gaps that a fit has close within as large loads as what was measured nearly allows.
