@@ -187,7 +187,7 @@ def _settled(problem: Problem, fit: Fit, rounds: int = ROUNDS) -> Fit:
         if better is None:
             return fit
         fit = _followed(problem, better)
-    return problem.relinearised(fit)
+    return fit
 
 
 def _followed(problem: Problem, near: Fit) -> Fit:

@@ -60,7 +60,7 @@ class FirstOrderFit:
         """Return chi squared, the fitted term, and what it changes (n, K) that the nuisance cannot.
 
         From the start that leaves least; thorough: from each, since no step leads out of where a parameter tells
-        nothing. What leaves more than `promising` at its best size is fitted no further.
+        nothing. What leaves more than `promising` at its best size, or where its slopes lead, is fitted no further.
         """
         begins = [np.clip(start, *self.bounds) for start in self.candidate.scan()]
         if self.candidate.is_proportional:
@@ -69,7 +69,7 @@ class FirstOrderFit:
         if self.candidate.is_proportional and self.chi_squared(begins[0]) > promising:
             found = begins[:1]
         else:
-            found = [self._fitted(begin) for begin in (begins if thorough else begins[:1])]
+            found = [self._fitted(begin, promising) for begin in (begins if thorough else begins[:1])]
         coordinates = min(found, key=self.chi_squared)
         change, left = self._at(coordinates)
         chi2 = float(left @ left) - float((self.candidate.prior_residuals(coordinates) ** 2).sum())
@@ -120,18 +120,24 @@ class FirstOrderFit:
         does = bare - left
         return float(left @ does) ** 2 < _AGREED * float(left @ left) * float(does @ does)
 
-    def _fitted(self, begin: Array) -> Array:
-        """Return where a fit from a start ends."""
+    def _fitted(self, begin: Array, promising: float) -> Array:
+        """Return where a fit from a start ends, or one step from it where slopes lead to more than `promising`."""
         if self.candidate.is_proportional and self.candidate.size == 1 and self._is_sized(begin):
             return begin
         best, ended = self._stepped(begin)
-        if ended:
+        if ended or self._foretold(best) > promising:
             return best
         low, high = self.bounds
         bounds = low - 1e-12 * np.abs(low) - 1e-300, high + 1e-12 * np.abs(high) + 1e-300
         limits: dict[str, Any] = {"max_nfev": _MOST_EVALUATIONS, "ftol": _AGREED, "xtol": _AGREED, "gtol": 1e-10}
         scales = self.candidate.scales()
         return least_squares(self.left, best, self.slope, bounds=bounds, x_scale=scales, **limits).x
+
+    def _foretold(self, coordinates: Array) -> float:
+        """Return what is left where slopes lead."""
+        here, slopes = self.left(coordinates), self.slope(coordinates)
+        rest = here - slopes @ np.linalg.lstsq(slopes, here, rcond=1e-10)[0]
+        return float(rest @ rest)
 
     def _stepped(self, start: Array) -> tuple[Array, bool]:
         """Return where one Gauss-Newton step leads from a start, or the start, and whether no other could gain more.

@@ -279,17 +279,17 @@ def screen(
     nuisance = problem.nuisance(fit, range(len(fit.terms)))
     remainder = Remainder(problem, fit, fit.terms, nuisance)
     bound = Bound(problem, fit, problem.target(fit), nuisance)
-    best = fit.chi2
+    best = nothing = float(remainder.bare @ remainder.bare)
     for index, candidate in enumerate(sorted(library, key=bound)):
         tell(index / len(library))
         if candidate.name in present or bound(candidate) > best:
             continue
-        promising = fit.chi2 - MOST * (fit.chi2 - best)
+        promising = nothing - MOST * (nothing - best)
         chi2, term, change = FirstOrderFit(remainder, candidate).best(promising=promising)
         rivals.append(Rival(term, chi2, change))
         best = min(best, chi2)
     rivals.sort(key=lambda rival: rival.score)
-    near = fit.chi2 - MOST * (fit.chi2 - best)
+    near = nothing - MOST * (nothing - best)
     for place, rival in enumerate(rivals[:TRIED]):
         candidate = rival.term.candidate
         if rival.chi2 <= near and len(candidate.scan()) > 1:

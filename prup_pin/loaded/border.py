@@ -23,7 +23,7 @@ import numpy as np
 from ..kernel import NEGLIGIBLE, semidefinite_null
 from ..kinematics import ClosedPose
 from ..spatial import Array, base_wrench_from_point
-from .structure import Structure
+from .structure import TOGETHER, Structure
 
 if TYPE_CHECKING:
     from .residual import Evaluation
@@ -149,9 +149,12 @@ def slack(matrix: Array, border: Border) -> Array:
 
 def _left_solved(matrix: Array, border: Border, rows: Array) -> Array:
     """Return rows (N, r, m + k) times the inverse of bordered matrices, (N, r, m) of them."""
-    whole, by_row, by_column = _scaled(border.around(matrix))
-    found = _each(np.linalg.solve, whole.mT, (rows / by_column).mT).mT
-    return (found / by_row.mT)[..., : matrix.shape[-1]]
+    found, whole = np.empty_like(rows), border.around(matrix)
+    for begin in range(0, len(rows), TOGETHER):
+        some = slice(begin, begin + TOGETHER)
+        scaled, by_row, by_column = _scaled(whole[some])
+        found[some] = _each(np.linalg.solve, scaled.mT, (rows[some] / by_column).mT).mT / by_row.mT
+    return found[..., : matrix.shape[-1]]
 
 
 def _scaled(matrix: Array) -> tuple[Array, Array, Array]:

@@ -18,7 +18,7 @@ from ..spatial import Array, base_wrench_from_point, cross, rotation_exp, rotati
 from .residual import Evaluation, ModuleLoads, inertial_loads
 from .rod import LoadedRod
 from .state import Conditions, State
-from .structure import Structure
+from .structure import TOGETHER, Structure
 
 
 class Motions(NamedTuple):
@@ -235,24 +235,37 @@ def _seen(structure: Structure, at: Evaluation, conditions: Conditions, observer
     v, w = observers[..., :3], observers[..., 3:]
     f, m = carried[..., :3], carried[..., 3:]
     turning = np.concatenate((cross(w, f), cross(v, f) + cross(w, m)), axis=-1)
-    seen = (turning @ screws.mT) * motions.turns
+    masked, plain = [(turning, screws, motions.turns)], []
     # what the loads do as their points move
-    left, right = [], []
     form = _dead_force(conditions.force_at(at.tool[:, :3, 3]), at.tool[:, :3, 3])
     for spring in conditions.springs:
         form = form - _spring(spring.stiffness_at(at.tool[:, :3, 3]), at.tool[:, :3, 3])
-    left.append((carries[:, structure.tool.joint, None] * observers) @ form)
-    right.append(motions.carries[:, structure.tool.joint, None] * screws)
+    at_tool = motions.carries[:, structure.tool.joint, None] * screws
+    if motions.carries[:, structure.tool.joint].any():
+        plain.append(((carries[:, structure.tool.joint, None] * observers) @ form, at_tool))
     for index, loop in enumerate(structure.loops):
         weight = carries[:, loop.second.joint] - carries[:, loop.first.joint]
         if not weight.any():
             continue
         held = weight[:, None] * observers
-        left += [held @ at.loops.by_first[:, index], held @ at.loops.by_second[:, index]]
-        right += [motions.first[:, index, None] * screws, motions.second[:, index, None] * screws]
-    seen += np.concatenate(left, axis=-1) @ np.concatenate(right, axis=-1).mT
+        for moves, form in ((motions.first, at.loops.by_first), (motions.second, at.loops.by_second)):
+            if moves[:, index].any():
+                plain.append((held @ form[:, index], moves[:, index, None] * screws))
     if conditions.gravity is not None or conditions.inertia is not None:
-        seen += _weight_seen(structure, at, observers, conditions, motions)
+        masked += _weight_seen(structure, at, observers, conditions, motions)
+    masked = [each for each in masked if each[2].any()]
+    # by few samples at a time: large products wait for memory
+    seen = np.zeros((len(screws), observers.shape[1], screws.shape[1]))
+    factors = [np.concatenate(each, axis=-1) for each in zip(*plain, strict=True)]
+    for begin in range(0, len(seen), TOGETHER):
+        some = slice(begin, begin + TOGETHER)
+        own = seen[some]
+        if factors:
+            np.matmul(factors[0][some], factors[1][some].mT, out=own)
+        for observed, moved, mask in masked:
+            part = observed[some] @ moved[some].mT
+            part *= mask
+            own += part
     return seen
 
 
@@ -270,8 +283,8 @@ def _opened(structure: Structure, at: Evaluation, motions: Motions) -> Array:
 
 def _weight_seen(
     structure: Structure, at: Evaluation, observers: Array, conditions: Conditions, motions: Motions
-) -> Array:
-    """Return what observers see more of the bodies' weights and inertia by motions, (N, k, c)."""
+) -> list[tuple[Array, Array, np.ndarray]]:
+    """Return factors of what observers see more of the bodies' weights and inertia by motions, (N, k, c), masked."""
     screws = motions.screws
     form = np.zeros((len(screws), structure.count, 6, 6))
     if conditions.gravity is not None:
@@ -290,9 +303,10 @@ def _weight_seen(
         form[..., 3:, 3:] += np.einsum("jl,nlab->njab", links, forces @ skew(centres))
     row = form[:, structure.column_joint]
     column = row if motions.joint is structure.column_joint else form[:, motions.joint]
-    deep = ((observers[..., None, :] @ row)[..., 0, :] @ screws.mT) * motions.above
-    shallow = observers @ (column @ screws[..., None])[..., 0].mT * motions.below
-    return deep + shallow
+    return [
+        ((observers[..., None, :] @ row)[..., 0, :], screws, motions.above),
+        (observers, (column @ screws[..., None])[..., 0], motions.below),
+    ]
 
 
 def _dead_force(force: Array, point: Array) -> Array:

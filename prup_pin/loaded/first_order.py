@@ -21,7 +21,7 @@ from . import derivative
 from .border import left_solved
 from .border import slack as slack_of
 from .equilibrium import Equilibria
-from .other_values import group_of, law_rows
+from .other_values import group_of, law_rows, present_values
 from .state import Conditions, State, with_actuators
 
 
@@ -188,9 +188,11 @@ class FirstOrder:
 
         def compute() -> Array:
             at, conditions = self.found.evaluation, self.found.conditions
-            return self._by_motions(derivative.loop_end_motions(self.structure, at, conditions, [(loop, end)]))
+            ends = [(each, end) for each in range(len(self.structure.loops)) for end in (0, 1)]
+            return self._by_motions(derivative.loop_end_motions(self.structure, at, conditions, ends))
 
-        return self.once(("loop end", loop, end), compute)
+        start = 6 * (2 * loop + end)
+        return self.once("loop ends", compute)[..., start : start + 6]
 
     def by_parts(self, parts: MovedParts) -> Array:
         """Return what is watched, (n, R), per amount by which parts of the robot are displaced together.
@@ -253,7 +255,15 @@ class FirstOrder:
 
     def by_values(self, module: str, ahead: Mapping[str, Any], behind: Mapping[str, Any]) -> Array:
         """Return what is watched, (n, R), between two sets of values of a module, both near the present ones."""
-        before, after = law_rows(self.found, module, behind), law_rows(self.found, module, ahead)
+        return self._by_law(law_rows(self.found, module, behind), law_rows(self.found, module, ahead))
+
+    def by_weight_of(self, module: str, heavier: Conditions) -> Array:
+        """Return what is watched, (n, R), where a module's own weight is that of other conditions, its loads held."""
+        values, other = present_values(self.chain, module), replace(self.found, conditions=heavier)
+        return self._by_law(law_rows(self.found, module, values), law_rows(other, module, values))
+
+    def _by_law(self, before: Mapping[int, Array], after: Mapping[int, Array]) -> Array:
+        """Return what is watched, (n, R), between two states of one module's rows of the residual."""
         rows = list(after)
         change = np.stack([after[row] - before[row] for row in rows], axis=-1)
         return -(self.by_row[:, :, rows] @ change[..., None])[..., 0]

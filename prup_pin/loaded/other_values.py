@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import UnknownNameError
 from ..mechanism import Module
 from ..modules import DriveModule, ModuleGeometry
 from ..spatial import Array
 from ..statics.wrench_jacobians import ModuleGroup
+from .chain import Chain
 from .equilibrium import Equilibria
 from .module_laws import ModuleDeformations, beam_lengths, bent_group
 from .residual import sliding_force
@@ -59,6 +61,15 @@ def deformation_of_law(found: Equilibria, name: str, values: Mapping[str, Any]) 
         return np.asarray(group.kind.deformation(group.values, at, load))[:, 0]
     at = at._replace(length=beam_lengths(structure, group.slots, at.length, found.state, found.conditions))
     return (group.kind.compliance(group.values, at, None)[:, 0] @ load[:, 0, :, None])[..., 0]
+
+
+def present_values(chain: Chain, name: str) -> dict[str, Any]:
+    """Return a module's values in a chain."""
+    for group in chain.values.groups:
+        for column, each in enumerate(group.modules):
+            if each.name == name:
+                return {quantity.name: group.values[quantity.name][column] for quantity in group.kind.quantities}
+    raise UnknownNameError("module", name, chain.structure.layout.names)
 
 
 def _group_of_one(found: Equilibria, slot: int, values: Mapping[str, Any]) -> tuple[ModuleGroup, ModuleGeometry, Array]:

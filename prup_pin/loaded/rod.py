@@ -65,7 +65,7 @@ class LoadedRod(NamedTuple):
     energy: Array
 
 
-@np.errstate(over="ignore", invalid="ignore")
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def loaded_rod(
     law: SectionFlexibilities,
     length: Array,
@@ -176,34 +176,46 @@ def _followed(
     begin_p = np.ascontiguousarray(position.reshape(-1, 3).T)[:, None]
     lengths = step.reshape(-1)
     soft = np.ascontiguousarray(flexibility.reshape(-1, _STAGES, 6).T)
-    load = np.ascontiguousarray(wrench.reshape(-1, 6).T)[:, None]
-    force, moment = load[:3], load[3:]
-    weighs = None if line is None else line.reshape(-1, _STAGES, 3).T
-    before = np.ascontiguousarray(carried.reshape(-1, 6).T)[:, None]
-    n, m, both = force, moment, np.zeros((6, _STAGES, len(lengths)))
+    load, before = (np.ascontiguousarray(each.reshape(-1, 6).T)[:, None] for each in (wrench, carried))
+    n, m = load[:3], load[3:]
+    both = np.zeros((6, _STAGES, len(lengths)))
+    if line is not None:
+        both[:3] = line.reshape(-1, _STAGES, 3).T
+        n = n + (before[:3] + lengths * (_MATRIX @ both[:3]))
     r = np.repeat(begin_r, _STAGES, axis=2)
     p = begin_p - (lengths * _NODES[:, None]) * begin_r[:, 2]
+    change = np.zeros(len(lengths))
+    strain, local, turning = np.empty_like(both), np.empty_like(both), np.empty_like(r)
     for _ in range(_SWEEPS):
-        if weighs is not None:
-            both = np.concatenate((weighs, cross(p, weighs, 0)))
-            gathered = before + lengths * (_MATRIX @ both)
-            n, m = force + gathered[:3], moment + gathered[3:]
-        about = m - cross(p, n, 0)
-        local = np.concatenate((_turned_back(r, n), _turned_back(r, about)))
-        strain = soft * local
-        # r [-kappa]x, row by row
-        turning = cross(strain[3:, None], r.swapaxes(0, 1), 0).swapaxes(0, 1)
-        moving = -(r[:, 0] * strain[0] + r[:, 1] * strain[1] + r[:, 2] * (strain[2] + 1.0))
-        new_r = begin_r + lengths * (_MATRIX @ turning)
-        new_p = begin_p + lengths * (_MATRIX @ moving)
-        moved = np.concatenate(((new_r - r).reshape(-1, len(lengths)), (new_p - p).reshape(-1, len(lengths))))
-        change = np.abs(moved, out=moved).max(0)
+        if line is not None:
+            _cross_into(both[3:], p, both[:3])
+            m = load[3:] + (before[3:] + lengths * (_MATRIX @ both[3:]))
+        about = _cross_into(np.empty_like(p), n, p)
+        about += m
+        for vector, own in ((n, local[:3]), (about, local[3:])):
+            np.multiply(r[0], vector[0], out=own)
+            own += r[1] * vector[1]
+            own += r[2] * vector[2]
+        np.multiply(soft, local, out=strain)
+        _cross_into(turning.swapaxes(0, 1), strain[3:, None], r.swapaxes(0, 1))  # r [-kappa]x, row by row
+        new_r = _MATRIX @ turning
+        new_r *= lengths
+        new_r += begin_r
+        moving = new_r[:, 0] * strain[0]
+        moving += new_r[:, 1] * strain[1]
+        moving += new_r[:, 2] * (strain[2] + 1.0)
+        new_p = begin_p - lengths * (_MATRIX @ moving)
+        last = change
+        r -= new_r
+        p -= new_p
+        change = np.maximum(np.abs(r, out=r).max((0, 1, 2)), np.abs(p, out=p).max((0, 1)))
         r, p = new_r, new_p
-        # What is lost (NaN) does not hold up, or hurry, the others.
-        if not (change > _ROUNDING).any():
+        # What the next sweep would move, as they contract alike. What is lost (NaN) does not hold up, or hurry, others.
+        ahead = change * np.fmin(change / last, 1.0)
+        if not (ahead > _ROUNDING).any():
             break
     end_r = begin_r[:, :, 0] + lengths * (_LAST @ turning)
-    end_p = begin_p[:, 0] + lengths * (_LAST @ moving)
+    end_p = begin_p[:, 0] - lengths * (_LAST @ moving)
     gathered = before[:, 0] + lengths * (_LAST @ both)
     energy = 0.5 * lengths * (_LAST @ (strain * local).sum(0))
     return _Piece(
@@ -215,13 +227,16 @@ def _followed(
         np.ascontiguousarray(end_p.T).reshape(*batch, 3),
         np.ascontiguousarray(gathered.T).reshape(*batch, 6),
         energy.reshape(batch),
-        (change <= _SETTLED).reshape(batch),
+        (ahead <= _SETTLED).reshape(batch),
     )
 
 
-def _turned_back(r: Array, vector: Array) -> Array:
-    """Return r^T v by components along the first axes."""
-    return r[0] * vector[0] + r[1] * vector[1] + r[2] * vector[2]
+def _cross_into(out: Array, a: Array, b: Array) -> Array:
+    """Write a x b into `out` by components along the first axes, and return it: many large arrays are slow to make."""
+    for own, after, last in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.multiply(a[after], b[last], out=out[own])
+        out[own] -= a[last] * b[after]
+    return out
 
 
 def piece_count(law: SectionFlexibilities, length: Array, wrench: Array) -> np.ndarray:

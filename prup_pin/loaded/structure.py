@@ -17,6 +17,9 @@ from ..mechanism import LoopClosure
 from ..spatial import Array
 from ..statics import StaticsLayout
 
+#: Samples whose large matrices are made together: so few that they stay where the processor has them at hand.
+TOGETHER = 16
+
 
 class Sliding(NamedTuple):
     """A free slide that changes a beam's length: `rate` [m/m] per travel of free joint number `place`, velocity `dof`.

@@ -2,6 +2,7 @@
 
 import re
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,7 +13,8 @@ import prup_pin
 from prup_pin.diagnosis.first_order_fit import FirstOrderFit
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.laws import LAWS, Effect, Everywhere, Inputs
-from prup_pin.simulation import Simulator
+from prup_pin.laws.deeds import ScaledMass
+from prup_pin.simulation import Simulator, effect_named
 from prup_pin.spatial import rotation_log
 
 from ..loaded.coupled import lifting_column
@@ -196,3 +198,40 @@ def test_a_law_that_bends_is_not_fitted_by_one_step():
     )
     _, ended = Curve(candidate, lambda x: line * (2.0 - x - x**3))._stepped(np.array([0.5]))
     assert not ended
+
+
+def test_a_law_whose_slopes_lead_to_more_than_is_promising_is_fitted_no_further():
+    line, asked = np.linspace(-1, 1, 20), []
+    candidate = SimpleNamespace(
+        is_proportional=False,
+        logarithmic=np.zeros(1, bool),
+        bounds=(np.array([-10.0]), np.array([10.0])),
+        scales=lambda: np.ones(1),
+    )
+
+    def left(x):
+        asked.append(x)
+        return np.concatenate((line * (2.0 - x - x**3), [3.0]))  # the last is out of its reach
+
+    curve = Curve(candidate, left)
+    assert curve._fitted(np.array([0.5]), np.inf) == pytest.approx(1.0, abs=1e-2)
+    whole = len(asked)
+    asked.clear()
+    assert np.isfinite(curve._fitted(np.array([0.5]), 8.0))
+    assert len(asked) < 0.6 * whole
+
+
+def test_a_heavier_link_pulls_along_its_beams_where_weight_is_spread():
+    robot, actuators, wrench = three_prup()
+    n = len(wrench)
+    simulator = Simulator(robot, Inputs(np.arange(float(n)), actuators, wrench, np.zeros(n, int)))
+    mechanism = robot.mechanism
+    run = simulator.run([effect_named("self_weight", "robot", "spread", {"scale": 1.0}, mechanism)])
+    first, now = Influence(simulator, run).first, run.equilibria.conditions
+    setup = run.setup.copy()
+    for index, link in enumerate(mechanism.links):
+        setup.mass_factors = {link.name: 1.01}
+        found = ScaledMass.first_order(setup, Influence(simulator, run).solved)
+        heavier = np.ones(len(mechanism.links)) + 1e-4 * np.eye(len(mechanism.links))[index]
+        expected = 100 * first.by_conditions(replace(now, mass_factors=heavier))
+        assert np.abs(found - expected).max() < 1e-3 * np.abs(expected).max() + 1e-12, link.name

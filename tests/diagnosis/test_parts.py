@@ -70,6 +70,30 @@ def test_a_fit_may_start_where_the_effect_is_nothing(simulator, library, monkeyp
     assert chi2 < 1.2 * first.residual.size < 0.5 * first.chi2
 
 
+def counted(monkeypatch, owner, name):
+    """Calls of a method from now on, as they come."""
+    calls, method = [], getattr(owner, name)
+
+    def counting(self, *arguments, **named):
+        calls.append(arguments)
+        return method(self, *arguments, **named)
+
+    monkeypatch.setattr(owner, name, counting)
+    return calls
+
+
+def test_a_fit_that_begins_with_what_another_one_has_is_not_simulated_again(simulator, library, monkeypatch):
+    truth = term(library, "stiffness_changed at leg1/linear_rod", 0.7)
+    problem = problem_of(simulator, [truth.effect])
+    first = problem.fit_at(())
+    fit = problem.refine([term(library, truth.candidate.name, 0.75)], first)
+    assert fit.terms[0].effect.values["factor"] == pytest.approx(0.7, rel=0.01)
+    assert fit.chi2 < 1.2 * first.residual.size
+    simulations = counted(monkeypatch, Simulator, "run_setup")
+    assert problem.refine(fit.terms, fit).chi2 == fit.chi2
+    assert not simulations
+
+
 def test_a_candidate_is_fitted_together_with_what_is_there(simulator, library):
     """An offset of the sensor and of the load look much alike: one of them must give way while the other is fitted."""
     bias = term(library, "wrench_sensor_bias at wrench_sensor", 0.5, -1.5, 3.0, 1.0, 0.2, -0.5)

@@ -217,20 +217,21 @@ class ScaledMass(Deed):
 
 def _by_mass(at: Solved, name: str) -> Array:
     """Return what is watched by the whole weight of a link, (n, R): along its beams where weight is spread."""
-    structure = at.first.chain.structure
-    links = structure.links
-    if at.setup.spread_weight and any(module.body == name for module in structure.modules):
-        now = at.first.found.conditions
-        factors = np.ones(len(links)) if now.mass_factors is None else now.mass_factors
-        more = factors + _LIGHT * np.array([link.name == name for link in links])
-        return at.first.by_conditions(replace(now, mass_factors=more)) / _LIGHT
+    links, now = at.first.chain.structure.links, at.first.found.conditions
+    place = [each.name for each in links].index(name)
     gravity = at.setup.weight * at.setup.gravity(at.samples)
-    link, inertia = at.setup.mechanism.link(name), at.first.found.conditions.inertia
+    link, inertia = at.setup.mechanism.link(name), now.inertia
     if inertia is not None:
-        place = [each.name for each in structure.links].index(name)
         gravity = np.concatenate((np.broadcast_to(gravity, (len(at.samples), 3)), np.zeros((len(at.samples), 3))), 1)
         gravity = gravity + inertia[:, place] / link.mass
-    return link.mass * at.first.by_mass(link, gravity)
+    watched = link.mass * at.first.by_mass(link, gravity)
+    if at.setup.spread_weight:
+        factors = np.ones(len(links)) if now.mass_factors is None else now.mass_factors
+        more = replace(now, mass_factors=factors + _LIGHT * np.eye(len(links))[place])
+        for module in at.first.chain.structure.modules:
+            if module.body == name:
+                watched = watched + at.first.by_weight_of(module.name, more) / _LIGHT
+    return watched
 
 
 def _by_weight(at: Solved, spread: bool) -> Array:

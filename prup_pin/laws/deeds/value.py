@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import UnknownNameError
-from ...loaded import Chain, deformation_of_law
+from ...loaded import deformation_of_law, present_values
 from ...mechanism import Changes
 from ...spatial import Array
 from .deed import Deed, Solved
@@ -63,7 +62,7 @@ def _changed(setup: Setup, old: Mapping[str, float]) -> dict[str, dict[str, floa
 def _by_values(module: str, quantities: Mapping[str, float], at: Solved) -> Array:
     """Return what is watched, (n, R), where some of a module's quantities have other values."""
     first = at.first
-    present = first.once(("values", module), partial(_values, first.chain, module))
+    present = first.once(("values", module), partial(present_values, first.chain, module))
     new = {**present, **quantities}
     if module in first.ratio:  # a drive, with its ratio
         return first.by_values(module, new, present)
@@ -72,15 +71,6 @@ def _by_values(module: str, quantities: Mapping[str, float], at: Solved) -> Arra
     watched = (first.by_strain(module) @ change[..., None])[..., 0]
     bends = at.setup.mechanism.module(module).kind.bends_exactly
     return watched + _bent_beyond(module, quantities, present, at, change) if bends else watched
-
-
-def _values(chain: Chain, module: str) -> dict[str, Any]:
-    """Return a module's values in a chain."""
-    for group in chain.values.groups:
-        for column, each in enumerate(group.modules):
-            if each.name == module:
-                return {quantity.name: group.values[quantity.name][column] for quantity in group.kind.quantities}
-    raise UnknownNameError("module", module, chain.structure.layout.names)
 
 
 def _bent_beyond(
