@@ -216,7 +216,10 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     loaded = _Loaded(
         parts, tuple(places), weight[:, :, None] * along, moved, wrench, tool, blocks[rows], _freed(blocks[rows]), noise
     )
-    # what large deflections add to C w is much the same however the wrench is read, unless it is read far too large
+    # what large deflections add to C w is much the same however the wrench is read, unless it is read far too large:
+    # then it is more than all that moved
+    if (loaded.free(bent) ** 2).sum() > MOST * (loaded.free(moved) ** 2).sum():
+        return loaded
     other = replace(loaded, moved=moved - bent)
     return min(loaded, other, key=lambda item: _left(item, wrench).yielding)
 

@@ -339,17 +339,26 @@ def conventions_of_poses(robot: Robot, recording: Recording, anywhere: bool) -> 
     if postures.fine(near).all():
         return None
     best: _Found | None = None
+    elsewhere, anyhow = far, _forward(postures, written, False)
+    joints = tuple(item for item in anyhow.conventions if item.group == "q")
+    sure = bool(postures.fine(anyhow.misfit).all() and not postures.fine(far).all() and not anyhow.others)
+    if sure:
+        elsewhere = anyhow.misfit
     for by in (False,) if anywhere else (True, False):
-        start = near if by else far
-        found = _with_quarter_turns(postures, written, _forward(postures, written, by), by)
+        start, found = near if by else far, anyhow
+        if by and sure:  # how joints are read hangs on no sensor
+            found = _of_both(postures, read_as(written, joints, postures.drawn), True)
+            found = found._replace(conventions=(*found.conventions, *joints))
+        elif by:
+            found = _forward(postures, written, True)
+        found = _with_quarter_turns(postures, written, found, by)
         # what a unit makes small enough is near everything
         sense = found.misfit.sizes < FAR_LESS * postures.spread(found.read)
         if not found.conventions or not sense[_most_changed(postures, start, found.misfit)]:
             continue
         # a tracker that stands elsewhere is as good a reason, unless what is read so stands nearly as drawn
         reached = np.maximum(found.misfit.sizes, postures.floor)
-        elsewhere = np.maximum(far.sizes, postures.floor)
-        if by and (reached > 1.5 * elsewhere).any():
+        if by and (reached > 1.5 * np.maximum(elsewhere.sizes, postures.floor)).any():
             continue
         best = found
         break
@@ -449,9 +458,7 @@ def _of_both(postures: _Postures, written: Recording, near: bool) -> _Found:
         if not tried:
             return _Found(taken, read, now, tuple(others))
         cost, convention, best, now = min(tried, key=lambda item: round(item[0], 2))
-        others = [
-            (*taken, item[1]) for item in tried if item[0] < cost + np.log(AS_GOOD) and not _same(item[2], best)
-        ]
+        others = [(*taken, item[1]) for item in tried if item[0] < cost + np.log(AS_GOOD) and not _same(item[2], best)]
         taken = (*taken, convention)
         read = read_as(read, [convention], postures.drawn)
 
