@@ -440,7 +440,7 @@ def _forward(postures: _Postures, written: Recording, near: bool) -> _Found:
 
 
 def _of_both(postures: _Postures, written: Recording, near: bool) -> _Found:
-    """Return the readings of positions and orientations that each leave far less than before, the joints as they are."""
+    """Return readings of positions and orientations that each leave far less than before; the joints as they are."""
     taken: tuple[Convention, ...] = ()
     read, now = written, postures.misfit(written, near)
     others: list[tuple[Convention, ...]] = []
