@@ -341,12 +341,14 @@ def conventions_of_poses(robot: Robot, recording: Recording, anywhere: bool) -> 
     best: _Found | None = None
     elsewhere, anyhow = far, _forward(postures, written, False)
     joints = tuple(item for item in anyhow.conventions if item.group == "q")
-    sure = bool(postures.fine(anyhow.misfit).all() and not postures.fine(far).all() and not anyhow.others)
+    # joints in other units hang on no sensor; where other axes or orders are told, one that stands elsewhere is as good
+    sure = bool(joints and postures.fine(anyhow.misfit).all() and not postures.fine(far).all())
+    sure = sure and not anyhow.others and not any(item.argument for item in anyhow.conventions)
     if sure:
         elsewhere = anyhow.misfit
     for by in (False,) if anywhere else (True, False):
         start, found = near if by else far, anyhow
-        if by and sure:  # how joints are read hangs on no sensor
+        if by and sure:
             found = _of_both(postures, read_as(written, joints, postures.drawn), True)
             found = found._replace(conventions=(*found.conventions, *joints))
         elif by:
