@@ -205,7 +205,8 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     places = [np.array([item.wrench_jacobians[name] for item in each])[which].swapaxes(0, 1) for name in names]
     tool = np.array([geometry.poses[pose].base_from_tool for pose in used])[which]
     wrench = recording.wrench[rows]
-    resting = _resting(simulator, names, places, wrench)
+    idle = FirstOrder(Simulator(robot, replace(inputs, wrench=0 * inputs.wrench)).run(_weight(robot)).equilibria)
+    resting = [np.nan_to_num(idle.loads(name).T) for name in names]
     exists = seen[rows]
     weight = np.where(exists, 1 / np.array(COARSE), 0.0)
     bent = _moved(tool, run.position[there], run.rotation[there]) - (parts.sum(axis=0) @ wrench[..., None])[..., 0]
@@ -224,22 +225,18 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
         parts, tuple(places), tuple(resting), weight[:, :, None] * along, moved, wrench, tool, blocks[rows],
         _freed(blocks[rows]), noise,
     )  # fmt: skip
-    # what large deflections add to C w is much the same however the wrench is read, unless it is read far too large
+    # what large deflections add to C w is much the same however the wrench is read, unless it is read far too large:
+    # then it is more than all that moved
+    if (loaded.free(bent) ** 2).sum() > MOST * (loaded.free(moved) ** 2).sum():
+        return loaded
     other = replace(loaded, moved=moved - bent)
     return min(loaded, other, key=lambda item: _left(item, wrench).yielding)
 
 
-def _resting(simulator: Simulator, names: Sequence[str], places: Sequence[Array], wrench: Array) -> list[Array]:
-    """Return what each module carries (k, n) beside wrenches (n, 6) on the tool where the robot has its own weight."""
-    mechanism = simulator.robot.mechanism
-    weights = (
-        Effect(law, at, law.starts(at, mechanism)[0]) for law in LAWS if law.weighs for at in law.places(mechanism)
-    )
-    first = FirstOrder(simulator.run(list(islice(weights, 1))).equilibria)
-    return [
-        np.nan_to_num(first.loads(name).T - (carried * wrench).sum(axis=2))
-        for name, carried in zip(names, places, strict=True)
-    ]
+def _weight(robot: Robot) -> list[Effect]:
+    """Return what weighs on a robot beside any wrench: its own links, where they have masses."""
+    weights = ((law, place) for law in LAWS if law.weighs for place in law.places(robot.mechanism))
+    return [Effect(law, place, law.starts(place, robot.mechanism)[0]) for law, place in islice(weights, 1)]
 
 
 def _stands(tool: Array, position: Array) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise, permutations
+from itertools import pairwise, permutations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -37,11 +37,12 @@ _FEWEST_TOLD = 12
 class _Misfit:
     """Root mean squares of positions [m] and orientations [rad] against the drawing, by posture (n,); NaN: unmeasured.
 
-    near: sensor and target stand nearly as drawn. squares (n, 2).
+    near: sensor and target stand nearly as drawn. squares (n, 2). spread (2,): how far the drawn postures are apart.
     """
 
     squares: Array
     near: bool
+    spread: Array
 
     @property
     def sizes(self) -> Array:
@@ -63,6 +64,7 @@ class _Postures:
         self.frames = list(dict.fromkeys(frames))
         self._places: dict[bytes, dict[str, Array]] = {}
         self._placed: dict[bytes, tuple[list[Array], Array, bool]] = {}
+        self._ways: dict[tuple[tuple[Convention, ...], tuple[bool, bool]], list[tuple[Convention, Recording]]] = {}
         self.turning = np.array([self.mechanism.joint(name).turns for name in self.mechanism.actuated], bool)
         home = robot.home.base_from_tool if self.mechanism.tool is not None else np.eye(4)
         sizes = [float(np.linalg.norm(home[:3, 3]))]
@@ -115,11 +117,18 @@ class _Postures:
         """
         return self.misfits([recording], near, fitted)[0]
 
-    def misfits(self, recordings: Sequence[Recording], near: bool, fitted: np.ndarray | None = None) -> list[_Misfit]:
-        """Return the misfits of readings of one log that read its joints alike."""
+    def misfits(
+        self,
+        recordings: Sequence[Recording],
+        near: bool,
+        fitted: np.ndarray | None = None,
+        joints: Recording | None = None,
+    ) -> list[_Misfit]:
+        """Return the misfits of readings of what one log measured, its joints as they are in `joints` or the first."""
         if not recordings:
             return []
-        places, n = self.places(recordings[0]), len(recordings[0])
+        joints = recordings[0] if joints is None else joints
+        places, n = self.places(joints), len(joints)
         fitted = np.ones(n, bool) if fitted is None else fitted
         squares, counts = np.zeros((2, len(recordings), n, 2))
         turns, stays = np.tile(np.eye(3), (len(recordings), 1, 1)), [True] * len(recordings)
@@ -128,7 +137,7 @@ class _Postures:
             points = [(places[name], seen) for name, seen in seen_at if name in places and seen is not None]
             if not points:
                 continue
-            read = [recording.actuator_positions(self.mechanism.actuated), *(seen for _, seen in points)]
+            read = [joints.actuator_positions(self.mechanism.actuated), *(seen for _, seen in points)]
             key = b"".join((*(item.tobytes() for item in read), fitted.tobytes(), bytes((near,))))
             if key not in self._placed:  # readings of orientations leave positions as they are
                 self._placed[key] = _positions(points, near, fitted, self.reach)
@@ -146,11 +155,34 @@ class _Postures:
             seen = np.stack(given)  # a log has orientations however they are read
             known = np.isfinite(seen).all(axis=(0, 2))
             own = _orientations(places[name][:, :3, :3], rotation_exp(np.nan_to_num(seen)), known & fitted, near, turns)
-            squares[:, known, 1] += np.nan_to_num(own[:, known], nan=1.0) ** 2
+            squares[:, known, 1] += np.nan_to_num(own[:, known], nan=np.pi) ** 2
             counts[:, known, 1] += 1
         with np.errstate(invalid="ignore"):
             apart = np.where(counts > 0, squares / counts, np.nan)
-        return [_Misfit(own, still) for own, still in zip(apart, stays, strict=True)]
+        spread = self.spread(joints)
+        return [_Misfit(own, still, spread) for own, still in zip(apart, stays, strict=True)]
+
+    def least_apart(self, recording: Recording) -> float:
+        """Return how far positions are from drawn ones at least, in any unit, axes and frames [m]."""
+        places, squares, count = self.places(recording), 0.0, 0
+        for name, at in places.items():
+            seen = recording.markers.get(name) if name else recording.position
+            if seen is not None:
+                known = np.isfinite(seen).any(axis=1)
+                squares += _least_squares(at[known], seen[known], 1e3 * self.reach)
+                count += int(known.sum())
+        return float(np.sqrt(squares / max(count, 1)))
+
+    def ways(self, taken: tuple[Convention, ...], asked: tuple[bool, bool]) -> list[tuple[Convention, Recording]]:
+        """Return other readings of positions and orientations, where asked, beside those taken; joints as written."""
+        if (taken, asked) not in self._ways:
+            read, ways = read_as(self.recording, taken, self.drawn), []
+            for convention in _of_measured(read, asked):
+                if may_be_read(read, [convention]):
+                    with suppress(PrupPinError):
+                        ways.append((convention, read_as(read, [convention], self.drawn)))
+            self._ways[taken, asked] = ways
+        return self._ways[taken, asked]
 
     def spread(self, recording: Recording) -> Array:
         """Return how far the drawn postures are apart: positions [m] and orientations [rad], root mean squares (2,).
@@ -169,14 +201,22 @@ class _Postures:
         turns = [turn_between(_nearest(at[:, :3, :3].sum(axis=0)), at[:, :3, :3]) for at in placed.values()]
         return np.array([max(ways), max(np.sqrt((turn**2).sum(axis=1).mean()) for turn in turns)])
 
+    def fine(self, misfit: _Misfit) -> np.ndarray:
+        """Return whether positions and orientations are as near to the drawing as a convention can tell (2,)."""
+        return misfit.sizes <= 10 * self.floor
+
     def better(self, first: _Misfit, other: _Misfit) -> bool:
         """Return whether one of both leaves a third and the other no more than before."""
-        before, after = (np.maximum(item.sizes, self.floor) for item in (first, other))
-        ratio = after / before
+        ratio = self._shares(other) / self._shares(first)
         return bool((ratio < FAR_LESS).any() and (ratio < 1.3).all())
 
-    def cost(self, misfit: _Misfit) -> float:
-        return float(np.log(np.maximum(misfit.sizes, self.floor)).sum())
+    def cost(self, misfit: _Misfit, words: int = 0) -> float:
+        """Return the logarithm of what is left; each of so many words must leave far less."""
+        return float(np.log(self._shares(misfit)).sum()) - words * float(np.log(FAR_LESS))
+
+    def _shares(self, misfit: _Misfit) -> Array:
+        """Return what is left as shares of the drawn motion, as small as a convention can tell: units shrink both."""
+        return np.maximum(misfit.sizes, self.floor) / np.maximum(misfit.spread, self.floor)
 
 
 def _quietest(recording: Recording, mechanism: Mechanism, few: int) -> np.ndarray:
@@ -238,6 +278,21 @@ def _positions(
     return out, turn, not stays
 
 
+def _least_squares(drawn: Array, seen: Array, far: float) -> float:
+    """Return what any affine map of positions (n, 3) leaves of drawn ones, beside a target anywhere on its body.
+
+    Units, axes and the sensor's frame are such maps. far: of where the robot cannot be.
+    """
+    there = np.isfinite(drawn[:, 0, 0])
+    lost = float((~there).sum()) * far**2
+    if not there.any() or not np.isfinite(seen).all():
+        return lost
+    linear = np.kron(np.column_stack((seen[there], np.ones(there.sum()))), np.eye(3))
+    by = np.column_stack((linear, drawn[there, :3, :3].reshape(-1, 3)))
+    aim = drawn[there, :3, 3].ravel()
+    return lost + float(((aim - by @ np.linalg.lstsq(by, aim)[0]) ** 2).sum())
+
+
 def _orientations(drawn: Array, seen: Array, fitted: np.ndarray, near: bool, turns: Array) -> Array:
     """Return angles (k, n) between drawn orientations (n, 3, 3) and each of k readings of the measured ones.
 
@@ -281,20 +336,31 @@ def conventions_of_poses(robot: Robot, recording: Recording, anywhere: bool) -> 
     if not len(written):
         return None
     near, far = (postures.misfit(written, item) for item in (True, False))
-    if (near.sizes <= 10 * postures.floor).all():
+    if postures.fine(near).all():
         return None
     best: _Found | None = None
+    elsewhere, anyhow = far, _forward(postures, written, False)
+    joints = tuple(item for item in anyhow.conventions if item.group == "q")
+    # joints in other units hang on no sensor; where other axes or orders are told, one that stands elsewhere is as good
+    sure = bool(joints and postures.fine(anyhow.misfit).all() and not postures.fine(far).all())
+    sure = sure and not anyhow.others and not any(item.argument for item in anyhow.conventions)
+    if sure:
+        elsewhere = anyhow.misfit
     for by in (False,) if anywhere else (True, False):
-        start = near if by else far
-        found = _with_quarter_turns(postures, written, _forward(postures, written, start, by), by)
+        start, found = near if by else far, anyhow
+        if by and sure:
+            found = _of_both(postures, read_as(written, joints, postures.drawn), True)
+            found = found._replace(conventions=(*found.conventions, *joints))
+        elif by:
+            found = _forward(postures, written, True)
+        found = _with_quarter_turns(postures, written, found, by)
         # what a unit makes small enough is near everything
         sense = found.misfit.sizes < FAR_LESS * postures.spread(found.read)
         if not found.conventions or not sense[_most_changed(postures, start, found.misfit)]:
             continue
         # a tracker that stands elsewhere is as good a reason, unless what is read so stands nearly as drawn
         reached = np.maximum(found.misfit.sizes, postures.floor)
-        elsewhere = np.maximum(far.sizes, postures.floor)
-        if by and (reached > 1.5 * elsewhere).any():
+        if by and (reached > 1.5 * np.maximum(elsewhere.sizes, postures.floor)).any():
             continue
         best = found
         break
@@ -334,37 +400,69 @@ class _Found(NamedTuple):
     others: tuple[tuple[Convention, ...], ...]
 
 
-def _forward(postures: _Postures, written: Recording, start: _Misfit, near: bool) -> _Found:
-    """Return conventions that each leave far less than before."""
-    taken: list[Convention] = []
-    read, now = written, start
-    others: list[tuple[Convention, ...]] = []
-    while True:
-        tried: list[tuple[float, int, Convention, Recording, _Misfit]] = []
-        # what was measured is cheap to read otherwise, and joints are where that does not do
-        for readings, of_joints in ((_of_measured(read), False), (_of_joints(postures.mechanism, read), True)):
-            asked: list[tuple[Convention, Recording]] = []
-            for convention in readings:
-                if not may_be_read(written, [convention]):
+def _forward(postures: _Postures, written: Recording, near: bool) -> _Found:
+    """Return conventions that each leave far less than before.
+
+    Where the tool is drawn to be hangs on the joints alone, and positions and orientations are each compared with that.
+    So joints are read in one way after the other, each beside the readings of both that suit it best: whichever of the
+    three are written otherwise together, they are found.
+    """
+    joints: tuple[Convention, ...] = ()
+    read, now = written, _of_both(postures, written, near)
+
+    def cost(found: _Found, reading: tuple[Convention, ...] = ()) -> float:
+        return postures.cost(found.misfit, len(found.conventions) + len(reading))
+
+    while not postures.fine(now.misfit).all():
+        tried: list[tuple[tuple[Convention, ...], Recording, _Found]] = []
+        for readings in _of_joints(postures.mechanism, read):
+            for reading in readings:
+                if not may_be_read(written, reading):
                     continue
                 with suppress(PrupPinError):
-                    asked.append((convention, read_as(read, [convention], postures.drawn)))
-            alike = [[other] for _, other in asked] if of_joints else [[other for _, other in asked]]
-            misfits = [misfit for several in alike for misfit in postures.misfits(several, near)]
-            for (convention, other), misfit in zip(asked, misfits, strict=True):
-                if postures.better(now, misfit):
-                    tried.append((postures.cost(misfit), len(tried), convention, other, misfit))
-            if any((item[4].sizes <= 10 * postures.floor).all() for item in tried):
-                break
+                    other = read_as(read, reading, postures.drawn)
+                    found = _of_both(postures, other, near)
+                    if postures.better(now.misfit, found.misfit) and cost(found) < cost(now):
+                        tried.append((reading, other, found))
+            if any(postures.fine(found.misfit).all() for _, _, found in tried):
+                break  # rarer ways do no better
         if not tried:
             break
-        cost, _, convention, read, now = min(tried, key=lambda item: (round(item[0], 2), item[1]))
-        margin = np.log(AS_GOOD)
-        others = [(*taken, item[2]) for item in tried if item[0] < cost + margin and not _same(item[3], read)]
-        taken.append(convention)
-        if (now.sizes <= 10 * postures.floor).all():
-            break
-    return _Found(tuple(taken), read, now, tuple(others))
+        costs = [cost(found, reading) for reading, _, found in tried]
+        best = min(range(len(tried)), key=lambda place: round(costs[place], 2))
+        others = tuple(
+            (*found.conventions, *joints, *reading)
+            for (reading, _, found), each in zip(tried, costs, strict=True)
+            if each < costs[best] + np.log(AS_GOOD) and not _same(found.read, tried[best][2].read)
+        )
+        reading, read, now = tried[best]
+        joints = (*joints, *reading)
+        now = now._replace(others=(*others, *((*other, *joints) for other in now.others)))
+    return now._replace(conventions=(*now.conventions, *joints))
+
+
+def _of_both(postures: _Postures, written: Recording, near: bool) -> _Found:
+    """Return readings of positions and orientations that each leave far less than before; the joints as they are."""
+    taken: tuple[Convention, ...] = ()
+    read, now = written, postures.misfit(written, near)
+    others: list[tuple[Convention, ...]] = []
+    while True:
+        far = ~postures.fine(now)
+        if far[0]:
+            far[0] = postures.least_apart(read) < FAR_LESS * now.sizes[0]
+        ways = postures.ways(taken, (bool(far[0]), bool(far[1])))
+        misfits = postures.misfits([other for _, other in ways], near, joints=read)
+        tried = [
+            (postures.cost(misfit), convention, other, misfit)
+            for (convention, other), misfit in zip(ways, misfits, strict=True)
+            if postures.better(now, misfit)
+        ]
+        if not tried:
+            return _Found(taken, read, now, tuple(others))
+        cost, convention, best, now = min(tried, key=lambda item: round(item[0], 2))
+        others = [(*taken, item[1]) for item in tried if item[0] < cost + np.log(AS_GOOD) and not _same(item[2], best)]
+        taken = (*taken, convention)
+        read = read_as(read, [convention], postures.drawn)
 
 
 def _same(one: Recording, other: Recording) -> bool:
@@ -404,14 +502,14 @@ def _with_quarter_turns(postures: _Postures, written: Recording, found: _Found, 
     return _Found((*measured, *turns), read, misfit, ())
 
 
-def _of_measured(recording: Recording) -> Iterator[Convention]:
-    """Yield how positions and orientations may be written, the commonest first."""
-    if recording.position is not None or recording.markers:
+def _of_measured(recording: Recording, asked: Sequence[bool]) -> Iterator[Convention]:
+    """Yield how positions and orientations, each if asked for, may be written, the commonest first."""
+    if asked[0] and (recording.position is not None or recording.markers):
         for word in WORDS:
             if "p" in word.groups and not word.takes and word.name != "reversed":
                 yield Convention("p", word.name)
         yield from (Convention("p", "axes", item) for item in AXES)
-    if recording.rotation is not None or recording.marker_rotations:
+    if asked[1] and (recording.rotation is not None or recording.marker_rotations):
         for word in WORDS:
             if "r" in word.groups and not word.takes:
                 yield Convention("r", word.name)
@@ -426,28 +524,42 @@ def _parity(axes: Sequence[str]) -> int:
     return 1 if "".join(text[-1] for text in axes) in ("xyz", "yzx", "zxy") else -1
 
 
-def _of_joints(mechanism: Mechanism, recording: Recording) -> Iterator[Convention]:
-    """Yield how positions of joints may be written, the commonest first."""
+def _of_joints(mechanism: Mechanism, recording: Recording) -> Iterator[Iterator[tuple[Convention, ...]]]:
+    """Yield how positions of joints may be written: all of them alike; each by itself; motors."""
     names = [name for name in recording.positions if name in mechanism.actuated]
     slides = {name: mechanism.joint(name).slides for name in names}
-    yield Convention("q", "reversed")
-    for word in POSITION_UNITS:
-        if any(slides[name] == word.slide for name in names):
-            yield Convention("q", word.name)
+    yield _of_all_joints(set(slides.values()))
+    yield _of_each_joint(slides, list(recording.positions) == names, not mechanism.loops)
+    most = max(float(np.nanmax(np.abs(recording.positions[name]))) for name in names)
+    if not mechanism.loops and most > 2 * np.pi:
+        yield ((Convention("q", "gear", (ratio,)),) for ratio in GEARS)
+
+
+def _of_all_joints(kinds: set[bool]) -> Iterator[tuple[Convention, ...]]:
+    """Yield signs and units of all joints that slide (True) and that turn."""
+    yield (Convention("q", "reversed"),)
+    units = [
+        [Convention("q", word.name) for word in POSITION_UNITS if word.slide == kind]
+        for kind in sorted(kinds, reverse=True)
+    ]
+    yield from ((unit,) for kind in units for unit in kind)
+    if len(units) > 1:
+        yield from product(*units)  # neither alone closes a loop
+
+
+def _of_each_joint(slides: dict[str, bool], ordered: bool, tree: bool) -> Iterator[tuple[Convention, ...]]:
+    """Yield signs and units of single joints, which slide or turn, orders of all, and neighbours of a tree coupled."""
+    names = list(slides)
     for name in names if len(names) > 1 else ():
-        yield Convention(f"q.{name}", "reversed")
-        yield from (Convention(f"q.{name}", word.name) for word in POSITION_UNITS if word.slide == slides[name])
-    if list(recording.positions) == names and len(names) > 1:
-        yield from (Convention("q", "order", order) for order in _orders(names))
-    if mechanism.loops:
-        return
-    for before, after in pairwise(names):
+        yield (Convention(f"q.{name}", "reversed"),)
+        yield from ((Convention(f"q.{name}", word.name),) for word in POSITION_UNITS if word.slide == slides[name])
+    if ordered and len(names) > 1:
+        yield from ((Convention("q", "order", order),) for order in _orders(names))
+    for before, after in pairwise(names) if tree else ():
         if slides[before] == slides[after]:
             for own, other in ((after, before), (before, after)):
-                yield Convention(f"q.{own}", "plus", (other,))
-                yield Convention(f"q.{own}", "minus", (other,))
-    if max(float(np.nanmax(np.abs(recording.positions[name]))) for name in names) > 2 * np.pi:
-        yield from (Convention("q", "gear", (ratio,)) for ratio in GEARS)
+                yield (Convention(f"q.{own}", "plus", (other,)),)
+                yield (Convention(f"q.{own}", "minus", (other,)),)
 
 
 def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:

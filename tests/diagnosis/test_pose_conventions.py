@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from prup_pin import load
-from prup_pin.diagnosis import conventions, diagnose, load_conventions
+from prup_pin.diagnosis import conventions, diagnose, load_conventions, pose_conventions
 from prup_pin.diagnosis.conventions import read_logs
 from prup_pin.diagnosis.load_conventions import conventions_of_loads
 from prup_pin.errors import InputError
@@ -159,6 +159,53 @@ def test_what_is_written_otherwise_is_told_and_read_so(robot, bench, tmp_path, n
     for finding in logs.findings():
         assert finding.physics == "log_convention"
         assert finding.evidence["as_read"] < 0.6 * finding.evidence.get("as_written", np.inf)  # none: no such posture
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        ("q=mm", "r=deg"),
+        ("p=mm", "q=mm", "r=deg"),
+        ("p=um", "q=cm", "r=euler_xyz_deg"),
+        ("p=mm", "q=mm", "r=deg", "force=kN"),
+        pytest.param(("force=kN", "moment=N_mm"), marks=pytest.mark.slow),  # moments that no robot bears
+    ],
+    ids=str,
+)
+def test_joints_positions_and_orientations_in_other_units_at_once_are_all_told(robot, bench, said):
+    """Slides in mm alone brought no orientation nearer that was in degrees, and so nothing was told."""
+    true = read_recording(bench)
+    way = [convention_of(*item.split("="), joints_of(true)) for item in said]
+    logs = read_logs(robot, written_as(true, way, Drawn(slides=frozenset(SLIDES))))
+    assert sorted(map(str, logs.conventions[0])) == sorted(said)
+    np.testing.assert_allclose(logs.recordings[0].position, true.position, atol=1e-9)
+    np.testing.assert_allclose(logs.recordings[0].rotation, true.rotation, atol=1e-8)
+
+
+@pytest.mark.parametrize("tracker", [False, True])
+@pytest.mark.parametrize("said", [("q=deg", "r=deg"), ("p=mm", "q=deg", "r=deg")], ids=" ".join)
+def test_an_arm_in_other_units_throughout_is_read_as_it_is_meant(said, tracker):
+    arm, rng = load("ur5"), np.random.default_rng(5)
+    q = rng.uniform(-1.2, 1.2, (12, 6))
+    seen = np.array([arm.pose_from_actuators(row).base_from_tool for row in q])
+    if tracker:
+        seen = placed(turned([0.4, -0.3, 2.1]), [3.0, -2.0, 0.8]) @ seen
+    true = Recording(
+        time=np.arange(12.0),
+        positions=dict(zip(arm.mechanism.actuated, q.T, strict=True)),
+        position=seen[:, :3, 3] + 1e-5 * rng.normal(size=(12, 3)),
+        rotation=rotation_log(seen[:, :3, :3]),
+    )
+    way = [convention_of(*item.split("="), joints_of(true)) for item in said]
+    logs = read_logs(arm, written_as(true, way, Drawn()))
+    assert sorted(map(str, logs.conventions[0])) == sorted(said)
+    assert read_logs(arm, true).conventions == ((),)
+
+
+def test_a_platform_of_slides_and_hinges_in_mm_and_degrees_is_told_by_both_units():
+    """Neither unit alone closes a loop."""
+    kinds = {True, False}
+    assert (Convention("q", "mm"), Convention("q", "deg")) in set(pose_conventions._of_all_joints(kinds))
 
 
 def test_the_point_of_a_sensor_is_found(robot, bench, tmp_path):
