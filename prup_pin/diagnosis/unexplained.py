@@ -16,7 +16,7 @@ import numpy as np
 from ..laws import Effect
 from ..numbers import counted, percent
 from .candidates import Term
-from .criteria import FOLLOWED, GAIN, IMITATED, LITTLE, MOST, ROUGHLY, clean_bound
+from .criteria import FEWEST_NUMBERS, FOLLOWED, GAIN, IMITATED, LITTLE, MOST, ROUGHLY, clean_bound
 from .diagnosis import Finding
 from .evidence import cross_validated
 from .findings import chi2_without, finding_of, nothing_compared, rms_of_sum, unknown_at, without_place
@@ -55,6 +55,8 @@ def final_state(
     laws = [finding_of(problem, last, index, selection, robot, held, alone) for index in range(len(last.terms))]
     if not count:
         return Final(last, tuple(laws), nothing_compared(problem, prepared.unused), held, count)
+    if count < FEWEST_NUMBERS:
+        return Final(problem.first, (), _too_few(count), held, count)
     if doubt is not None:
         return Final(last, tuple(laws), doubt, held, count, in_doubt=True)
     if not _unexplained(problem, last, count):
@@ -72,6 +74,16 @@ def final_state(
     others = [term.effect for index, term in enumerate(last.terms) if index not in named]
     kept = [finding for index, finding in enumerate(laws) if index in named]
     return Final(last, tuple(kept), unknown, held, count, stand_ins=tuple(others))
+
+
+def _too_few(count: int) -> Finding:
+    """Return the finding that nothing can be told of so few numbers."""
+    return unknown_at(
+        "robot",
+        f"there is too little to compare: {counted(count, 'number')} of poses are too few to judge anything by others",
+        advice="record at least ten postures, or one under a dozen loads of both signs",
+        untold=True,
+    )
 
 
 def _cancelling(problem: Problem, fit: Fit) -> tuple[int, ...]:

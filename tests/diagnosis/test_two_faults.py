@@ -100,3 +100,13 @@ def test_a_play_hides_no_other_way_to_write_wrenches(hexapod, written, words):
     recording = bench_of(hexapod, play)
     found = conventions_of_loads(hexapod, replace(recording, wrench=written * recording.wrench))
     assert [str(each) for each in (found.conventions if found else ())] == words
+
+
+@pytest.mark.parametrize("rows", [[0], [0, 1], [0, 9, 18]])
+def test_of_too_few_samples_nothing_is_told(hexapod, rows):
+    recording = bench_of(hexapod, ("encoder_offset", hexapod.mechanism.actuated[0], "", {"offset": 1e-3}))
+    found = diagnose(hexapod, recording.select(np.array(rows)))
+    (finding,) = found.findings
+    assert (found.verdict, finding.physics, finding.location) == ("unexplained", "unknown", "robot")
+    assert f"{6 * len(rows)} numbers of poses are too few" in finding.statement
+    assert "a dozen loads" in finding.advice
