@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 import prup_pin
 from prup_pin.diagnosis import gross_errors, spread, variance_components
 from prup_pin.diagnosis.calibrate import calibrated_parameters
+from prup_pin.diagnosis.free_parameters import free_parameters
 from prup_pin.recordings import Noise, Recording
 from prup_pin.simulation import compare, simulate
 
@@ -251,3 +252,15 @@ def test_few_poses_of_an_arm_tell_the_directions_of_its_axes(tmp_path):
     prepare = importlib.import_module("prup_pin.diagnosis.prepare").prepare
     spread = prepare(prup_pin.load(path, tool="hand"), recording, lambda stage, share: None).spread
     assert spread.all_over().kinds["direction"] == pytest.approx(5e-3, rel=0.5)
+
+
+def test_zero_and_lead_of_one_drive_are_what_one_law_moves():
+    """Alone neither explains a lead that is right in the middle of the travel: the two are one place among few."""
+    robot = prup_pin.load("3prup")
+    recording = Recording(np.arange(2.0), positions={name: np.full(2, 0.4) for name in robot.mechanism.actuated})
+    found = free_parameters(recording, robot.mechanism, {}, loaded=False, moves=False)
+    places = {kind: found.places[found.kinds == kind].tolist() for kind in ("encoder_offset", "encoder_slope")}
+    assert places["encoder_offset"] == places["encoder_slope"]
+    assert len(set(places["encoder_offset"])) == 3
+    others = found.places[~np.isin(found.kinds, list(places))].tolist()
+    assert not set(others) & set(places["encoder_offset"])
