@@ -253,6 +253,15 @@ def _ignored(
     unknown = [name for name in header if name not in ("run", "status") and not form.knows(name)]
     known = [*form.coordinates, *candidates(header)]
     plain = []
+    for prefix in dict.fromkeys(name[:-2] for name in unknown if name.endswith("qw")):
+        quaternion = [name for name in unknown if name in {f"{prefix}q{axis}" for axis in "wxyz"}]
+        if len(quaternion) == len("wxyz"):
+            names = ", ".join(f"'{shown(name)}'" for name in quaternion)
+            misspelt.append(
+                f"The columns {names} are ignored: they seem to be a quaternion, and r.x, r.y, r.z are a rotation "
+                "vector. `prup-pin import` turns one into the other."
+            )
+            unknown = [name for name in unknown if name not in quaternion]
     for name in unknown[:_REMARKED]:
         other = in_other_words(name)
         near = f"Did you mean '{shown(other)}'?" if other in known else did_you_mean(name, known)

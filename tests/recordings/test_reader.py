@@ -346,6 +346,17 @@ def test_columns_like_nothing_known_are_told_together(write):
     assert "The unknown columns 'lamp', 'door' are ignored." in read_recording(write(table)).remarks
 
 
+def test_a_quaternion_is_told_as_one(write):
+    """Its vector part is no rotation vector: nobody is to be led to rename r.qx to r.x."""
+    names = "r.qw,r.qx,r.qy,r.qz"
+    table = "\n".join(f"{line},1,0,0,0" if at else f"{line},{names}" for at, line in enumerate(TABLE.splitlines()))
+    recording = read_recording(write(table))
+    (said,) = (remark for remark in recording.remarks if "r.qw" in remark)
+    assert "'r.qw', 'r.qx', 'r.qy', 'r.qz' are ignored: they seem to be a quaternion" in said
+    assert said in recording.misspelt
+    assert not any("Did you mean" in remark for remark in recording.remarks)
+
+
 def test_a_second_column_of_the_same_meaning_is_ignored(write):
     recording = read_recording(write(TABLE.replace("w.mz", "w.fx [raw]")))
     assert "The unknown column 'w.fx [raw]' is ignored." in "\n".join(recording.remarks)
