@@ -403,12 +403,27 @@ class _Found(NamedTuple):
 def _forward(postures: _Postures, written: Recording, near: bool) -> _Found:
     """Return conventions that each leave far less than before.
 
+    Nobody measures in a mirror: joints that were exchanged or turned round, which show the same, are told before.
+    """
+    found = _word_by_word(postures, written, near)
+    if not any(_is_mirror(item) for item in found.conventions):
+        return found
+    plain = _word_by_word(postures, written, near, mirrors=False)
+    costs = [postures.cost(each.misfit, len(each.conventions)) for each in (plain, found)]
+    if costs[0] > costs[1] + np.log(AS_GOOD):
+        return found
+    return plain._replace(others=(*plain.others, found.conventions))
+
+
+def _word_by_word(postures: _Postures, written: Recording, near: bool, mirrors: bool = True) -> _Found:
+    """Return conventions that each leave far less than before, left-handed axes among them or not.
+
     Where the tool is drawn to be hangs on the joints alone, and positions and orientations are each compared with that.
     So joints are read in one way after the other, each beside the readings of both that suit it best: whichever of the
     three are written otherwise together, they are found.
     """
     joints: tuple[Convention, ...] = ()
-    read, now = written, _of_both(postures, written, near)
+    read, now = written, _of_both(postures, written, near, mirrors)
 
     def cost(found: _Found, reading: tuple[Convention, ...] = ()) -> float:
         return postures.cost(found.misfit, len(found.conventions) + len(reading))
@@ -421,7 +436,7 @@ def _forward(postures: _Postures, written: Recording, near: bool) -> _Found:
                     continue
                 with suppress(PrupPinError):
                     other = read_as(read, reading, postures.drawn)
-                    found = _of_both(postures, other, near)
+                    found = _of_both(postures, other, near, mirrors)
                     if postures.better(now.misfit, found.misfit) and cost(found) < cost(now):
                         tried.append((reading, other, found))
             if any(postures.fine(found.misfit).all() for _, _, found in tried):
@@ -441,7 +456,14 @@ def _forward(postures: _Postures, written: Recording, near: bool) -> _Found:
     return now._replace(conventions=(*now.conventions, *joints))
 
 
-def _of_both(postures: _Postures, written: Recording, near: bool) -> _Found:
+def _is_mirror(convention: Convention) -> bool:
+    """Return whether positions or orientations are told in left-handed axes."""
+    if convention.word != "axes" or convention.group not in ("p", "r"):
+        return False
+    return _handedness([str(axis) for axis in convention.argument]) < 0
+
+
+def _of_both(postures: _Postures, written: Recording, near: bool, mirrors: bool = True) -> _Found:
     """Return readings of positions and orientations that each leave far less than before; the joints as they are."""
     taken: tuple[Convention, ...] = ()
     read, now = written, postures.misfit(written, near)
@@ -451,6 +473,7 @@ def _of_both(postures: _Postures, written: Recording, near: bool) -> _Found:
         if far[0]:
             far[0] = postures.least_apart(read) < FAR_LESS * now.sizes[0]
         ways = postures.ways(taken, (bool(far[0]), bool(far[1])))
+        ways = ways if mirrors else [way for way in ways if not _is_mirror(way[0])]
         misfits = postures.misfits([other for _, other in ways], near, joints=read)
         tried = [
             (postures.cost(misfit), convention, other, misfit)
@@ -515,13 +538,15 @@ def _of_measured(recording: Recording, asked: Sequence[bool]) -> Iterator[Conven
                 yield Convention("r", word.name)
         for item in AXES:
             yield Convention("r", "axes", item)
-            if np.prod([-1 if text[0] == "-" else 1 for text in item]) * _parity(item) > 0:
+            if _handedness(item) > 0:
                 yield Convention("r", "base_axes", item)
                 yield Convention("r", "tool_axes", item)
 
 
-def _parity(axes: Sequence[str]) -> int:
-    return 1 if "".join(text[-1] for text in axes) in ("xyz", "yzx", "zxy") else -1
+def _handedness(axes: Sequence[str]) -> int:
+    """Return 1 where axes are right-handed, else -1."""
+    even = "".join(text[-1] for text in axes) in ("xyz", "yzx", "zxy")
+    return (1 if even else -1) * (-1) ** sum(text[0] == "-" for text in axes)
 
 
 def _of_joints(mechanism: Mechanism, recording: Recording) -> Iterator[Iterator[tuple[Convention, ...]]]:

@@ -203,6 +203,29 @@ def test_an_arm_in_other_units_throughout_is_read_as_it_is_meant(said, tracker):
     assert read_logs(arm, true).conventions == ((),)
 
 
+GANTRY = """<robot name="gantry"><link name="base"/>
+{joints}<prup_pin version="1"><tool frame="z_part"/><actuated joints="x y z"/></prup_pin></robot>"""
+
+
+def test_exchanged_columns_are_no_mirror(tmp_path):
+    """A portal's positions look alike in either: nobody measures in left-handed axes, and both are told."""
+    joints, before = "", "base"
+    for name, axis in (("x", "1 0 0"), ("y", "0 1 0"), ("z", "0 0 1")):
+        joints += f'''<link name="{name}_part"/><joint name="{name}" type="prismatic"><parent link="{before}"/>
+        <child link="{name}_part"/><axis xyz="{axis}"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint>\n'''
+        before = f"{name}_part"
+    (tmp_path / "gantry.urdf").write_text(GANTRY.format(joints=joints))
+    portal, rng = load(tmp_path / "gantry.urdf"), np.random.default_rng(4)
+    x, y, z = rng.uniform(0.1, 0.9, (3, 14))
+    position = np.column_stack((x, y, z)) + 1e-5 * rng.normal(size=(14, 3))
+    exchanged = Recording(time=np.arange(14.0), positions={"y": x, "x": y, "z": z}, position=position)
+    logs = read_logs(portal, exchanged)
+    assert [str(each) for each in logs.conventions[0]] == ["q=order:x,y,z"]
+    (finding,) = logs.findings()
+    assert "As good on this log: p=axes:y,x,z" in finding.statement
+    np.testing.assert_array_equal(logs.recordings[0].positions["x"], x)
+
+
 def test_a_platform_of_slides_and_hinges_in_mm_and_degrees_is_told_by_both_units():
     """Neither unit alone closes a loop."""
     kinds = {True, False}
