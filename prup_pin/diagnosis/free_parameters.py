@@ -30,8 +30,6 @@ STAND = ("frame_rotation", "frame_position")
 STATIONS = ("station turned", "station shifted")
 
 
-#: Kinds that one law moves together: a lead that is right elsewhere than at zero.
-_TRAVEL = ("encoder_offset", "encoder_slope")
 #: Kinds that are left out first where little was measured.
 FINEST = ("encoder_slope", f"{YIELDS}{UNEVEN}", f"{YIELDS}{ACROSS}", "direction", "position", f"{YIELDS}{OWN}")
 
@@ -170,7 +168,7 @@ def free_parameters(
     units = [item.unit for item in joints]
     own = toleranced.law.deviations
     labels = [*(item.kind for item in own), *(f"{YIELDS}{item.way}" for item in joints)]
-    names = [f"{'travel' if item.kind in _TRAVEL else f'{item.physics} {item.kind}'} {item.place}" for item in own]
+    names = [item.together or f"{item.physics} {item.kind} {item.place}" for item in own]
     names += [item.name for item in joints]
     floors = [declared.get(item.name, 0.0) / size for item, size in zip(own, toleranced.tolerances, strict=True)]
     floors += [0.0] * len(joints)

@@ -1,9 +1,10 @@
 """Is the wrench of a log written as it says? Other ways compete before any physics does.
 
 What changes while the actuators stand still, against the drawn compliance with each module as soft as suits best, which
-no bench knows better, and one place, the base or a module, yielding besides, in proportion to its load or as far as a
-play lets it: what lies in series with all else does what another unit of forces does. A convention is told where it
-leaves a third of what the log leaves as it is written, on blocks that were held out too.
+no bench knows better. A convention is told where it leaves a third of what the log leaves as it is written, on blocks
+that were held out too; and clearly less than that where one place, the base or a module, yields besides in proportion
+to its load: what lies in series with all else does what another unit of forces does. Where no convention does, the same
+is asked beside a play in one place, unless that explains most of the log as it is written.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import lsq_linear, nnls
@@ -43,8 +45,6 @@ from .thinning import evenly_spaced
 
 #: Blocks and samples by which loads are judged.
 _BLOCKS, _SAMPLES = 24, 400
-#: Units of forces and moments that a log has together, by their words: neither alone comes much nearer.
-_SYSTEMS = (("kgf", "kgf_m"), ("kgf", "kgf_cm"), ("kN", "kN_m"), ("lbf", "lbf_in"), ("kN", "N_mm"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +66,7 @@ class _Loaded:
     blocks: np.ndarray
     free: Callable[[Array], Array]
     noise: float
+    play: bool = False
 
     @property
     def shown(self) -> float:
@@ -99,10 +100,11 @@ class _Loaded:
         return modules if place is None else np.concatenate((modules, self.by_place(wrench, place)), axis=1)
 
     def by_place(self, wrench: Array, place: int) -> Array:
-        """Return how a place moves the tool that yields along each of its loads (6 n, k): in proportion, by a play."""
+        """Return how a place moves the tool that yields along each of its loads (6 n, k), by a play too or not."""
         carried = self.places[place]
         loads = (carried * wrench).sum(axis=2) + self.resting[place]
-        deformed = np.concatenate([along[..., None] * carried for along in (loads, np.sign(loads))])
+        laws = (loads, np.sign(loads)) if self.play else (loads,)
+        deformed = np.concatenate([along[..., None] * carried for along in laws])
         moved = (self.seen @ deformed[..., None])[..., 0]
         if place < len(self.parts):  # coupled as it is drawn
             moved = np.concatenate((moved, (self.parts[place] @ wrench[..., None])[None, ..., 0]))
@@ -115,16 +117,18 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
     recording: whose other columns are in the format's own conventions.
     """
     loaded = _loaded(robot, recording)
-    if loaded is None:
+    if loaded is None or not loaded.free(loaded.moved).any():
         return None
-    target = loaded.free(loaded.moved).ravel()
-    if not target.any():
-        return None
+    return _better_read(loaded, recording) or _better_read(replace(loaded, play=True), recording)
+
+
+def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
+    """Return other ways in which the wrench seems to be written, a place yielding besides, by a play too or not."""
     drawn = Drawn(tool=lambda _: loaded.tool)
     now = Recording(time=np.arange(len(loaded.wrench), dtype=float), wrench=loaded.wrench)
-    size = float(target @ target)
+    size = float((loaded.free(loaded.moved) ** 2).sum())
     first = least = _left(loaded, loaded.wrench)
-    if first < loaded.shown:
+    if first.yielding < loaded.shown:
         return None
     alike = loaded.by_chance
     taken: list[Convention] = []
@@ -137,19 +141,19 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
                     continue
                 other = read_as(now, reading, drawn)
                 tried.append((_left(loaded, other.wrench), reading, other))
-            best = min((item[0] for item in tried), default=least)
-            if best < alike and best < FAR_LESS**2 * least:
+            best = min((item[0] for item in tried), key=lambda left: left.yielding, default=least)
+            if best.yielding < alike and best.tells_against(least):
                 break  # a commoner word does
         # what is nearly as good is told by the commoner word
-        near = max(AS_GOOD * best, alike)
-        good = [item for item in tried if item[0] <= near and item[0] < FAR_LESS**2 * least]
+        near = max(AS_GOOD * best.yielding, alike)
+        good = [item for item in tried if item[0].yielding <= near and item[0].tells_against(least)]
         if not good:
             break
         left, reading, other = good[0]
         others = [
             (*taken, *item[1])
             for item in tried
-            if item[0] <= max(AS_GOOD**2 * left, alike)
+            if item[0].yielding <= max(AS_GOOD**2 * left.yielding, alike)
             and not item[1][0].argument
             and not np.array_equal(item[2].wrench, other.wrench)  # no other reading: of forces alone, say
         ]
@@ -161,11 +165,11 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
         half = np.arange(len(half)) % 2 == 0
     written, read = (_left(loaded, item, half) for item in (loaded.wrench, now.wrench))
     judged = loaded.select(~half)
-    if not (read < FAR_LESS**2 * written or read < judged.by_chance < judged.shown < written):
+    if not (read.tells_against(written) or read.yielding < judged.by_chance < judged.shown < written.yielding):
         return None
     return Evidence(
-        tuple(taken), "what loads move", "", float(np.sqrt(first / size)),
-        float(np.sqrt(least / size)), 1 - read / written, tuple(others),
+        tuple(taken), "what loads move", "", float(np.sqrt(first.yielding / size)),
+        float(np.sqrt(least.yielding / size)), 1 - read.yielding / written.yielding, tuple(others),
     )  # fmt: skip
 
 
@@ -231,7 +235,7 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     if (loaded.free(bent) ** 2).sum() > MOST * (loaded.free(moved) ** 2).sum():
         return loaded
     other = replace(loaded, moved=moved - bent)
-    return min(loaded, other, key=lambda item: _left(item, wrench))
+    return min(loaded, other, key=lambda item: _left(item, wrench).yielding)
 
 
 def _weight(robot: Robot) -> list[Effect]:
@@ -291,16 +295,33 @@ def _freed(blocks: np.ndarray) -> Callable[[Array], Array]:
     return free
 
 
-def _left(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) -> float:
-    """Return the squares beyond noise that a wrench leaves where modules are as soft as suits, and one place yields.
+class _Left(NamedTuple):
+    """Squares beyond noise that a wrench leaves: modules as soft as suits, and one place yielding besides, by a play or
+    in proportion alone."""
 
-    fitted (n,): samples by which softness is found, of all but which that is left.
-    """
+    softened: float
+    yielding: float
+    play: bool
+
+    def tells_against(self, other: _Left) -> bool:
+        """Return whether another wrench leaves drastically more than this, and is not as good where a place yields.
+
+        A play that explains most of a log as it is written is what it is: what it leaves tells of no reading.
+        """
+        if self.play and not FAR_LESS * other.softened < other.yielding:
+            return False
+        worse = other.yielding if self.play else other.softened
+        return self.yielding < FAR_LESS**2 * worse and AS_GOOD * self.yielding < other.yielding
+
+
+def _left(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) -> _Left:
+    """Return what a wrench leaves. fitted (n,): samples by which softness is found, of all but which that is left."""
     fit, judged = (loaded, loaded) if fitted is None else (loaded.select(fitted), loaded.select(~fitted))
     load, other = (wrench, wrench) if fitted is None else (wrench[fitted], wrench[~fitted])
     target = judged.free(judged.moved).ravel()
     rests = [target - judged.motions(other, suits.place) @ suits.softness for suits in _likeliest(fit, load)]
-    return max(min(float(rest @ rest) for rest in rests) - judged.noise, 0.0)
+    squares = [max(float(rest @ rest) - judged.noise, 0.0) for rest in rests]
+    return _Left(squares[0], min(squares), loaded.play)
 
 
 @dataclass(frozen=True, eq=False)
@@ -382,7 +403,6 @@ def _of_wrench() -> Iterator[tuple[Convention, ...]]:
     yield from ((Convention("wrench", word),) for word in others)
     for group in ("force", "moment"):
         yield from ((Convention(group, word.name),) for word in WORDS if group in word.groups)
-    yield from ((Convention("force", force), Convention("moment", moment)) for force, moment in _SYSTEMS)
     yield from ((reaction, Convention("wrench", word)) for word in others)  # neither alone comes nearer
 
 

@@ -55,10 +55,10 @@ def final_state(
     laws = [finding_of(problem, last, index, selection, robot, held, alone) for index in range(len(last.terms))]
     if not count:
         return Final(last, tuple(laws), nothing_compared(problem, prepared.unused), held, count)
-    if count < FEWEST_NUMBERS:
-        return Final(problem.first, (), _too_few(count), held, count)
     if doubt is not None:
         return Final(last, tuple(laws), doubt, held, count, in_doubt=True)
+    if count < FEWEST_NUMBERS:
+        return Final(problem.first, (), _too_few(count), held, count)
     if not _unexplained(problem, last, count):
         group = _cancelling(problem, last) if rms_of_sum(held, count) > ROUGHLY * clean_bound(count) else ()
         left_over = tuple(finding for index, finding in enumerate(laws) if index not in group)

@@ -56,6 +56,7 @@ class Deviation:
     value does. `relative`: its tolerance is a share of the nominal value, and it stays positive. Beyond its tolerance
     it is a finding, of `physics` at `place`. `group`: the recordings to which it belongs, where these are not all.
     `adds_up`: what is off a little more does so on top of what acts, in whatever order; not so of turns after turns.
+    `together`: what one law moves that moves this and others.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Deviation:
     act: Callable[[float, Setup], Iterable[Deed]]
     group: Sharing | None = None
     adds_up: bool = True
+    together: str = ""
 
     def value(self, amount: float) -> float:
         """Return the value that is off by `amount`: absolute [unit], or of the logarithm where it is relative."""
@@ -354,8 +356,11 @@ def _encoders(mechanism: Mechanism) -> Iterator[Deviation]:
     for column, name in enumerate(mechanism.actuated):
         unit = mechanism.joint(name).unit or "rad"
         offset, slope = partial(_encoder_offset, column), partial(_encoder_slope, column)
-        yield Deviation(f"{name}.encoder_offset", "encoder_offset", unit, 0.0, False, "encoder_offset", name, offset)
-        yield Deviation(f"{name}.encoder_slope", "encoder_slope", "1", 0.0, False, "lead_error", name, slope)
+        for kind, of, physics, act in (
+            ("encoder_offset", unit, "encoder_offset", offset),
+            ("encoder_slope", "1", "lead_error", slope),
+        ):
+            yield Deviation(f"{name}.{kind}", kind, of, 0.0, False, physics, name, act, together=f"travel of {name}")
         delay = partial(late, column)
         yield Deviation(f"{name}.encoder_delay", "encoder_delay", "s", 0.0, False, "encoder_delay", name, delay)
     if mechanism.actuated:
