@@ -53,12 +53,12 @@ class _Loaded:
 
     parts (m, n, 6, 6): compliance of each module; places: what carries a load on the tool to each module (k, n, 6), and
     to the base; seen (n, 6, 6): how the sensor shows what moves the tool; free: takes away what stands still, or what
-    frames could do; noise: squares of what is moved that declared noise makes.
+    frames could do; noise: squares of what is moved that declared noise makes; at_rest: simulates what each place
+    carries beside the wrench (k, n); resting: that, where places may have play as well.
     """
 
     parts: Array
     places: tuple[Array, ...]
-    resting: tuple[Array, ...]
     seen: Array
     moved: Array
     wrench: Array
@@ -66,7 +66,8 @@ class _Loaded:
     blocks: np.ndarray
     free: Callable[[Array], Array]
     noise: float
-    play: bool = False
+    at_rest: Callable[[], tuple[Array, ...]]
+    resting: tuple[Array, ...] = ()
 
     @property
     def shown(self) -> float:
@@ -102,8 +103,8 @@ class _Loaded:
     def by_place(self, wrench: Array, place: int) -> Array:
         """Return how a place moves the tool that yields along each of its loads (6 n, k), by a play too or not."""
         carried = self.places[place]
-        loads = (carried * wrench).sum(axis=2) + self.resting[place]
-        laws = (loads, np.sign(loads)) if self.play else (loads,)
+        loads = (carried * wrench).sum(axis=2)
+        laws = [loads, *(np.sign(loads + each) for each in self.resting[place : place + 1])]
         deformed = np.concatenate([along[..., None] * carried for along in laws])
         moved = (self.seen @ deformed[..., None])[..., 0]
         if place < len(self.parts):  # coupled as it is drawn
@@ -119,7 +120,10 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
     loaded = _loaded(robot, recording)
     if loaded is None or not loaded.free(loaded.moved).any():
         return None
-    return _better_read(loaded, recording) or _better_read(replace(loaded, play=True), recording)
+    found = _better_read(loaded, recording)
+    if found is not None or _left(loaded, loaded.wrench).yielding < loaded.shown:
+        return found
+    return _better_read(replace(loaded, resting=loaded.at_rest()), recording)
 
 
 def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
@@ -210,8 +214,11 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     places = [np.array([item.wrench_jacobians[name] for item in each])[which].swapaxes(0, 1) for name in names]
     tool = np.array([geometry.poses[pose].base_from_tool for pose in used])[which]
     wrench = recording.wrench[rows]
-    idle = FirstOrder(Simulator(robot, replace(inputs, wrench=0 * inputs.wrench)).run(_weight(robot)).equilibria)
-    resting = [np.nan_to_num(idle.loads(name).T) for name in names]
+
+    def at_rest() -> tuple[Array, ...]:
+        idle = FirstOrder(Simulator(robot, replace(inputs, wrench=0 * inputs.wrench)).run(_weight(robot)).equilibria)
+        return (*(np.nan_to_num(idle.loads(name).T) for name in names), np.zeros(places[-1].shape[:2]))
+
     exists = seen[rows]
     weight = np.where(exists, 1 / np.array(COARSE), 0.0)
     bent = _moved(tool, run.position[there], run.rotation[there]) - (parts.sum(axis=0) @ wrench[..., None])[..., 0]
@@ -222,13 +229,12 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     turned = turn_between(tool[:, :3, :3], turn.T @ rotation_exp(np.nan_to_num(vector[rows]))) @ turn.T
     moved = np.concatenate((position[rows] - shift - tool[:, :3, 3] @ turn.T, turned), axis=1)
     places.append(base_wrench_from_point(tool[:, :3, 3]).swapaxes(0, 1))
-    resting.append(np.zeros(places[-1].shape[:2]))
     parts = parts * weight[None, :, :, None]
     noise = _noise_of(recording, parts.sum(axis=0), weight, exists) * (1 - len(np.unique(blocks[rows])) / len(rows))
     moved, bent = (np.where(exists, values, 0.0) * weight for values in (moved, np.nan_to_num(bent)))
     loaded = _Loaded(
-        parts, tuple(places), tuple(resting), weight[:, :, None] * along, moved, wrench, tool, blocks[rows],
-        _freed(blocks[rows]), noise,
+        parts, tuple(places), weight[:, :, None] * along, moved, wrench, tool, blocks[rows], _freed(blocks[rows]),
+        noise, at_rest,
     )  # fmt: skip
     # what large deflections add to C w is much the same however the wrench is read, unless it is read far too large:
     # then it is more than all that moved
@@ -321,7 +327,7 @@ def _left(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) -> _
     target = judged.free(judged.moved).ravel()
     rests = [target - judged.motions(other, suits.place) @ suits.softness for suits in _likeliest(fit, load)]
     squares = [max(float(rest @ rest) - judged.noise, 0.0) for rest in rests]
-    return _Left(squares[0], min(squares), loaded.play)
+    return _Left(squares[0], min(squares), bool(loaded.resting))
 
 
 @dataclass(frozen=True, eq=False)
