@@ -217,6 +217,16 @@ def nothing_compared(problem: Problem, unused: Sequence[str]) -> Finding:
     return unknown_at("robot", statement, advice="" if measured else _NOTHING_MEASURED)
 
 
+def too_little(what: str, advice: str) -> Finding:
+    """Return the finding that nothing can be told of so little: '7 numbers of poses', and what to record."""
+    return unknown_at(
+        "robot",
+        f"there is too little to compare: {what} are too few to judge anything by others",
+        advice=advice,
+        untold=True,
+    )
+
+
 def load_left(left: Noise, load: UnrecordedLoad) -> Finding:
     """Return the finding that a load nobody recorded leaves what is left, which has the size of that noise."""
     return unknown_at(

@@ -19,7 +19,7 @@ from .candidates import Term
 from .criteria import FEWEST_NUMBERS, FOLLOWED, GAIN, IMITATED, LITTLE, MOST, ROUGHLY, clean_bound
 from .diagnosis import Finding
 from .evidence import cross_validated
-from .findings import chi2_without, finding_of, nothing_compared, rms_of_sum, unknown_at, without_place
+from .findings import chi2_without, finding_of, nothing_compared, rms_of_sum, too_little, unknown_at, without_place
 from .intervals import parameters_of
 from .locate import LOAD, Located, locate, tilting_base
 from .prepare import Prepared, Tell
@@ -58,7 +58,9 @@ def final_state(
     if doubt is not None:
         return Final(last, tuple(laws), doubt, held, count, in_doubt=True)
     if count < FEWEST_NUMBERS:
-        return Final(problem.first, (), _too_few(count), held, count)
+        advice = "record at least ten postures, or one under a dozen loads of both signs"
+        few = too_little(f"{counted(count, 'number')} of poses", advice)
+        return Final(problem.first, (), few, held, count)
     if not _unexplained(problem, last, count):
         group = _cancelling(problem, last) if rms_of_sum(held, count) > ROUGHLY * clean_bound(count) else ()
         left_over = tuple(finding for index, finding in enumerate(laws) if index not in group)
@@ -74,16 +76,6 @@ def final_state(
     others = [term.effect for index, term in enumerate(last.terms) if index not in named]
     kept = [finding for index, finding in enumerate(laws) if index in named]
     return Final(last, tuple(kept), unknown, held, count, stand_ins=tuple(others))
-
-
-def _too_few(count: int) -> Finding:
-    """Return the finding that nothing can be told of so few numbers."""
-    return unknown_at(
-        "robot",
-        f"there is too little to compare: {counted(count, 'number')} of poses are too few to judge anything by others",
-        advice="record at least ten postures, or one under a dozen loads of both signs",
-        untold=True,
-    )
 
 
 def _cancelling(problem: Problem, fit: Fit) -> tuple[int, ...]:

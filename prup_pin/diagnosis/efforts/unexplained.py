@@ -43,7 +43,7 @@ from ..criteria import (
     SURE,
 )
 from ..diagnosis import Finding, heldout_gain
-from ..findings import unknown_at
+from ..findings import too_little, unknown_at
 from .belongs import CHECK_ROBOT
 from .evidence import held_out, relative_gain
 from .final_state import FinalState, shows
@@ -85,7 +85,10 @@ def structure_left(final: FinalState) -> list[Finding]:
 
 def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[Finding]) -> list[Finding]:
     """Return the findings of what no law explains: the structure that is left, or a residual that is no noise."""
-    few = _too_few(final)
+    few = too_little(
+        f"{len(final.efforts.kept)} samples of efforts",
+        f"record at least {FEWEST_NUMBERS} postures, or some seconds of motion with every joint both ways",
+    )
     if final.problem.columns.count < FEWEST_BLOCKS:
         return [few]
     found = list(structure)
@@ -193,17 +196,6 @@ def load_change(final: FinalState) -> LoadChange | None:
     scale = np.sqrt(np.sum((columns * weights[..., None]) ** 2, axis=(0, 1)))
     values = held.law.fitted(held.place, change / np.maximum(scale, np.finfo(float).tiny), held.values)
     return LoadChange(float(final.motion.time[efforts.kept][row]), held.place.name, values["mass"], joints, share)
-
-
-def _too_few(final: FinalState) -> Finding:
-    """Return the finding that nothing can be told of so few samples."""
-    many = len(final.efforts.kept)
-    return unknown_at(
-        "robot",
-        f"there is too little to compare: {many} samples of efforts are too few to judge anything by others",
-        advice=f"record at least {FEWEST_NUMBERS} postures, or some seconds of motion with every joint both ways",
-        untold=True,
-    )
 
 
 def _is_foreign(share: Mapping[str, float]) -> bool:
