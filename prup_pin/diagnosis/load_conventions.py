@@ -33,8 +33,10 @@ from .criteria import (
     FEWEST_IN_BLOCK,
     GAIN,
     LEVER,
+    LITTLE,
     MOST,
     MUCH,
+    ROUNDING,
     ROUNDS,
     SURE,
     UNSEEN,
@@ -312,9 +314,9 @@ class _Left(NamedTuple):
     def tells_against(self, other: _Left) -> bool:
         """Return whether another wrench leaves drastically more than this, and is not as good where a place yields.
 
-        A play that explains most of a log as it is written is what it is: what it leaves tells of no reading.
+        A play that explains nearly all of a log as it is written is what it is: what it leaves tells of no reading.
         """
-        if self.play and not FAR_LESS * other.softened < other.yielding:
+        if self.play and not LITTLE * other.softened < other.yielding:
             return False
         worse = other.yielding if self.play else other.softened
         return self.yielding < FAR_LESS**2 * worse and AS_GOOD * self.yielding < other.yielding
@@ -359,10 +361,10 @@ def _likeliest(loaded: _Loaded, wrench: Array, levers: Array | None = None) -> t
     rest = _beside(base, np.append(plain.left, known))
     left = []
     for place in range(len(loaded.places)):
-        columns = loaded.by_place(read, place)
-        columns = _beside(base, np.concatenate((columns, np.zeros((len(known), columns.shape[1])))))
+        whole = loaded.by_place(read, place)
+        columns = _beside(base, np.concatenate((whole, np.zeros((len(known), whole.shape[1])))))
         small = np.asarray(np.linalg.qr(np.column_stack((columns, rest)), mode="r"))
-        scale = np.maximum(np.linalg.norm(small[:, :-1], axis=0), 1e-30)
+        scale = _scale(small[:, :-1], float(np.linalg.norm(whole, axis=0).max(initial=0.0)))
         left.append(nnls(small[:, :-1] / scale, small[:, -1])[1])
     return plain, _suiting(loaded, wrench, levers, int(np.argmin(left)))
 
@@ -371,14 +373,21 @@ def _beside(basis: Array, values: Array) -> Array:
     return values - basis @ (basis.T @ values)
 
 
+def _scale(columns: Array, largest: float) -> Array:
+    """Return what makes columns (n, k) unit ones; infinite where one is rounding, beside the largest, and is none."""
+    size = np.linalg.norm(columns, axis=0)
+    return np.where(size > ROUNDING * largest, size, np.inf)
+
+
 def _suiting(loaded: _Loaded, wrench: Array, levers: Array, place: int | None) -> _Suits:
     """Return what suits best where one place yields, or none does."""
     whole = np.stack([loaded.motions(each, place) for each in (wrench, *levers)], axis=-1)
     full, target = whole[..., 0], loaded.free(loaded.moved).ravel()
     small = np.asarray(np.linalg.qr(np.column_stack((whole.reshape(len(target), -1), target)), mode="r"))
     columns = small[:, :-1].reshape(len(small), *whole.shape[1:])
-    goal, scale = small[:, -1], np.maximum(np.linalg.norm(columns[..., 0], axis=0), 1e-30)
     modules, count, points = len(loaded.parts), whole.shape[1], len(levers)
+    goal, now = small[:, -1], columns[..., 0]
+    scale = _scale(now, float(np.linalg.norm(now, axis=0).max(initial=0.0)))
     scale[:modules] = 1.0
     columns = columns / scale[:, None]
     bounds = (

@@ -811,8 +811,12 @@ class _Search:
 
 
 def _is_likely(reading: Sequence[Convention]) -> bool:
-    """Return whether a reading is one of signs and orders: of units and sums a robot that is off tells too little."""
-    return all(item.word in ("reversed", "order") for item in reading)
+    """Return whether a reading is one of signs and orders, or of one unit of all positions.
+
+    Of units of single joints, and of sums, a robot that is off tells too little.
+    """
+    words = ("reversed", "order", *(word.name for word in POSITION_UNITS))
+    return all(item.word in (words if item.columns == "q" else words[:2]) for item in reading)
 
 
 def _price(reading: Sequence[Convention]) -> float:

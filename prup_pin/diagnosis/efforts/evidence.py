@@ -175,8 +175,8 @@ def gradients(model: EffortModel) -> tuple[Array, Array, Array]:
     """
     problem, where = model.problem, model.where
     x, matrix = fit(model)
-    columns, total = problem.columns, problem.columns.total
-    gradient = columns.gradients(columns.residual(where, x))
+    columns, total = problem.columns, problem.total
+    gradient = columns.gradients(columns.residual(where, x), np.arange(len(total)))
     cross = NormalEquations.of(matrix).solve(total[where])  # (p, P)
     gradient = gradient - gradient[:, where] @ cross
     rest = total - total[:, where] @ cross + problem.precision()
@@ -221,7 +221,7 @@ def savings(model: EffortModel, evenly: bool = False) -> list[Saving]:
         left = block_squares(model, fit(model)[0])
         gradient = gradient / np.sqrt(np.where(left > 0, left, np.inf))[:, None]
         true = gradient.sum(axis=0)
-    flipped, total = sign_flipped(gradient), problem.columns.total
+    flipped, total = sign_flipped(gradient), problem.total
     longest = float(np.diag(total).max(initial=0.0))
     taken = {term.where.start for term in model.terms}
     found: list[Saving] = []

@@ -47,10 +47,8 @@ def alternatives_to(final: FinalState, term: EffortCandidate, without: Array) ->
         good, family = alike(taken, after), other.law.family
         if not good and family == term.law.family != "" and other.law.settled:
             # the same thing by another shape: with its own values free
-            columns, size = final.problem.columns, final.problem.columns.size
             taken = optimised(final.efforts, taken, [len(rest.terms)])
             good = alike(taken, held_out(taken))
-            columns.cut(size)
         if good:
             likely.append(other)
     for other in likely:

@@ -36,7 +36,6 @@ def refined(
     which: indices of the terms, one after the other. at_last: a parameter that is zero may become larger; while laws
     are missing it would stand for them.
     """
-    columns = model.problem.columns
     for place in which:
         term, problem = model.terms[place], model.problem
         law = term.law
@@ -50,17 +49,15 @@ def refined(
         ]
         if not others:
             continue
-        at, size = _motion_of(efforts, model, place), columns.size
+        at = _motion_of(efforts, model, place)
         wider, tried = efforts.extended(problem, (efforts.columns_at(law, term.place, other, at) for other in others))
         squares = CrossValidation(model.without(term).in_problem(wider)).with_each([term, *tried])
         best = int(np.argmin(squares.sum(axis=1)))
         # what is zero so far must surely be something
         more = best > 0 and len(law.free(tried[best - 1].values)) > count
         if best == 0 or relative_gain(squares[0], squares[best])[1] <= (SURE if more else 0.0):
-            columns.cut(size)
             continue
         taken = tried[best - 1]
-        columns.cut(taken.where.stop)
         wider = replace(wider.only(problem.candidates), prior=wider.prior[: taken.where.stop])
         model = model.replaced(place, taken).in_problem(wider)
     return optimised(efforts, model, which)
@@ -74,17 +71,15 @@ def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]
     does so with the coefficients of the whole fit.
     """
     which = range(len(model.terms)) if which is None else which
-    columns, cost = model.problem.columns, _cost(model)
+    cost = _cost(model)
     # the last: no step, with what is known now
     shares = (1.0, 0.5, 0.25, 0.0) if any(model.terms[i].law.of_what_is_known for i in which) else (1.0, 0.5, 0.25)
     for _ in range(ROUNDS):
         steps = _steps_together(efforts, model, which)
         for share in shares:
-            size = columns.size
             tried = _moved(efforts, model, {index: share * step for index, step in steps.items()})
             if (now := _cost(tried)) < cost - LEAD:
                 break
-            columns.cut(size)
         else:
             return model
         model, cost = tried, now
@@ -99,7 +94,7 @@ def optimised_in_either_form(efforts: PreparedEfforts, model: EffortModel) -> Ef
     that lags and a signal that is late would make up for each other, and no law alone leads from one way to the other.
     """
     found = optimised(efforts, model)
-    other, size = found, found.problem.columns.size
+    other = found
     for index, term in enumerate(found.terms):
         values = term.law.otherwise(term.place, term.values, efforts.at)
         if values is not None:
@@ -108,10 +103,7 @@ def optimised_in_either_form(efforts: PreparedEfforts, model: EffortModel) -> Ef
         return found
     other = optimised(efforts, other)
     share, sure = relative_gain(held_out(found), held_out(other))
-    if share > GAIN and sure > SURE:
-        return other
-    found.problem.columns.cut(size)
-    return found
+    return other if share > GAIN and sure > SURE else found
 
 
 def _cost(model: EffortModel) -> float:
@@ -124,7 +116,7 @@ def _cost(model: EffortModel) -> float:
 def _steps_together(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]) -> dict[int, Array]:
     """Return Gauss and Newton's steps of the logarithms of the free parameters of some terms, all coefficients free."""
     problem, columns, x = model.problem, model.problem.columns, fit(model)[0]
-    size, counts = columns.size, [len(model.terms[index].law.free(model.terms[index].values)) for index in which]
+    size, counts = len(problem.prior), [len(model.terms[index].law.free(model.terms[index].values)) for index in which]
 
     def changes() -> Iterator[SparseColumns]:
         for index, count in zip(which, counts, strict=True):
@@ -138,10 +130,9 @@ def _steps_together(efforts: PreparedEfforts, model: EffortModel, which: Sequenc
                 after = [law.efforts_per(place, values, at) @ own for values in moved]
                 yield efforts.whitened(np.stack([each - now for each in after], axis=-1) / small)
 
-    columns.add(changes())
+    columns.add(changes(), after=size)
     where = np.array([*model.where, *range(size, columns.size)], int)
     matrix, moment = columns.total[np.ix_(where, where)], columns.moment[:, where].sum(axis=0)
-    columns.cut(size)
     linear = len(model.where)
     matrix[:linear, :linear] += problem.precision(model.where)
     matrix[linear:, linear:] += np.eye(len(where) - linear)  # what data do not tell stays where it is

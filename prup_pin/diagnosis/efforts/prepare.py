@@ -126,9 +126,9 @@ class PreparedEfforts:
         problem, _ = self.extended(problem, self._delayed_before_laws(), plain)
         problem = self.with_curves(EffortModel(problem, ()), plain, ROUGH_CURVES)[0].problem
         # a pinch of shrinkage: columns that are nearly alike must not blow up
-        prior = problem.prior + 1e-6 * np.diag(columns.total)
+        prior = problem.prior + 1e-6 * np.diag(problem.total)
         problem = self.with_candidates(columns, problem.candidates, prior)
-        everything = EffortModel(problem, tuple(range(columns.size)))
+        everything = EffortModel(problem, tuple(range(len(prior))))
         x, _ = fit(everything)
         if not self.at.motion.standing:
             self.outliers = outlier_intervals(problem, x, plain.good, self.at, self.kept)
@@ -231,7 +231,10 @@ class PreparedEfforts:
     def extended(
         self, problem: EffortProblem, laws: Iterable[LawColumns], whitening: Whitening | None = None
     ) -> tuple[EffortProblem, list[EffortCandidate]]:
-        """Return the problem with columns of laws appended to its own, and these laws, further candidates in it."""
+        """Return the problem with columns of laws appended to its own, and these laws, further candidates in it.
+
+        A problem that extends it already is none any more.
+        """
         entered: list[tuple[EffortLaw, Place, Mapping[str, float]]] = []
 
         def whitened() -> Iterator[SparseColumns]:
@@ -239,7 +242,7 @@ class PreparedEfforts:
                 entered.append((law, place, values))
                 yield (whitening or self.whitening)(columns)
 
-        places = problem.columns.add(whitened())
+        places = problem.columns.add(whitened(), after=len(problem.prior))
         new = [EffortCandidate(*law, where) for law, where in zip(entered, places, strict=True)]
         prior = np.concatenate((problem.prior, *(self.prior_of(law, place) for law, place, _ in entered)))
         return self.with_candidates(problem.columns, (*problem.candidates, *new), prior), new
@@ -339,7 +342,7 @@ class PreparedEfforts:
         """
         common = [c for c in candidates if c.law.everywhere]
         own, others = ([i for c in some for i in range(c.where.start, c.where.stop)] for some in (single, common))
-        total = problem.columns.total
+        total = problem.total
         left = total[np.ix_(own, own)] - total[np.ix_(own, others)] @ NormalEquations.of(
             total[np.ix_(others, others)]
         ).solve(total[np.ix_(others, own)])

@@ -229,10 +229,10 @@ class DesignMatrix:
         """Return sums over blocks (B, ...) of values (n, ...)."""
         return np.add.reduceat(values, self.starts) if self.count else np.zeros((0, *values.shape[1:]))
 
-    def add(self, parts: Iterable[SparseColumns]) -> list[slice]:
-        """Append columns; return the slice of each part."""
+    def add(self, parts: Iterable[SparseColumns], after: int | None = None) -> list[slice]:
+        """Append columns, in the place of all after the first `after`; return the slice of each part."""
         where: list[slice] = []
-        size = self.size
+        size = self.size = self.size if after is None else after
         for part in parts:
             where.append(slice(size, size + part.size))
             size += part.size
@@ -286,10 +286,6 @@ class DesignMatrix:
         self._touched[:size] = self._touched[kept]
         self.size = size
 
-    def cut(self, size: int) -> None:
-        """Keep the first `size` columns alone."""
-        self.size = min(size, self.size)
-
     def some(self, where: Sequence[int] | np.ndarray, rows: slice = slice(None)) -> list[tuple[np.ndarray, Array]]:
         """Return, by joint, the positions (m,) in `where` of the columns that are not zero there, and these (m, n)."""
         where, touched, out = np.asarray(where, int), self.touched, []
@@ -337,8 +333,9 @@ def _roomy(table: Array, size: int, *axes: int) -> Array:
 class EffortProblem:
     """All candidates of the efforts, their columns and the prior of their coefficients.
 
-    `prior` (P,): inverse variances, in the unit of the whitened noise; `blocks`: the inverse covariance (m, m) of a
-    body's parameters, or of drives' gains, instead, by the first of their columns.
+    `prior` (P,): inverse variances, in the unit of the whitened noise, of the first P columns, which are its own: those
+    after them are of problems that extend it, and go where it is extended anew. `blocks`: the inverse covariance (m, m)
+    of a body's parameters, or of drives' gains, instead, by the first of their columns.
     """
 
     mechanism: Mechanism
@@ -347,9 +344,14 @@ class EffortProblem:
     prior: Array
     blocks: Mapping[int, Array] = field(default_factory=dict)
 
+    @property
+    def total(self) -> Array:
+        """Products of its columns with each other, over all blocks (P, P)."""
+        return self.columns.total[: len(self.prior), : len(self.prior)]
+
     def precision(self, where: Sequence[int] | np.ndarray | None = None) -> Array:
         """Return the prior's inverse covariance (p, p) of the coefficients of some columns; None: of all."""
-        picked = np.arange(self.columns.size) if where is None else np.asarray(where, int)
+        picked = np.arange(len(self.prior)) if where is None else np.asarray(where, int)
         out = np.diag(self.prior[picked])
         for first, block in self.blocks.items():
             here = np.flatnonzero((picked >= first) & (picked < first + len(block)))
@@ -392,9 +394,9 @@ class EffortModel:
         return replace(self, problem=problem)
 
     def apart(self) -> EffortModel:
-        """Return the same model in a copy of its columns, which no later search cuts."""
-        columns = self.problem.columns
-        return self.in_problem(replace(self.problem, columns=columns.only(range(columns.size))))
+        """Return the same model in a copy of its columns, which no other model's search takes away."""
+        problem = self.problem
+        return self.in_problem(replace(problem, columns=problem.columns.only(range(len(problem.prior)))))
 
     def alone(self) -> EffortModel:
         """Return the same model of its own columns alone."""

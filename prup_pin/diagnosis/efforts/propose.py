@@ -225,13 +225,12 @@ def _with_remainder(efforts: PreparedEfforts, found: _Tried) -> _Tried:
         wider = _with_columns(efforts, found.model, [(curve, place, knots)])
         candidate = wider.problem.candidates[-1]
         # what the formula can say is none of the curve
-        alike = np.linalg.qr(wider.problem.columns.total[candidate.where, term.where])[0]
+        alike = np.linalg.qr(wider.problem.total[candidate.where, term.where])[0]
         bends = np.diff(np.eye(candidate.size), 2, axis=0)
         usual = (bends.T @ bends + LITTLE**2 * np.eye(candidate.size) + alike @ alike.T / UNSEEN**2) / size**2
         whole = wider.with_term(candidate)
         where = np.arange(len(whole.where))[whole.slice_of(candidate)]
         factor = learned_precisions(whole, {curve.physics: (where, usual)})[curve.physics]
-        wider.problem.columns.cut(candidate.where.start)
         wider = _with_columns(efforts, found.model, [(replace(curve, precision=factor * usual), place, knots)])
         wider = wider.with_term(wider.problem.candidates[-1])
         tried.append(_Tried(formula, wider, held_out(wider)))
@@ -309,12 +308,11 @@ def _beside(efforts: PreparedEfforts, model: EffortModel, parts: Sequence[_Part]
     columns, size = model.problem.columns, model.problem.columns.size
     prior = _resized(model.problem.prior, size)
     for laws, sizes, table in parts:
-        (where,) = columns.add([efforts.whitening(table)])
+        (where,) = columns.add([efforts.whitening(table)], after=size)
         ends = (where.start + np.cumsum(sizes)).tolist()
         own = [slice(end - count, end) for end, count in zip(ends, sizes, strict=True)]
         terms = tuple(EffortCandidate(*law, here) for law, here in zip(laws, own, strict=True))
         yield model.in_problem(replace(model.problem, candidates=terms, prior=_resized(prior, columns.size)))
-        columns.cut(size)
 
 
 def _resized(prior: Array, size: int) -> Array:

@@ -125,12 +125,10 @@ def _with_new(
 ) -> EffortModel:
     """Return the model with new terms, without those whose place they take and those that they make needless."""
     for term in new:
-        rest, columns = _replaced_by(term, model), model.problem.columns
-        size = columns.size
+        rest = _replaced_by(term, model)
         # a richer law competes with the best of its own values: those of what it replaces have been looked for
         after = refined(efforts, rest.with_term(term), [len(rest.terms)])
         if rest.terms != model.terms and not _is_earned(model, after, after.terms[-1]):
-            columns.cut(size)
             refused[term.key] += _ENTRIES
             continue
         model = after
@@ -159,7 +157,6 @@ def _simpler(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
             if is_plausible(one, one.terms[-1]):
                 model = one
                 break
-        model.problem.columns.cut(len(model.problem.prior))
     return model
 
 
