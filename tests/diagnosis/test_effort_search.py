@@ -29,11 +29,15 @@ from tests.diagnosis.test_efforts import AXIS, axis, device
 
 
 @pytest.fixture(scope="module")
-def start():
+def efforts():
     robot = load(AXIS)
     recording = axis(damping=200.0, limit=20.0)
     at = InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism))
-    efforts = PreparedEfforts(at, {"mass": 0.05})
+    return PreparedEfforts(at, {"mass": 0.05})
+
+
+@pytest.fixture(scope="module")
+def start(efforts):
     return efforts.start()
 
 
@@ -46,6 +50,23 @@ def test_one_term_more_is_what_a_fit_with_it_leaves(start):
     more = [named(model, word) for word in ("coulomb_friction", "effort_offset", "stribeck_friction")]
     for term, left in zip(more, CrossValidation(model).with_each(more), strict=True):
         assert left == pytest.approx(CrossValidation(model.with_term(term)).squares, rel=1e-5)
+
+
+def test_a_problem_that_is_extended_anew_forgets_what_extended_it_before(efforts, start):
+    """A law's other values that were tried and given up leave nothing behind."""
+    problem, term = start.problem, next(one for one in start.problem.candidates if one.law.free(one.values))
+    more, less = (term.law.scaled(term.values, [times] * len(term.law.free(term.values))) for times in (2.0, 0.5))
+
+    def left(*tried):
+        for values in tried:
+            columns = efforts.columns_at(term.law, term.place, values, efforts.at)
+            wider, (other,) = efforts.extended(problem, [columns])
+        assert other.where.stop == len(wider.prior)
+        return CrossValidation(start.in_problem(wider)).with_each([other])[0], savings(start.in_problem(wider))[-1].gain
+
+    again, alone = left(more, more, less), left(less)
+    assert again[0] == pytest.approx(alone[0], rel=1e-12)
+    assert again[1] == pytest.approx(alone[1], rel=1e-12)
 
 
 def test_one_term_less_is_what_a_fit_without_it_leaves(start):
