@@ -77,6 +77,7 @@ def read_logs(robot: Robot, recordings: Recording | Sequence[Recording]) -> Logs
             with suppress(PrupPinError), limits_heard():
                 item = look(robot, recording)
             if item is not None:
+                item = _as_loads_say(robot, recording, item) if look is _of_poses else item
                 _check_only(item, recording, robot)
                 found.append(item)
                 recording = read_as(recording, item.conventions, drawn_for(robot))
@@ -116,6 +117,25 @@ def _of_loads(robot: Robot, recording: Recording) -> Evidence | None:
         return None
     adapted = as_recorded(robot, recording)
     return conventions_of_loads(adapted.robot, adapted.recordings[0])
+
+
+def _as_loads_say(robot: Robot, recording: Recording, found: Evidence) -> Evidence:
+    """Return the evidence of poses with those of its readings, all as good, by which loads are as they are written.
+
+    Two legs of a robot that is its own mirror image are exchanged, or the tracker is mirrored: so are loads, or not.
+    """
+    table = joints_of(recording)
+    readings = [merged(reading, table["q"], table["tau"]) for reading in (found.conventions, *found.others)]
+    if len(readings) == 1 or not recording.has_wrench:
+        return found
+
+    def suits(reading: Sequence[Convention]) -> bool:
+        with suppress(PrupPinError), limits_heard():
+            return _of_loads(robot, read_as(recording, reading, drawn_for(robot))) is None
+        return False
+
+    suited = [reading for reading in readings if suits(reading)]
+    return replace(found, conventions=suited[0], others=tuple(suited[1:])) if suited else found
 
 
 def _of_efforts(robot: Robot, recording: Recording) -> Evidence | None:

@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prup_pin import load
+from prup_pin import build, load
 from prup_pin.diagnosis import conventions, diagnose, load_conventions, pose_conventions
 from prup_pin.diagnosis.conventions import read_logs
 from prup_pin.diagnosis.load_conventions import conventions_of_loads
 from prup_pin.errors import InputError
 from prup_pin.recordings import Convention, Noise, Recording, joints_of, read_recording
 from prup_pin.recordings.conventions import Drawn, Evidence, convention_of, may_be_read, written_as
+from prup_pin.simulation import simulate
 from prup_pin.spatial import rotation_exp, rotation_log
 from tests.reference.concealed import draw, misread
 from tests.reference.concealed.scattered import draw_scattered
@@ -223,6 +224,23 @@ def test_exchanged_columns_are_no_mirror(tmp_path):
     (finding,) = logs.findings()
     assert "As good on this log: p=axes:y,x,z" in finding.statement
     np.testing.assert_array_equal(logs.recordings[0].positions["x"], x)
+
+
+def test_loads_tell_a_mirrored_tracker_from_exchanged_legs(tmp_path):
+    """A Delta is its own mirror image, but the loads on it are not."""
+    build.delta(
+        base_radius=0.2, platform_radius=0.06, arm=0.25, rod=0.6, rod_spacing=0.08, height=0.55, motor_stiffness=4000,
+        rod_diameter=0.012,
+    ).save(tmp_path / "delta.urdf")  # fmt: skip
+    delta, rng = load(tmp_path / "delta.urdf"), np.random.default_rng(5)
+    motors = delta.mechanism.actuated
+    q = np.repeat(rng.uniform(-0.2, 0.2, (6, 3)), 9, axis=0)
+    loads = rng.normal(size=(54, 6)) * np.repeat([60.0, 0.0], 3)
+    bench = Recording(np.arange(54.0), positions=dict(zip(motors, q.T, strict=True)), wrench=loads,
+                      noise=Noise(position=2e-6, rotation=1e-5))  # fmt: skip
+    seen = simulate(delta, bench, []).position + rng.normal(0, 2e-6, (54, 3))
+    logs = read_logs(delta, replace(bench, position=seen * [1.0, -1.0, 1.0]))
+    assert [str(each) for each in logs.conventions[0]] == ["p=axes:x,-y,z"]
 
 
 def test_a_platform_of_slides_and_hinges_in_mm_and_degrees_is_told_by_both_units():
