@@ -287,6 +287,16 @@ def test_signs_of_motor_currents_are_told_where_wrists_report_next_to_nothing(ur
     assert told(ur5, currents) == ["tau.elbow_joint=reversed", "tau.wrist_1_joint=reversed"]
 
 
+def test_a_unit_of_all_positions_is_told_beside_a_spring_that_hides_how_little_it_leaves(ur5, recording):
+    """Most joints make sense so: one that nothing explains, and one that does nothing, speak for no other unit."""
+    tau, turn = dict(recording.efforts), recording.positions["shoulder_pan_joint"]
+    tau["shoulder_pan_joint"] = tau["shoulder_pan_joint"] - 60.0 * np.cos(turn + 0.15)
+    tau["wrist_3_joint"] = np.random.default_rng(1).normal(size=len(turn))
+    recording = recording.with_measurements(efforts=tau)
+    assert told(ur5, recording) == []
+    assert told(ur5, changed(recording, "positions", dict.fromkeys(ur5.actuated, 0.5 / np.pi))) == ["q=revolutions"]
+
+
 def test_positions_of_motors_are_told_by_the_limits_of_the_joints(ur5, recording):
     names = list(recording.positions)
     wrong = changed(recording, "positions", dict(zip(names, (77.0, 141.0, 53.0, 91.0, 33.0, 120.0), strict=True)))

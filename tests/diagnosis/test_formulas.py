@@ -234,7 +234,9 @@ def test_of_noise_nothing_is_proposed(carriage):
 
 def test_terms_are_compared_and_never_fitted_beside_each_other(carriage, monkeypatch):
     recording, sizes, add = recorded(lambda q, v, t: 0.0 * q, n=1500), [], DesignMatrix.add
-    monkeypatch.setattr(DesignMatrix, "add", lambda self, parts: (add(self, parts), sizes.append(self.size))[0])
+    monkeypatch.setattr(
+        DesignMatrix, "add", lambda self, *parts, **after: (add(self, *parts, **after), sizes.append(self.size))[0]
+    )
     diagnose(carriage, recording, propose=["carriage"])
     at = InMotion.of(carriage.mechanism, motion_of(recording, carriage.mechanism))
     assert max(sizes) < sum(len(list(tried(term, at, "carriage"))) for term in library(at, "carriage"))

@@ -407,7 +407,8 @@ class _Search:
         others: list[tuple[Convention, ...]] = []
         now, unlikely = written, begun
         while len(taken) < _MOST:
-            steps = [step for step in self._readings(now) if may_be_read(self.written, step) and _is_likely(step)]
+            steps = [step for step in self._readings(now) if may_be_read(self.written, step)]
+            steps = [step for step in steps if _is_likely(step) or self._is_unit_of_all(now, step)]
             tried = [(self._unlikely(read_as(now, step, self.drawn)), step) for step in steps]
             if not tried:
                 break
@@ -420,6 +421,14 @@ class _Search:
             taken, now, unlikely = (*taken, *step), read_as(now, step, self.drawn), best
         sure = taken and self._likeliest(now) + _price(taken) < self._likeliest(beside)
         return (taken, unlikely, others) if sure else ((), begun, ())
+
+    def _is_unit_of_all(self, now: Recording, reading: Sequence[Convention]) -> bool:
+        """Return whether a reading is one unit of all positions that makes sense of most joints as they are drawn."""
+        return (
+            [item.columns for item in reading] == ["q"]
+            and reading[0].word in [word.name for word in POSITION_UNITS]
+            and self._by_likelihood(read_as(now, reading, self.drawn)) < FAR_LESS
+        )
 
     def _likeliest(self, recording: Recording) -> float:
         """Return how unlikely a log is, in nats, by the drawing or by whatever else makes it likelier."""
@@ -811,12 +820,8 @@ class _Search:
 
 
 def _is_likely(reading: Sequence[Convention]) -> bool:
-    """Return whether a reading is one of signs and orders, or of one unit of all positions.
-
-    Of units of single joints, and of sums, a robot that is off tells too little.
-    """
-    words = ("reversed", "order", *(word.name for word in POSITION_UNITS))
-    return all(item.word in (words if item.columns == "q" else words[:2]) for item in reading)
+    """Return whether a reading is one of signs and orders: of units and sums a robot that is off tells too little."""
+    return all(item.word in ("reversed", "order") for item in reading)
 
 
 def _price(reading: Sequence[Convention]) -> float:
