@@ -152,7 +152,6 @@ class RobotDescription:
     tasks: tuple[TaskDescription, ...] = ()
     home: Mapping[str, float] = field(default_factory=dict)
     loops: tuple[LoopDescription, ...] = ()
-    restated: tuple[LoopDescription, ...] = ()  # loops once more, by the same names; they must say the same
     modules: tuple[ModuleDescription, ...] = ()
     lengths: tuple[LengthDescription, ...] = ()
     variants: Mapping[str, VariantDescription] = field(default_factory=dict)
