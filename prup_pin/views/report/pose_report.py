@@ -19,7 +19,6 @@ from ...kinematics import ClosedPose
 from ...numbers import fixed, number, quantity, readable_unit, some
 from ...review import number_remarks
 from ...robot import Robot
-from ...sensitivity.by_value import slopes_along
 from ...spatial import Array, as_wrench
 from ...statics import Compliance, StaticsLayout, solve_statics
 from ..scene.colours import share_colours
@@ -204,6 +203,8 @@ def _words(name: str) -> str:
 
 def _stiffen_first(robot: Robot, answer: Answer) -> list[dict[str, str]]:
     """Return the values that change the deflection along the load most; none of a robot whose modules bear a load."""
+    from ...sensitivity.by_value import slopes_along  # `prup-pin stiffness` begins without it
+
     if answer.compliance.load is not None or not answer.amount > 0:
         return []
     statics = solve_statics(StaticsLayout(robot.mechanism), answer.compliance.pose)
