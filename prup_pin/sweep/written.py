@@ -6,14 +6,12 @@ written so (joints that turn idly, modules whose equation asks which case holds)
 
 from __future__ import annotations
 
-from contextlib import suppress
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SingularPoseError
 from ..kernel import (
     NEGLIGIBLE,
     NEGLIGIBLE_ENERGY,
@@ -27,9 +25,8 @@ from ..kernel import (
     least,
 )
 from ..kinematics import SURE, ClosedPose, ManyPoses, PassiveBalance
-from ..modules import ModuleGeometry
 from ..spatial import Array
-from ..statics import Energies, Legs, Statics, StaticsLayout, problems_of, solve_statics
+from ..statics import Energies, Statics, StaticsLayout, problems_of, solve_statics
 from .quantities import QUANTITIES, Asked, Quantity, Solved
 
 #: Sample poses, and how far joints are moved away from closed loops where Newton's steps are sampled [m, rad].
@@ -44,8 +41,6 @@ _EXACT = 1e-12
 _REGULAR = 1e-9
 #: What rounding leaves of loads, in shares of the closure forces behind them.
 _ROUNDING = 1e-11
-#: What rounding leaves of motions that a leg's other joints allow already [m, 1].
-_IDLE = 1e-9
 #: Rounding allowed beyond a joint's limit [m, rad].
 _AT_LIMIT = 1e-9
 
@@ -133,54 +128,30 @@ class _Inverse:
 
 
 class _WrittenSolved(Solved):
-    """Statics as expressions; by `legs` where the mechanism has such."""
+    """Statics as expressions."""
 
-    def __init__(self, pose: ClosedPose, layout: StaticsLayout, scaling: Array, asked: Asked, legs: Legs | None, solve):
+    def __init__(self, pose: ClosedPose, layout: StaticsLayout, scaling: Array, asked: Asked, solve: _Solver):
         super().__init__(pose, layout, scaling, asked)
-        self._legs, self._solve = legs, solve
+        self._solve = solve
 
     @cached_property
     def statics(self) -> Statics:
         return solve_statics(self.layout, self.poses, None, Energies(self._solve.counting, self._solve.energies))
 
     @cached_property
-    def _side_by_side(self) -> tuple[Array, list[ModuleGeometry]]:
-        assert self._legs is not None
-        return self._legs.stiffness(self.poses, self._solve)
-
-    @cached_property
-    def _both(self) -> tuple[Array, Array, Expression]:
-        """C, K, and the product of their dimensionless traces: a bound of their condition, as both are definite."""
-        if self._legs is None:
-            c = self.statics.compliance(self.deformations[0])
-            k = eliminated(c * self.scaling, np.eye(6).astype(object))[0] * self.scaling
-            k = (k + k.T) * 0.5
-        else:
-            k = self._side_by_side[0]
-            c = self._solve(k / self.scaling, np.eye(6).astype(object)) / self.scaling
-            c = (c + c.T) * 0.5
-        return c, k, (np.diagonal(c * self.scaling)).sum() * (np.diagonal(k / self.scaling)).sum()
-
-    @property
-    def C(self) -> Array:  # noqa: N802
-        return self.statics.compliance(self.deformations[0]) if self._legs is None else self._both[0]
-
-    @property
     def K(self) -> Array:  # noqa: N802
-        return self._both[1]
+        k = eliminated(self.C * self.scaling, np.eye(6).astype(object))[0] * self.scaling
+        return (k + k.T) * 0.5
 
     def conditions(self, elastic: bool, stiff: bool) -> list[Any]:
         """Return conditions that are 1 where C, or K too, is what has been written."""
-        found = []
+        found: list[Any] = []
         if elastic:
-            geometries = self.statics.geometries if self._legs is None else self._side_by_side[1]
-            for problems in problems_of(self.layout, geometries):
+            for problems in problems_of(self.layout, self.statics.geometries):
                 found += [1.0 - flag for flag in problems.ravel() if isinstance(flag, Expression)]
-        if stiff or (elastic and self._legs is not None):
-            found.append(self._both[2] <= 0.1 / NEGLIGIBLE_ENERGY)
-        if elastic and self._legs is not None:
-            idle = self._legs.idle(self.poses, self._solve)
-            found += [abs(left) <= _IDLE for left in idle if isinstance(left, Expression) and left.known is None]
+        if stiff:  # a bound of the condition, as both are definite
+            traces = np.diagonal(self.C * self.scaling).sum() * np.diagonal(self.K / self.scaling).sum()
+            found.append(traces <= 0.1 / NEGLIGIBLE_ENERGY)
         return found
 
 
@@ -237,13 +208,6 @@ class _Writer:
             self.coordinates = generator.uniform(-size, size, (_SAMPLES, len(joints)))
             self.q = many.reach(self.coordinates).q
         self.apart = self.q + generator.uniform(-_APART, _APART, self.q.shape)
-
-    @cached_property
-    def legs(self) -> Legs | None:
-        """The mechanism's legs, where it consists of such."""
-        with suppress(SingularPoseError):
-            return Legs.of(self.layout, self.kinematics.home_pose())
-        return None
 
     def written(self) -> Written:
         final, rows = self._final(anywhere=False)
@@ -358,8 +322,7 @@ class _Writer:
             closure_wrenches=gaps.wrenches, balance=balance, closure_residual=gaps.gap, coordinates={},
         )  # fmt: skip
         asked = [QUANTITIES[name] for name in self.asked.quantities]
-        legs = None if any(item.by_module for item in asked) else self.legs
-        solved = _WrittenSolved(pose, self.layout, self.scaling, self.asked, legs, solve)
+        solved = _WrittenSolved(pose, self.layout, self.scaling, self.asked, solve)
         outputs: list[Any] = []
         # K in the place of what follows from it
         computed = [QUANTITIES[name] for name in dict.fromkeys(item.after or item.name for item in asked)]

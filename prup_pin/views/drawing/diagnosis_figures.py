@@ -96,7 +96,7 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, *, narrow: bool = False) ->
     run = diagnosis.final
     poses = [] if run is None else run.geometry.poses
     pose = poses[len(poses) // 2] if poses else robot.home
-    figure = sheet(*(NARROW if narrow else WIDE))
+    figure = sheet(*(NARROW if narrow else WIDE), dpi=100)
     scene = pose_scene(robot, pose, ellipsoids="none")
     drawing = scene_figure(figure, replace(scene, legend=Legend(scene.legend.title)))
     found = marks(robot, pose, diagnosis.told)

@@ -31,7 +31,7 @@ def pose_figure(
 
     What `painter.pose_scene` says holds here. Save it with `figure.savefig("pose.png")`. `narrow`: for a phone.
     """
-    figure = sheet(*(NARROW if narrow else WIDE))
+    figure = sheet(*(NARROW if narrow else WIDE), dpi=100)
     scene_figure(figure, pose_scene(robot, pose, wrench, scale, compliance=compliance))
     return figure
 

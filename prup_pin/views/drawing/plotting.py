@@ -16,7 +16,6 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
@@ -131,7 +130,7 @@ class Labels:
         label = self.axes.text(
             *at, text, color=colour, fontsize=size, ha="center", va="center", zorder=1000, weight=weight
         )
-        label.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
+        label.set_bbox({"facecolor": "white", "alpha": 0.55, "edgecolor": "none", "pad": 0.8})
         extent = label.get_window_extent(renderer)
         half = np.array([extent.width, extent.height]) / 2 + 2
         centre = transform.transform(at)
