@@ -49,13 +49,12 @@ class Written(NamedTuple):
     """A pipeline, and the rows of its outputs by the quantities that it computes; the last three are 1 where all
     conditions hold, failure and way.
 
-    `at` gives the same outputs at closed configurations, from them and the coordinates; `passing` gives Newton's step
-    anywhere, the square of the error's size, 1 where the pivots are good, 1 where the loops are assembled.
+    `passing` gives Newton's step anywhere, the square of the error's size, 1 where the pivots are good, 1 where the
+    loops are assembled.
     """
 
     pipeline: Pipeline
     rows: dict[str, slice]
-    at: Pipeline
     passing: Pipeline | None
 
     def accepted(self, end: Array) -> NDArray[np.bool_]:
@@ -158,10 +157,7 @@ class _WrittenSolved(Solved):
 def written(many: ManyPoses, layout: StaticsLayout, scaling: Array, asked: Asked) -> Written | None:
     """Return the pipeline of a question, or None where it cannot be written as straight lines."""
     try:
-        try:
-            return _Writer(many, layout, scaling, asked).written()
-        except _InexactError:
-            return _Writer(many, layout, scaling, asked, exact=True).written()
+        return _Writer(many, layout, scaling, asked).written()
     except (TypeError, ValueError, ZeroDivisionError, AttributeError, _NotWrittenError):
         return None
 
@@ -170,13 +166,8 @@ class _NotWrittenError(Exception):
     pass
 
 
-class _InexactError(_NotWrittenError):
-    """Arrays say otherwise: perhaps what is nearly equal, as frames are drawn, was taken as equal."""
-
-
 class _Writer:
-    def __init__(self, many: ManyPoses, layout: StaticsLayout, scaling: Array, asked: Asked, exact: bool = False):
-        self._exact = exact
+    def __init__(self, many: ManyPoses, layout: StaticsLayout, scaling: Array, asked: Asked):
         self.many, self.layout, self.scaling, self.asked = many, layout, scaling, asked
         self.mechanism = many.mechanism
         self.kinematics = many.kinematics
@@ -210,18 +201,17 @@ class _Writer:
         self.apart = self.q + generator.uniform(-_APART, _APART, self.q.shape)
 
     def written(self) -> Written:
-        final, rows = self._final(anywhere=False)
+        final, rows = self._final()
         pipeline = Pipeline(self._start(), self._step() if self.looped else None, final)
         if not self.looped:
-            return Written(pipeline, rows, pipeline, None)
+            return Written(pipeline, rows, None)
         size = self.q.shape[1] + self.coordinates.shape[1]
-        at = Pipeline(Program.without(size), None, self._final(anywhere=True)[0])
         # Where closures are redundant, whether one is closed or only drawn so takes more than a straight line.
         passing = None if self.redundant else Pipeline(Program.without(size), None, self._step(passing=True))
-        return Written(pipeline, rows, at, passing)
+        return Written(pipeline, rows, passing)
 
     def _start(self) -> Program:
-        tape = Tape(_SAMPLES, self._exact)
+        tape = Tape(_SAMPLES)
         x = tape.inputs(self.coordinates)
         home = self.kinematics.home
         if self.looped:
@@ -237,7 +227,7 @@ class _Writer:
         return Program(tape, q)
 
     def _step(self, passing: bool = False) -> Program:
-        many, tape = self.many, Tape(_SAMPLES, self._exact)
+        many, tape = self.many, Tape(_SAMPLES)
         given = tape.inputs(np.hstack((self.apart, self.coordinates)))
         q, target = given[: self.q.shape[1]], given[self.q.shape[1] :]
         placements = many.tree.placements(q)
@@ -301,12 +291,12 @@ class _Writer:
             np.zeros((count, 0)),
         )
 
-    def _final(self, anywhere: bool) -> tuple[Program, dict[str, slice]]:
-        many, tape = self.many, Tape(_SAMPLES, self._exact)
+    def _final(self) -> tuple[Program, dict[str, slice]]:
+        many, tape = self.many, Tape(_SAMPLES)
         given = tape.inputs(np.hstack((self.q, self.coordinates)))
         q, x = given[: self.q.shape[1]], given[self.q.shape[1] :]
         conditions = self._limits(q)
-        if self.looped and not anywhere:
+        if self.looped:
             _, distance = self.polynomial.written(x - self.kinematics.start.coordinates)
             conditions.append(distance <= 1.0)
         placements = many.tree.placements(q)
@@ -340,7 +330,7 @@ class _Writer:
         return Program(tape, [*outputs, good]), rows
 
     def _check(self, tape: Tape, item: Quantity, entries: Array, by_arrays: Solved) -> None:
-        """Raise _InexactError where arrays say otherwise at the samples."""
+        """Raise _NotWrittenError where arrays say otherwise at the samples."""
         ours = tape.sampled(entries)
         theirs = item.value(by_arrays).reshape(ours.shape)
         exact = np.full(len(ours), _EXACT)
@@ -348,7 +338,7 @@ class _Writer:
             exact = np.maximum(10 * exact, 1e-14 * np.linalg.cond(by_arrays.C * self.scaling))
         good = np.abs(ours - theirs).max(axis=1) <= exact * np.abs(theirs).max(axis=1)
         if not good.all():
-            raise _InexactError
+            raise _NotWrittenError
 
     def _limits(self, q: Array) -> list[Expression]:
         """Return conditions that are 1 where the joints stand within their limits."""
