@@ -2,7 +2,7 @@
 
 from .closure import Closure, LoopForces, LoopGaps
 from .columns import Columns
-from .compiled import Configuration, LoopedTree, Passing
+from .compiled import Configuration, FixedFrames, LoopedTree, Passing
 from .program import Expression, Pipeline, Program, Tape, eliminated, largest, least
 from .rank import (
     NEGLIGIBLE,
@@ -26,6 +26,7 @@ __all__ = [
     "Configuration",
     "Expression",
     "Factors",
+    "FixedFrames",
     "LoopForces",
     "LoopGaps",
     "LoopedTree",

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import PrupPinError
-from ..mechanism import Mechanism
+from ..mechanism import Frame, Mechanism
 from ..spatial import Array
 from .closure import Closure
 
@@ -119,11 +119,71 @@ class LoopedTree:
         )
 
 
+class FixedFrames:
+    """Frames on the joints of one mechanism: where they are, by one compiled pass for all.
+
+    Their numbers come in one row: the columns x, y, z, p of all frames, p x x, p x y, p x z of the first `turned`, then
+    what is given besides, an array of the shape `beside`, and a zero. `columns` (n, 4, 3), `crossed` (turned, 3, 3),
+    `given` and `zero` are the places of each.
+    """
+
+    def __init__(self, mechanism: Mechanism, frames: Sequence[Frame], turned: int, beside: tuple[int, ...]):
+        self._made_of = mechanism, tuple(frames), turned, beside
+        # Of the mechanism's model the joints alone: frames of links would be placed as well.
+        tree, self.model = mechanism.model, pin.Model()
+        for joint in range(1, tree.njoints):
+            placed = tree.jointPlacements[joint]
+            self.model.addJoint(int(tree.parents[joint]), tree.joints[joint], placed, tree.names[joint])
+        for index, frame in enumerate(frames):
+            placed = pin.SE3(frame.placement)
+            self.model.addFrame(pin.Frame(f"{index}", frame.joint, 0, placed, pin.FrameType.OP_FRAME))
+        # By frame and axis a: p_1 a_2, p_2 a_0, p_0 a_1 less p_2 a_1, p_0 a_2, p_1 a_0 is p x a.
+        first = 12 * np.arange(turned)[:, None, None]
+        point, axis = first + 9, first + 3 * np.arange(3)[:, None]
+        one, two = np.array([1, 2, 0]), np.array([2, 0, 1])
+        factors = (point + one, point + two), (axis + two, axis + one)
+        shape = (turned, 3, 3)
+        self._factors = np.array([[np.broadcast_to(at, shape).ravel() for at in pair] for pair in factors], int)
+        sizes = 12 * len(frames), 9 * turned, int(np.prod(beside)), 1
+        columns, crossed, given, zero = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
+        self.columns, self.crossed = columns.reshape(-1, 4, 3), crossed.reshape(shape)
+        self.given, self.zero = given.reshape(beside), int(zero[0])
+        self._of_thread = _OfThread(lambda: _FrameMemory(self))
+
+    def __reduce__(self):
+        return FixedFrames, self._made_of
+
+    def at(self, q: Array, given: Array) -> Array:
+        """Return the row of numbers at a configuration (nq,), which this thread's next question overwrites."""
+        memory = self._of_thread.memory
+        pin.framesForwardKinematics(self.model, memory.data, q)
+        memory.columns[...] = memory.placed
+        memory.given[...] = given
+        factors = memory.placed.take(self._factors)
+        products = factors[0]
+        products *= factors[1]
+        np.subtract(products[0], products[1], memory.crossed)
+        return memory.numbers
+
+
 class _OfThread(threading.local):
     """The working memory of the thread that asks."""
 
     def __init__(self, make: Callable[[], Any]):
         self.memory = make()
+
+
+class _FrameMemory:
+    """Pinocchio's working memory for frames, in one thread, and their row of numbers."""
+
+    def __init__(self, frames: FixedFrames):
+        self.data = frames.model.createData()
+        placements = _stacked([at.rotation for at in self.data.oMf])[1:]  # the first is the base
+        self.placed = placements.mT.reshape(-1)
+        self.numbers = np.zeros(frames.zero + 1)
+        columns, crossed = frames.columns.size, frames.crossed.size
+        self.columns, self.crossed = self.numbers[:columns], self.numbers[columns : columns + crossed]
+        self.given = self.numbers[columns + crossed : -1].reshape(frames.given.shape)
 
 
 class _Memory:

@@ -83,10 +83,13 @@ class Statics(NamedTuple):
     def deformations(self) -> tuple[Array, Array, Array]:
         """Deformations of the modules under unit wrenches on the tool, (load rows, 6); views by module, (n, 6, 6) and
         (m, 1, 6)."""
-        rows = np.empty_like(self.loads)
+        plain, others = self.layout.plain_compliances
+        rows = self.loads * plain
         into = self.layout.split(rows)
-        for lam, jacobian, deformed in zip(self.lambdas, self.jacobians, into, strict=True):
-            np.matmul(lam, jacobian, out=deformed)
+        for half, slots, varies in others:
+            lam = self.layout.constant_compliances[half][slots] if varies is None else self.varying[varies]
+            times = np.multiply if half else np.matmul
+            times(lam, self.jacobians[half][..., slots, :, :], into[half][..., slots, :, :])
         return rows, *into
 
     def compliance(self, deformations: Array) -> Array:
@@ -137,14 +140,16 @@ def solve_statics(
             f"'{mechanism.name}' has no compliant module: give joint stiffnesses, "
             "load(..., joint_stiffness=1e4) [N m/rad, N/m], or describe modules in a <prup_pin> element of the file"
         )
-    tool = mechanism.need_tool()
-    frames, geometries = layout.placed(pose)
+    tool, point = mechanism.need_tool(), None
     if pose.q.ndim == 1 and not pose.q.dtype.hasobject:
+        maps, geometries, point = layout.at_one(pose)
         for index, group in layout.varying:
             if fault := group.fault(geometries[index]):
                 raise UnreachablePoseError(f"at this pose, {fault}", pose.coordinates)
-    maps = load_maps(layout, pose, frames)
-    unit = loads_from_frame(layout, pose, maps, tool)
+    else:
+        frames, geometries = layout.placed(pose)
+        maps = load_maps(layout, pose, frames)
+    unit = loads_from_frame(layout, pose, maps, tool, point)
     stress: Array | None = None
     if pose.balance.self_stress.shape[-1]:
         # Forces that cancel between closures leave in the modules what the drawing of frames and rounding leave; it

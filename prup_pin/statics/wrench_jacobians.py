@@ -18,9 +18,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError, ParameterError
-from ..kernel import Closure
+from ..kernel import Closure, FixedFrames
 from ..kinematics import ClosedPose
 from ..mechanism import Frame, Mechanism, Module
 from ..modules import CompliantModule, DriveModule, ModuleGeometry
@@ -155,6 +156,26 @@ class StaticsLayout:
         return wrench, rows[..., 6 * count :, None, :]
 
     @cached_property
+    def plain_compliances(self) -> tuple[Array, list[tuple[int, slice, int | None]]]:
+        """Compliances of each load row by itself, (load rows, 6), six times the same; and which groups have others.
+
+        Those follow from the pose, or couple several loads: 0 for wrench or 1 for drive modules, their slots, and their
+        place in `varying` or None. Their rows are zero.
+        """
+        varies: dict[int, int] = {index: place for place, (index, _) in enumerate(self.varying)}
+        plain, others = np.zeros((self.load_rows, 6)), []
+        into = self.split(plain)
+        for index, group in enumerate(self.groups):
+            half = int(index >= len(self.wrench_groups))
+            compliance = self.constant_compliances[half][group.slots]
+            diagonal = np.diagonal(compliance, axis1=-2, axis2=-1)[..., None]
+            if group.kind.constant and np.array_equal(compliance, diagonal * np.eye(diagonal.shape[-2])):
+                into[half][group.slots] = diagonal
+            else:
+                others.append((half, group.slots, varies.get(index)))
+        return plain, others
+
+    @cached_property
     def constant_compliances(self) -> tuple[Array, Array]:
         """Compliances (n, 6, 6) and (m, 1, 1), filled in where a kind knows neither pose nor load.
 
@@ -190,6 +211,19 @@ class StaticsLayout:
             # Along the module's axis: a rod that has been pulled through its clamp has a negative length.
             lengths = ((tips[..., 1] - roots[..., :3, 3]) * tips[..., 0]) @ _ONES
         return frames, self._geometries(pose.q, lengths)
+
+    @cached_property
+    def _at_one(self) -> _AtOne:
+        tool = self.mechanism.tool
+        return _AtOne(self, [*self._placed_frames, *([tool] if tool else [])], self._beams)
+
+    def at_one(self, pose: ClosedPose) -> tuple[Array, list[ModuleGeometry], Array]:
+        """Return `load_maps` (rows, 6), what the pose tells each group, and the tool point (3,), of one pose.
+
+        There must be a tool.
+        """
+        maps, lengths, point = self._at_one(pose)
+        return maps, self._geometries(pose.q, lengths), point
 
     def geometries(self, pose: ClosedPose, frames: Array) -> list[ModuleGeometry]:
         """Return what the pose tells each group of modules."""
@@ -254,6 +288,39 @@ def _grouped(modules: list[Module]) -> tuple[tuple[ModuleGroup, ...], list[Modul
     return tuple(groups), order
 
 
+class _AtOne:
+    """What statics takes from one pose: which numbers stand where.
+
+    frames: those of wrench modules, then the roots of `beams` (b,) among these, then the tool's.
+    """
+
+    def __init__(self, layout: StaticsLayout, frames: list[Frame], beams: NDArray[np.int_]):
+        count, model = len(layout.wrench_names), layout.mechanism.model
+        self._frames = placed = FixedFrames(layout.mechanism, frames, turned=count, beside=(6, model.nv))
+        at = np.full((len(layout.row_joints), 6), placed.zero)
+        block = at[: 6 * count].reshape(-1, 6, 6)
+        block[:, :3, :3] = block[:, 3:, 3:] = placed.columns[:count, :3]
+        block[:, 3:, :3] = placed.crossed
+        at[6 * count :] = placed.given[:, layout.row_dofs].T
+        self._at = at
+        # Where beams' tips and roots are, and where their tips point, (3, b, 3).
+        columns = placed.columns
+        self._beams = np.array([columns[beams, 3], columns[count : count + len(beams), 3], columns[beams, 2]])
+        self._point = slice(*columns[-1, 3, [0, 2]] + [0, 1])
+
+    def __call__(self, pose: ClosedPose) -> tuple[Array, Array, Array]:
+        """Return what `load_maps` returns (rows, 6), the lengths of beams (b,), and the last frame's point (3,).
+
+        The point is a view of memory that this thread's next question overwrites.
+        """
+        numbers = self._frames.at(pose.q, pose.jacobian)
+        ends = numbers.take(self._beams)
+        span = ends[0]
+        span -= ends[1]
+        span *= ends[2]
+        return numbers.take(self._at), span.dot(_ONES), numbers[self._point]
+
+
 def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
     """Return what turns the base wrenches that joints transmit into forces along all rows, (..., rows, 6).
 
@@ -270,13 +337,17 @@ def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
     return maps
 
 
-def loads_from_frame(layout: StaticsLayout, pose: ClosedPose, maps: Array, frame: Frame) -> Array:
+def loads_from_frame(
+    layout: StaticsLayout, pose: ClosedPose, maps: Array, frame: Frame, point: Array | None = None
+) -> Array:
     """Return the modules' loads under unit wrenches about a frame's origin in base axes, (..., load rows, 6).
 
-    Only what carries the frame's joint is loaded before the loops carry any.
+    Only what carries the frame's joint is loaded before the loops carry any. `point` (..., 3) is the frame's origin,
+    where that is known.
     """
     count = layout.load_rows
-    point = product(pose.placements[..., frame.joint, :3, :], frame.placement[:, 3:])[..., 0]
+    if point is None:
+        point = product(pose.placements[..., frame.joint, :3, :], frame.placement[:, 3:])[..., 0]
     own = product(maps, base_wrench_from_point(point))
     own *= layout.row_carries[frame.joint]
     own = layout.borne(own)
