@@ -65,7 +65,7 @@ def test_deflected_mechanism_is_drawn(robot, compliance):
     assert without.shape == deflected.shape
     assert len(np.unique(without.reshape(-1, 3), axis=0)) > 50
     assert softest_pixels(without, compliance) == 0
-    assert softest_pixels(deflected, compliance) > 100
+    assert softest_pixels(deflected, compliance) > 50
     assert (drawing_of(deflected) != drawing_of(more)).any(axis=-1).sum() > 1000
 
 
