@@ -59,7 +59,6 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
         yield f"overconstrained by {redundancy_text(found)}: loads depend on how exactly its parts are made"
     if mechanism.tool is None:
         return
-    yield from _tool_of_a_walker(robot)
     idle = [str(mechanism.model.names[joint]) for joint in sorted(mechanism.load_paths.idle)]
     if idle:
         yield f"joints that are not on the path from tool to base and carry nothing: {', '.join(some(idle))}"
@@ -198,20 +197,6 @@ def _springs_of_no_drive(robot: Robot) -> Iterator[str]:
         yield (
             f"springs at joints that are not actuated: {', '.join(some(astray))}, while other drives yield and "
             f"{', '.join(some(rigid))} {'is' if len(rigid) == 1 else 'are'} rigid: does a spring belong there?"
-        )
-
-
-def _tool_of_a_walker(robot: Robot) -> Iterator[str]:
-    mechanism = robot.mechanism
-    branches = sum(int(parent) == 0 for parent in list(mechanism.model.parents)[1:])
-    size = float(np.linalg.norm(mechanism.gravity))
-    assert mechanism.tool is not None
-    down = mechanism.gravity / size if size else np.array([0.0, 0.0, -1.0])
-    below = float(down @ robot.home.placement(mechanism.tool.name)[:3, 3])
-    if (mechanism.description.floats or branches > 1) and not mechanism.loops and below > 0:
-        yield (
-            f"the tool '{mechanism.tool.name}' lies {number(below, 3)} m below the base '{mechanism.bodies[0]}', "
-            "which is taken as fixed: of a robot that walks, it is the foot that stands"
         )
 
 

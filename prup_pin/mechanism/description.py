@@ -161,7 +161,6 @@ class RobotDescription:
     doubts: tuple[str, ...] = ()  # what can be read in one way only, and was hardly meant so
     package_folders: tuple[Path, ...] = ()  # where package:// may point besides the robot's own folder
     meshes_missing: tuple[str, ...] = ()
-    floats: bool = False  # True where the real robot's base is not fixed to the ground
     described: bool = False  # True where the file says more than a tree
     lines: Mapping[str, int | None] = field(default_factory=dict)
 

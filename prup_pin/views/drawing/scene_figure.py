@@ -42,11 +42,11 @@ class SceneDrawing:
         figure.canvas.draw()  # labels are placed on the page
         self.labels = Labels(figure, self.axes)
         self.labels.obstacles.append(self.flat(scene.obstacles))
-        for part in (part for part in scene.parts if isinstance(part.shape, Lines)):
-            ends = part.shape.ends @ part.placement[:3, :3].T + part.placement[:3, 3]
-            self.axes.add_collection(
-                LineCollection(self.flat(ends), colors=part.colour, linewidths=0.6, zorder=1), autolim=False
-            )
+        for part in scene.parts:
+            if isinstance(part.shape, Lines):
+                ends = self.flat(part.shape.ends @ part.placement[:3, :3].T + part.placement[:3, 3])
+                drawn = LineCollection(list(ends), colors=part.colour, linewidths=0.6, zorder=1)
+                self.axes.add_collection(drawn, autolim=False)
         for over in (False, True):
             solid = [part for part in scene.parts if part.on_top is over and not isinstance(part.shape, Lines)]
             if solid:
@@ -68,7 +68,7 @@ class SceneDrawing:
         shown = (colours[:, 3] == 1) | (normals @ scene.viewer > 0)
         corners, colours = corners[shown], colours[shown]
         farthest = np.argsort(corners.mean(axis=1) @ scene.viewer, kind="stable")
-        flat, faces = self.flat(corners[farthest]), colours[farthest]
+        flat, faces = list(self.flat(corners[farthest])), colours[farthest]
         edges = np.where(faces[:, 3:] == 1, faces, 0.0)  # closes the seams between triangles
         painted = PolyCollection(
             flat, facecolors=faces, edgecolors=edges, linewidths=0.3, rasterized=True, zorder=order
@@ -78,6 +78,7 @@ class SceneDrawing:
 
 def _triangles(part: Part) -> tuple[Array, Array]:
     """Return the corners (n, 3, 3) of a part's triangles in base axes, and their colours (n, 4)."""
+    assert not isinstance(part.shape, Lines)
     mesh = mesh_of(part.shape)
     corners = (mesh.vertices @ part.placement[:3, :3].T + part.placement[:3, 3])[mesh.faces]
     colours = np.full((len(corners), 4), part.opacity)
