@@ -29,7 +29,7 @@ from .draft import Draft, Line
 from .log import Log
 from .map import CHECK
 from .motion import set_beside
-from .unit_by_numbers import doubt_efforts, settle_units
+from .unit_by_numbers import settle_units
 from .units import DRIVING, UNSCALED, WISHED, dimension_of, words_of
 
 
@@ -56,9 +56,7 @@ def guess(log: Log, mechanism: Mechanism | None = None, robot: str | None = None
     add_poses(draft)
     if mechanism is not None:
         add_by_unit(draft)
-    unsaid = {line.target for line in draft.of("tau.") if line.unit is None}
     settle_units(draft)
-    doubt_efforts(draft, unsaid)
     set_beside(draft)
     return _Page(draft).written(robot)
 
