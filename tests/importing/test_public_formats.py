@@ -362,16 +362,6 @@ def test_names_of_files_are_what_tells_them_apart(tmp_path, ur5):
     assert told_apart(["left.run", "right.run"]) == ["left", "right"]
 
 
-@pytest.mark.parametrize(("share", "doubted"), [(0.02, True), (1.0, False)])
-def test_efforts_without_a_unit_that_could_not_carry_the_robot_are_doubted(tmp_path, ur5, share, doubted):
-    columns = {"t": T} | logs.numbered("q{}", Q) | logs.numbered("effort{}", share * TAU)
-    made = guess(read_log(logs.csv(tmp_path / "log.csv", columns)), ur5)
-    assert [doubt.partition(":")[0] for doubt in made.doubts] == ["tau.shoulder_lift_joint"] * doubted
-    assert not doubted or "if these are A, % or counts" in made.doubts[0]
-    said = {"t": T} | logs.numbered("q{}", Q) | logs.numbered("effort{} [Nm]", share * TAU)
-    assert guess(read_log(logs.csv(tmp_path / "said.csv", said)), ur5).doubts == ()
-
-
 def test_another_motion_tells_no_delay(tmp_path, ur5):
     robot = {"timestamp": 812.0 + T} | logs.numbered("actual_q_{}", np.cos(3 * Q), 0)
     robot = logs.csv(tmp_path / "robot.csv", robot)
