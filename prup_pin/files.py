@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import secrets
-import shutil
 import stat
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -88,55 +87,27 @@ def check_folder_for(folder: Path, names: Iterable[str]) -> None:
 
 
 def write_folder(folder: Path, files: Mapping[str, Iterable[str]], known: Iterable[str]) -> None:
-    """Write text files of a folder, by their names: all of them are there, or all that were before.
+    """Write text files of a folder, by their names, as `write_whole` does, the first one last.
 
-    Those of `known` that are not written are removed; other files stay. The folder is made anew beside the old one,
-    which it then replaces; where other files live in it, or it cannot be replaced, its first file goes first and comes
-    last: what is interrupted is seen to be so. Raises InputError.
+    Those of `known` that are not written are removed; other files stay. Raises InputError.
     """
     known = tuple(known)
     for name in {*known, *files}:
         check_replaceable(folder / name)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        target = folder.resolve()
-        others = {path.name for path in target.iterdir()} - {*known, *files}
     except OSError as error:
         raise InputError(f"cannot make the folder '{folder}': {error.strerror or error}") from error
-    if any((target / name).is_symlink() for name in known):
-        write_whole({folder / name: pieces for name, pieces in reversed(list(files.items()))})  # links are followed
-        return
-    here = Path.cwd()
-    inside = others or target == here or target in here.parents
-    new = _staging(target if inside else target.parent, target)
-    try:
-        for name, pieces in files.items():
-            _fill(new / name, pieces, folder / name, like=target / name)
-        if inside or not _swapped(new, target):
-            _moved(new, target, tuple(files), known)
-    except OSError as error:
-        raise InputError(f"cannot write to '{folder}': {error.strerror or error}") from error
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
+    write_whole({folder / name: pieces for name, pieces in reversed(list(files.items()))})
+    for name in known:
+        if name not in files:
+            (folder / name).unlink(missing_ok=True)
 
 
 def check_replaceable(path: Path) -> None:
     """Raise InputError where something that is not a file stands where one is to be written."""
     if os.path.lexists(path):
         writable(path)
-
-
-def _staging(beside: Path, target: Path) -> Path:
-    """Return a new folder there, or in the target itself where nothing can be made beside it."""
-    for place in dict.fromkeys((beside, target)):
-        new = place / f".{secrets.token_hex(6)}.part"
-        try:
-            new.mkdir(mode=0o700)
-        except OSError as error:
-            wrong = error
-        else:
-            return new
-    raise InputError(f"cannot write to '{target}': {wrong.strerror or wrong}")
 
 
 def _fill(part: Path, pieces: Iterable[str | bytes], path: Path, like: Path) -> None:
@@ -151,44 +122,6 @@ def _fill(part: Path, pieces: Iterable[str | bytes], path: Path, like: Path) -> 
         raise InputError(f"cannot write {path}: {error.strerror or error}") from error
     except UnicodeEncodeError as error:
         raise InputError(f"cannot write {path}: it would hold half a character ({error.reason})") from error
-
-
-def _swapped(new: Path, target: Path) -> bool:
-    """Put a folder in another one's place; False where that cannot be done and nothing has changed."""
-    if new.parent != target.parent:
-        return False
-    old = new.with_suffix(".old")
-    try:
-        os.chmod(new, stat.S_IMODE(target.stat().st_mode))
-        os.rename(target, old)
-    except OSError:  # where something is mounted, for one
-        return False
-    try:
-        os.rename(new, target)
-    except BaseException:
-        os.rename(old, target)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
-    return True
-
-
-def _moved(new: Path, target: Path, names: tuple[str, ...], known: tuple[str, ...]) -> None:
-    """Move files into a folder in which others live; where one of them cannot be, the old ones come back."""
-    kept = new / "old"
-    kept.mkdir()
-    try:
-        for name in dict.fromkeys((*names, *known)):
-            if os.path.lexists(target / name):
-                os.rename(target / name, kept / name)
-        for name in reversed(names):
-            os.rename(new / name, target / name)
-    except BaseException:
-        for name in names:
-            if not (new / name).exists():
-                (target / name).unlink(missing_ok=True)
-        for path in kept.iterdir():
-            os.rename(path, target / path.name)
-        raise
 
 
 # -- files that are read -----------------------------------------------------------------------------------------------

@@ -58,7 +58,7 @@ def load(
     if home is not None:
         changes["home"] = {**description.home, **_values("home", home)}
         changes["lines"] = {**description.lines, "home": None}
-    description = replace(description, floats=robots.floats(path), **changes)
+    description = replace(description, **changes)
     wanted = found_variant if variant is None else variant
     if wanted is not None:
         named(f"variant of '{description.name}'", wanted, description.variants)

@@ -1,27 +1,23 @@
-"""What a reviewer would say of a robot: remarks on its file, singular poses, which parameter to change first."""
+"""What a reviewer would say of a robot: remarks on its file, and on singular poses."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from .errors import MissingExtraError, NoStiffnessError, PrupPinError, limits_heard
+from .errors import NoStiffnessError, PrupPinError, limits_heard
 from .kinematics import Mobility
 from .mechanism import Mechanism
 from .mechanism.assumed import without_weight
 from .mechanism.beam_ends import at_other_ends
-from .mechanism.second_reader import second_opinion
 from .modules import WrenchModule
 from .modules.joint_spring import JointSpring
 from .numbers import counted, number, quantity, some
-from .parameters import Parameter
 from .robot import Robot
-from .spatial import Array, as_wrench
+from .spatial import Array
 from .statics import Compliance
 
 #: Share of the largest module's load below which one carries nothing.
@@ -50,8 +46,6 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
         yield str(error)
         return
     yield from _moved_home(robot)
-    with suppress(MissingExtraError):  # a second reader is an opinion more, no condition
-        yield from second_opinion(mechanism)
     if mechanism.tool is None:
         yield 'no tool is given, so that nothing can be loaded: load(..., tool="frame")'
     found = robot.mobility(home)
@@ -65,7 +59,6 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
         yield f"overconstrained by {redundancy_text(found)}: loads depend on how exactly its parts are made"
     if mechanism.tool is None:
         return
-    yield from _tool_of_a_walker(robot)
     idle = [str(mechanism.model.names[joint]) for joint in sorted(mechanism.load_paths.idle)]
     if idle:
         yield f"joints that are not on the path from tool to base and carry nothing: {', '.join(some(idle))}"
@@ -207,20 +200,6 @@ def _springs_of_no_drive(robot: Robot) -> Iterator[str]:
         )
 
 
-def _tool_of_a_walker(robot: Robot) -> Iterator[str]:
-    mechanism = robot.mechanism
-    branches = sum(int(parent) == 0 for parent in list(mechanism.model.parents)[1:])
-    size = float(np.linalg.norm(mechanism.gravity))
-    assert mechanism.tool is not None
-    down = mechanism.gravity / size if size else np.array([0.0, 0.0, -1.0])
-    below = float(down @ robot.home.placement(mechanism.tool.name)[:3, 3])
-    if (mechanism.description.floats or branches > 1) and not mechanism.loops and below > 0:
-        yield (
-            f"the tool '{mechanism.tool.name}' lies {number(below, 3)} m below the base '{mechanism.bodies[0]}', "
-            "which is taken as fixed: of a robot that walks, it is the foot that stands"
-        )
-
-
 def _stiffness(compliance: Compliance) -> Iterator[str]:
     sizes = {name: float(np.abs(jacobian).max()) for name, jacobian in compliance.wrench_jacobians.items()}
     largest = max(sizes.values())
@@ -265,89 +244,3 @@ def yielding_beside(robot: Robot, compliance: Compliance) -> int | None:
 def _unequal(count: int) -> Array:
     """Return numbers (count,) between 1 and 2 of which no two are alike."""
     return np.asarray(1.0 + (np.arange(1, count + 1) * 0.618034) % 1.0, float)
-
-
-# -- what 10 % of a parameter brings, found by solving the changed robot -----------------------------------------------
-
-
-#: Relative change of a parameter.
-STEP = 0.1
-
-
-@dataclass(frozen=True)
-class Lever:
-    """A parameter that several equal modules share, and what its change brings.
-
-    `factor` is 1 + STEP or 1 - STEP, whichever yields less. `deflection` (6,) [m, rad] is then that of the tool, and
-    `change` the relative change of the load's work, that is of the displacement along the load (negative: stiffer).
-    """
-
-    modules: tuple[str, ...]
-    parameter: str
-    value: Any
-    unit: str
-    factor: float
-    deflection: Array
-    change: float
-
-
-def find_levers(robot: Robot, compliance: Compliance, wrench, modules: Sequence[str]) -> list[Lever]:
-    """Return what stiffens most, best first, among parameters of the named modules and their equals in other legs.
-
-    Only values that somebody gave are tried; those that change less than 0.1 % are left out. The pose stays the same:
-    parameters that move joints are not levers.
-    """
-    wrench = as_wrench(wrench)
-    work = float(wrench @ compliance.deflection(wrench))
-    if not work > 0:  # the load deflects nothing
-        return []
-    found = []
-    for names, parameter in _shared_parameters(robot, modules):
-        first = robot.parameters[f"{names[0]}.{parameter}"]
-        best = None
-        for factor in (1 + STEP, 1 - STEP):
-            value = np.asarray(first.value, float) * factor
-            given = value if value.ndim else float(value)
-            moved = _deflection(robot, compliance, wrench, {f"{name}.{parameter}": given for name in names})
-            if moved is not None:
-                change = float(wrench @ moved) / work - 1
-                if change < (-1e-3 if best is None else best.change):
-                    best = Lever(names, parameter, first.value, first.unit, factor, moved, change)
-        if best is not None:
-            found.append(best)
-    return sorted(found, key=lambda lever: lever.change)
-
-
-def _shared_parameters(robot: Robot, modules: Sequence[str]) -> list[tuple[tuple[str, ...], str]]:
-    """Return (modules, parameter) of what can be tried; modules of equal kind, name within the leg, and value."""
-    equals: dict[tuple, list[str]] = {}
-    wanted: dict[tuple, None] = {}
-    for module in robot.mechanism.modules:
-        own = [robot.parameters[f"{module.name}.{quantity.name}"] for quantity in module.kind.quantities]
-        given = {parameter.short: parameter for parameter in own if _is_given(parameter)}
-        for name, parameter in given.items():
-            if parameter.quantity is not None and any(source in given for source in parameter.quantity.derived_from):
-                continue  # a tabulated value, such as an area, that follows another parameter
-            local = module.name.rpartition("/")[2]
-            key = (module.kind.kind, local, name, np.asarray(parameter.value, float).tobytes())
-            equals.setdefault(key, []).append(module.name)
-            if module.name in modules:
-                wanted[key] = None
-    return [(tuple(equals[key]), key[2]) for key in wanted]
-
-
-def _is_given(parameter: Parameter) -> bool:
-    """Return True for a value that somebody gave and that a factor changes."""
-    value = np.asarray(parameter.value, float)
-    return parameter.source not in ("default", "derived") and bool(np.isfinite(value).all() and value.any())
-
-
-def _deflection(robot: Robot, compliance: Compliance, wrench: Array, changes: Mapping[str, Any]) -> Array | None:
-    """Return the deflection of the changed robot's tool; None where there is no such robot at this pose."""
-    try:
-        with limits_heard():
-            changed = robot.with_parameters(changes)
-            pose = changed.pose_from_configuration(compliance.pose.q.tolist())
-            return changed.compliance(pose, load=compliance.load).deflection(wrench)
-    except PrupPinError:
-        return None

@@ -427,10 +427,9 @@ class Robot:
         written by `prup_pin.export`.
 
         A URDF is the file that the robot came from, comments included, with what has been changed since: values,
-        lengths, springs, the variant. Loops stand in <prup_pin> and once more as ROS's <constraint>
-        (docs/robot_file.md). Meshes are not copied. Raises InputError where joints are locked or held (no robot file
-        says so), where a URDF is asked for of a robot that did not come from one, and where the file cannot be written
-        or would not be read as this robot.
+        lengths, springs, the variant. Meshes are not copied. Raises InputError where joints are locked or held (no
+        robot file says so), where a URDF is asked for of a robot that did not come from one, and where the file cannot
+        be written or would not be read as this robot.
         """
         path = Path(path).expanduser()
         still = sorted({*self.mechanism.locked, *self.mechanism.description.held})

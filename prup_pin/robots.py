@@ -41,33 +41,6 @@ _ALIASES: Mapping[str, str] = {
     "anymal_kinova": "anymal-kinova",
     "b1_z1": "b1-z1",
 }
-#: Folders of robots whose base walks or flies: their files leave out the joint to the ground.
-FLOATING_FOLDERS = (
-    "a1_description",
-    "alexander_description",
-    "anymal_b_simple_description",
-    "anymal_c_simple_description",
-    "b1_description",
-    "bolt_description",
-    "borinot_description",
-    "cassie_description",
-    "centauro_description",
-    "g1_description",
-    "go1_description",
-    "go2_description",
-    "hector_description",
-    "hextilt_description",
-    "human_description",
-    "hyq_description",
-    "icub_description",
-    "iris_description",
-    "laikago_description",
-    "quadruped_description",
-    "romeo_description",
-    "simple_humanoid_description",
-    "solo_description",
-    "talos_data",
-)
 #: Where the tool of a well-known arm sits, used when `tool` is not given.
 EXAMPLE_TOOLS: Mapping[str, str] = {
     "ur3": "tool0",
@@ -141,14 +114,6 @@ def example_files() -> dict[str, str]:
         if file not in known and b"<link" in path.read_bytes():
             files.setdefault(path.stem.removesuffix("_robot").replace(".", "_"), file)
     return files | {alias: files[name] for alias, name in _ALIASES.items() if name in files}
-
-
-def floats(path: Path) -> bool:
-    """Return True for a file of example-robot-data whose robot walks or flies."""
-    examples = example_folder()
-    if examples is None or not path.is_relative_to(examples):
-        return False
-    return path.relative_to(examples).parts[0] in FLOATING_FOLDERS
 
 
 def packaged_names() -> tuple[str, ...]:

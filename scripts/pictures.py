@@ -94,7 +94,7 @@ def diagnosis() -> None:
     axes = figure.add_axes((0.735, 0.46, 0.245, 0.28))
     draw_response(axes, finding.recovered, finding.physics, 8.0)
     keys = axes.get_legend_handles_labels()
-    figure.legend(*keys, frameon=False, fontsize=9.5, loc="upper left", bbox_to_anchor=(0.715, 0.19), handlelength=2.4)
+    figure.legend(*keys, frameon=False, fontsize=9, loc="upper left", bbox_to_anchor=(0.69, 0.38), handlelength=2)
     figure.savefig(OUT / "diagnosis.png")
 
 

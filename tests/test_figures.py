@@ -65,7 +65,7 @@ def test_deflected_mechanism_is_drawn(robot, compliance):
     assert without.shape == deflected.shape
     assert len(np.unique(without.reshape(-1, 3), axis=0)) > 50
     assert softest_pixels(without, compliance) == 0
-    assert softest_pixels(deflected, compliance) > 500
+    assert softest_pixels(deflected, compliance) > 50
     assert (drawing_of(deflected) != drawing_of(more)).any(axis=-1).sum() > 1000
 
 
@@ -74,12 +74,10 @@ def test_a_page_has_one_scale_and_one_meaning_of_colours(robot, compliance):
     scene = pose_scene(robot, compliance.pose, WRENCH, compliance=compliance)
     figure = pose_figure(robot, compliance.pose, compliance, WRENCH)
     said = " ".join(text.get_text() for text in texts(figure))
-    assert f"deflection drawn × {scene.scale:g}" in said
-    line = next(text for text in scene.legend.lines if "drawn" in text)
-    assert f"drawn {scene.scale:g} times larger" in line
-    colours = {line.get_color() for line in figure.axes[0].lines}
+    assert f"drawn {scene.scale:g} times larger" in said
+    colours = [to_hex(sign.get_facecolor()) for sign in figure.legends[0].get_patches()]
     bars = [to_hex(bar.get_facecolor()) for bar in shares_figure(compliance, WRENCH).axes[0].patches]
-    for name in (SOFTEST, "leg2/moving_star_branch"):
+    for name in (SOFTEST, "leg3/moving_star_branch"):
         colour = scene.part(f"robot/deformed/beams/{name}").colour
         assert colour in colours
         assert colour in bars
@@ -100,7 +98,7 @@ def test_title_states_pose_load_and_scale(robot, compliance):
     said = " ".join(
         text.get_text() for text in texts(pose_figure(robot, compliance.pose, compliance, WRENCH, scale=25))
     )
-    for word in ("3prup", "z 400 mm", "fx 300 N", "mz 100 N m", "× 25", "300 N", "leg1", "leg2", "leg3", "gravity"):
+    for word in ("3prup", "z 400 mm", "fx 300 N", "mz 100 N m", "25 times larger", "300 N", "leg1", "leg2", "leg3"):
         assert word in said
     for value in np.linalg.eigvalsh(compliance.C[:3, :3]) * 1e6:
         assert f"{value:.3g} µm/N" in said
@@ -151,8 +149,6 @@ def test_pose_alone_can_be_drawn(robot):
 def test_pictures_need_what_they_show(robot, compliance):
     with pytest.raises(prup_pin.InputError, match="another pose"):
         pose_figure(robot, robot.home, compliance)
-    with pytest.raises(prup_pin.InputError, match="compliance"):
-        pose_figure(robot, robot.home, None, WRENCH)
     with pytest.raises(prup_pin.InputError, match="deflects nothing"):
         shares_figure(compliance, np.zeros(6))
 
@@ -176,7 +172,7 @@ def test_pictures_for_a_phone_say_the_same(robot, compliance):
     ):
         wide, narrow = draw(False), draw(True)
         words = [" ".join(text.get_text() for text in texts(figure)).split() for figure in (wide, narrow)]
-        assert set(words[0]) - set(words[1]) <= {"in", "every", "direction"}
+        assert set(words[0]) == set(words[1])
         narrow.canvas.draw()
         for text in texts(narrow):
             assert text.get_fontsize() * 390 / (72 * 5.2) >= 8.5, text.get_text()
@@ -217,7 +213,6 @@ def test_skeleton_of_the_3prup(robot, compliance):
     kinds = [segment.kind for segment in parts.segments]
     assert kinds.count("beam") == 6
     assert kinds.count("link") == 3  # the yokes
-    assert len(parts.closures) == 2
     np.testing.assert_allclose(parts.anchors[:, 2], 0, atol=1e-12)
     assert set(parts.legs) == {"leg1", "leg2", "leg3"}
 
@@ -235,40 +230,50 @@ def test_motions_are_those_of_the_compliance(robot, compliance):
     np.testing.assert_allclose(
         moved.shift(tool.joint, at, 1.0), compliance.deflection(WRENCH)[:3], rtol=1e-9, atol=1e-15
     )
-    for (first, second), loop in zip(skeleton(pose).closures, pose.mechanism.loops, strict=True):
+    for loop in pose.mechanism.loops:
+        first, second = (end.at(pose.placements)[:3, 3] for end in (loop.first, loop.second))
         np.testing.assert_allclose(there(loop.first.joint, first), there(loop.second.joint, second), atol=1e-9)
-    for segment in skeleton(pose).segments:
-        curve = moved.curve(segment, 1.0)
-        np.testing.assert_allclose(curve[0], there(segment.bodies[0], segment.start), atol=1e-15)
-        np.testing.assert_allclose(curve[-1], there(segment.bodies[1], segment.end), atol=1e-15)
+    for segment in beams(pose):
+        line = curve(moved, pose, segment)
+        np.testing.assert_allclose(line[0], there(segment.bodies[0], segment.start), atol=1e-15)
+        np.testing.assert_allclose(line[-1], there(segment.bodies[1], segment.end), atol=1e-15)
 
 
-def off_cubic(moved, segment):
+def beams(pose):
+    return [segment for segment in skeleton(pose).segments if segment.kind == "beam"]
+
+
+def curve(moved, pose, segment):
+    """The deflected line of a beam as it is drawn, true to size, (25, 3)."""
+    line = moved.bent(pose.mechanism.module(segment.name), pose, 1.0, stretched=True)
+    points = np.outer(np.linspace(0, line.length, 25), [0, 0, 1])
+    return (points + line.displacement(points)) @ line.frame[:3, :3].T + line.frame[:3, 3]
+
+
+def off_cubic(moved, pose, segment):
     """How far [m] a drawn beam lies off the cubic between its ends and their slopes, across the beam.
 
     That cubic is the exact line of a slender beam of constant section.
     """
-    curve = moved.curve(segment, 1.0)
-    count = len(curve)
-    s, line = np.linspace(0, 1, count)[:, None], segment.end - segment.start
+    drawn = curve(moved, pose, segment)
+    s, line = np.linspace(0, 1, len(drawn))[:, None], segment.end - segment.start
     (first, turn), (last, turn_there) = (
         (moved.shift(body, end, 1.0), moved.shift(body, end + line, 1.0) - moved.shift(body, end, 1.0))
         for body, end in zip(segment.bodies, (segment.start, segment.end), strict=True)
     )
     bent = (1 - 3 * s**2 + 2 * s**3) * first + (3 * s**2 - 2 * s**3) * last
-    off = curve - segment.start - bent - (s - 2 * s**2 + s**3) * turn - (s**3 - s**2) * turn_there
+    off = drawn - segment.start - bent - (s - 2 * s**2 + s**3) * turn - (s**3 - s**2) * turn_there
     axis = line / np.linalg.norm(line)
     return np.linalg.norm(off - np.outer(off @ axis, axis), axis=1).max()
 
 
 def test_slender_beams_are_drawn_as_cubics(robot, compliance):
     moved = Deflections(compliance, WRENCH)
-    beams = [segment for segment in skeleton(compliance.pose).segments if segment.kind == "beam"]
-    for beam in beams:
-        curve = moved.curve(beam, 1.0)
-        bend = np.abs(curve - np.linspace(curve[0], curve[-1], len(curve))).max()
+    for beam in beams(compliance.pose):
+        line = curve(moved, compliance.pose, beam)
+        bend = np.abs(line - np.linspace(line[0], line[-1], len(line))).max()
         assert bend > 1e-6
-        assert off_cubic(moved, beam) < 1e-9 * bend + 1e-15
+        assert off_cubic(moved, compliance.pose, beam) < 1e-9 * bend + 1e-15
 
 
 def test_beams_that_shear_are_drawn_so():
@@ -277,5 +282,5 @@ def test_beams_that_shear_are_drawn_so():
     robot = prup_pin.load("3prup").with_parameters(changes)
     compliance = robot.compliance(robot.home)
     moved = Deflections(compliance, WRENCH)
-    rods = [item for item in skeleton(compliance.pose).segments if item.name.endswith("linear_rod")]
-    assert max(off_cubic(moved, rod) for rod in rods) > 1e-7
+    rods = [beam for beam in beams(compliance.pose) if beam.name.endswith("linear_rod")]
+    assert max(off_cubic(moved, compliance.pose, rod) for rod in rods) > 1e-7

@@ -1,4 +1,4 @@
-"""Files that commands write: links, pipes, devices and modes stay what they are, folders are whole."""
+"""Files that commands write: links, pipes, devices and modes stay what they are."""
 
 import json
 import os
@@ -151,34 +151,14 @@ def test_a_full_device_is_one_message():
 # -- a folder ----------------------------------------------------------------------------------------------------------
 
 
-class Killed(BaseException):
-    pass
-
-
-@pytest.mark.parametrize("other_files", [False, True])
-@pytest.mark.parametrize("at", range(6))
-def test_a_folder_is_all_new_or_all_old(tmp_path, monkeypatch, other_files, at):
+def test_of_a_folder_nothing_is_replaced_until_all_is_written(tmp_path):
     folder = filled(tmp_path / "out")
-    if other_files:
-        (folder / "mine").write_text("mine")
-    before, rename, count = texts(folder), os.rename, []
-
-    def stopped(*arguments):
-        count.append(arguments)
-        if len(count) == at + 1:
-            raise Killed
-        rename(*arguments)
-
-    monkeypatch.setattr(os, "rename", stopped)
-    try:
-        write_folder(folder, NEW, NEW)
-    except Killed:
-        assert texts(folder) == before
-    else:
-        assert texts(folder) == {**before, "first": "new\n", "second": "new\n"}
-    left = {"mine", *NEW} if other_files else {*NEW}
-    assert {path.name for path in folder.iterdir()} == left
-    assert os.listdir(tmp_path) == ["out"]
+    before = texts(folder)
+    with pytest.raises(InputError, match="half a character"):
+        write_folder(folder, {"first": ("\ud800",), "second": ("new\n",)}, OLD)
+    assert texts(folder) == before
+    write_folder(folder, NEW, NEW)
+    assert texts(folder) == {"first": "new\n", "second": "new\n"}
 
 
 def test_what_is_no_longer_written_goes_and_the_rest_stays(tmp_path):

@@ -170,7 +170,7 @@ class _Urdf:
     @staticmethod
     def remarks(mechanism: Mechanism, changes: Changes) -> Iterator[str]:
         if mechanism.loops:
-            yield "loops stand in <prup_pin> and as <constraint>; other readers of URDF ignore both: their tree is open"
+            yield "loops stand in <prup_pin>; other readers of URDF ignore it: their tree is open"
         if mechanism.modules or changes.compliances:
             yield "compliant modules stand in <prup_pin>; other readers take all parts as rigid"
         if changes.gravity.any():

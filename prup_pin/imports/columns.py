@@ -419,12 +419,12 @@ def add_poses(draft: Draft) -> None:
     taken = draft.taken
     found = [body for stream in draft.log.streams for body in bodies_of(stream, taken, frames)]
     homes = {body.called: frame_of(body.called, frames) for body in found}
-    draft.unnamed = [body for body in found if not homes[body.called]]
+    unnamed = sum(not frame for frame in homes.values())
     for body in sorted(found, key=lambda body: len(body.called)):  # tool0 comes before its markers
         frame = homes[body.called]
         place = f".{frame}" if frame else ""
         told = f"p{place}.x" in draft.targets or f"r{place}" in draft.turns
-        if told or (not frame and len(draft.unnamed) > 1):
+        if told or (not frame and unnamed > 1):
             draft.others.append(body)
             continue
         draft.lines += place_lines(f"p{place}", body, bool(frame))

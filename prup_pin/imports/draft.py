@@ -44,10 +44,7 @@ class Draft:
     """What has been guessed of a log so far, for a robot, or None where that is not known.
 
     clocks: by stream. open: driven joint whose position no column is -> the columns left that may be it by their unit.
-    turns: bodies whose orientation is told, by target. unnamed: bodies that no frame is called like; others: those of
-    them that have no line yet. carried: name of one that moves as a body of the robot does -> how far it may sit from
-    the frame of its lines [m]. movers: name of one that does so as seen from another body -> that in words. copies:
-    name -> the same marker again.
+    turns: bodies whose orientation is told, by target. others: bodies that no frame is called like, without a line.
     alike: stream without a time -> the stream that it goes with, row by row.
     rests: how often the joints stood, where only these rows should be kept.
     delays: stream -> how far its clock is ahead of the joints' [s], how that is known, and what is not sure of it.
@@ -60,10 +57,6 @@ class Draft:
     open: dict[str, tuple[str, ...]] = field(default_factory=dict)
     turns: dict[str, Body] = field(default_factory=dict)
     others: list[Body] = field(default_factory=list)
-    unnamed: list[Body] = field(default_factory=list)
-    carried: dict[str, float] = field(default_factory=dict)
-    movers: dict[str, str] = field(default_factory=dict)
-    copies: dict[str, str] = field(default_factory=dict)
     delays: dict[str, tuple[float, str, str]] = field(default_factory=dict)
     rests: int = 0
     alike: dict[str, str] = field(default_factory=dict)

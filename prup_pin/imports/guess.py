@@ -28,8 +28,8 @@ from .columns import LOAD_WORDS, add_by_unit, add_joints, add_poses, place_lines
 from .draft import Draft, Line
 from .log import Log
 from .map import CHECK
-from .motion import carry, set_beside
-from .unit_by_numbers import doubt_efforts, settle_units
+from .motion import set_beside
+from .unit_by_numbers import settle_units
 from .units import DRIVING, UNSCALED, WISHED, dimension_of, words_of
 
 
@@ -56,10 +56,7 @@ def guess(log: Log, mechanism: Mechanism | None = None, robot: str | None = None
     add_poses(draft)
     if mechanism is not None:
         add_by_unit(draft)
-    unsaid = {line.target for line in draft.of("tau.") if line.unit is None}
     settle_units(draft)
-    doubt_efforts(draft, unsaid)
-    carry(draft)
     set_beside(draft)
     return _Page(draft).written(robot)
 
@@ -184,17 +181,13 @@ class _Page:
     def bodies(self) -> Iterator[str]:
         """Yield a comment for each body that no frame is called like, to be completed."""
         draft = self.draft
-        for again, first in draft.copies.items():
-            yield f"  # marker {again} is marker {first} again, number by number"
-        for called, moves in draft.movers.items():
-            yield self.told("", f"marker {called or 'without a name'} {moves}", "")
         if not draft.others:
             return
         yield "  # Seen as well; in the place of FRAME the frame of the robot that carries it:"
         for body in draft.others:
             for line in place_lines("p.FRAME", body, True):
                 yield f"  # {line.target}: {{from: {_text(line.source)}, unit: {line.unit}}}"
-        if not (draft.of("p") or draft.turns or draft.carried or draft.movers):
+        if not (draft.of("p") or draft.turns):
             called = ", ".join(body.called or "a body without a name" for body in draft.others[:6])
             there = f": {', '.join(list(draft.mechanism.frame_names)[-8:])} …" if draft.mechanism is not None else ""
             none = f"seen were {called}, and no frame of the robot is called like one; write lines p.FRAME.x{there}"
@@ -205,7 +198,7 @@ class _Page:
         """Whether positions of joints are all that is used, and nothing has been asked of what else there is."""
         draft = self.draft
         moving = bool(draft.joints) and all(line.target.startswith(("q.", "qd.", "qdd.")) for line in draft.lines)
-        return moving and not (draft.turns or draft.others or draft.movers or self.doubts)
+        return moving and not (draft.turns or draft.others or self.doubts)
 
     def rotations(self) -> Iterator[str]:
         if self.draft.turns:
@@ -234,13 +227,10 @@ class _Page:
         if any(line.unit in UNSCALED for line in self.draft.of("tau.")):
             yield from ("", f"# Where nobody knows the scale of the efforts, {_FOUND_BY_MASSES}")
             yield "# tolerances: {effort_gain: 1, mass: 0.1, inertia: 0.1}"
-        reach = max(self.draft.carried.values(), default=0.0)
         if any(self.draft.stream_of(line).name in self.draft.delays for line in self.draft.of("p.")):
-            reach = max(reach, 0.05)
-        if reach:
             yield ""
-            yield f"# The camera may stand anywhere; the point it saw may be {100 * reach:g} cm away from its frame:"
-            yield f"tolerances: {{frame_position: 10, frame_rotation: 3, target_position: {reach:g}}}"
+            yield "# The camera may stand anywhere; the point it saw may be 5 cm away from its frame:"
+            yield "tolerances: {frame_position: 10, frame_rotation: 3, target_position: 0.05}"
 
     def unused(self) -> Iterator[str]:
         """Yield the columns of which nothing is made, with doubts where something might be."""

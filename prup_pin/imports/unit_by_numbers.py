@@ -1,6 +1,6 @@
 """Units that nobody told, by numbers: positions are the integral of velocities, and within the reach of joints.
 
-Efforts carry the robot's weight at least. Whatever is settled without proof is a doubt.
+Whatever is settled without proof is a doubt. In which unit efforts are is for a diagnosis to find, against the masses.
 """
 
 from __future__ import annotations
@@ -9,9 +9,7 @@ from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
-import pinocchio as pin
 
-from ..numbers import quantity
 from ..spatial import Array
 from .draft import Draft, Line
 from .units import UNITS, UNSCALED, dimension_of, factor_of, unit_in_name
@@ -175,42 +173,3 @@ def _slope(time: Array | None, q: Array, qd: Array) -> float | None:
     if alike < 0.98:
         return None if alike > 0.9 else float("nan")
     return float(moved @ driven / (driven @ driven))
-
-
-# -- efforts beside what the robot's weight takes: amperes and per cent are often logged as 'effort' -------------------
-
-
-#: Rows that are compared at most.
-_ROWS = 200
-#: No robot file's masses are so many times too large.
-_LESS = 10.0
-
-
-def doubt_efforts(draft: Draft, unsaid: set[str]) -> None:
-    """Note on the first effort that is far less than its joint's weight takes that it may be in another unit.
-
-    unsaid: targets of efforts whose unit nothing tells, so that they were taken as N or N m.
-    """
-    mechanism, joints = draft.mechanism, draft.joints
-    efforts = {line.target[4:]: line for line in draft.lines if line.target in unsaid and not line.doubt}
-    if mechanism is None or mechanism.loops or not efforts or not efforts.keys() <= joints.keys():
-        return
-    if len({len(draft.stream_of(line)) for line in joints.values()}) != 1:
-        return
-    positions = {name: draft.in_si(line) for name, line in joints.items()}
-    rows = np.flatnonzero(np.isfinite(list(positions.values())).all(axis=0))
-    data, taken = mechanism.model.createData(), dict.fromkeys(efforts, 0.0)
-    for q in draft.configurations(positions, rows[:: max(1, -(-len(rows) // _ROWS))]):
-        held = pin.computeGeneralizedGravity(mechanism.model, data, q)
-        for name in taken:
-            taken[name] = max(taken[name], float(np.abs(held[mechanism.joint(name).dofs]).max(initial=0.0)))
-    for name, line in efforts.items():
-        most = float(np.nanmax(np.abs(draft.in_si(line)), initial=0.0))
-        if 0 < _LESS * most < taken[name]:
-            unit = mechanism.joint(name).effort_unit
-            line.doubt = (
-                f"no unit is given, and its weight alone takes up to {quantity(taken[name], unit)} where the log has "
-                f"{quantity(most, unit)}: if these are A, % or counts, write that unit on all tau lines, with `scale` "
-                "or the tolerances effort_gain, mass, inertia (docs/import.md)"
-            )
-            return

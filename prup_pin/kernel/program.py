@@ -4,9 +4,8 @@ The equations of this package are written for arrays with any leading axes. Give
 down what they do instead of doing it: each sum, product, root of one pose in turn, zeros and ones left out. What comes
 out is a `Program` that knows one mechanism only; numpy runs it on columns of poses, or `machine` compiles it.
 
-Every expression carries its values at some sample poses. They tell which pivots are good, what is zero, and what is
-the same as something that is known already: identities of the mechanism itself, such as the one rotation of a platform
-that all legs share, are found and used.
+Every expression carries its values at some sample poses. They tell which pivots are good and which sums are zero, as
+identities of the mechanism make them.
 """
 
 from __future__ import annotations
@@ -19,11 +18,8 @@ from numpy.typing import NDArray
 
 from ..spatial import Array
 
-#: Smaller than this share of what it is made of, at every sample: zero. Rounding leaves some 1e-15. Two expressions
-#: that agree so well at every sample are the same.
-_ZERO, _SAME = 1e-13, 1e-12
-#: The same where frames are drawn to so many digits that more would be taken as equal than is.
-_EXACTLY = 1e-15, 1e-14
+#: Smaller than this share of what it is made of, at every sample: zero. Rounding leaves some 1e-15.
+_ZERO = 1e-13
 #: A constant smaller than this is what rounding leaves of the zeros in rotations.
 _ROUNDING = 1e-15
 #: Share of the largest candidate that a pivot must have at every sample.
@@ -69,14 +65,11 @@ class Operation(NamedTuple):
 class Tape:
     """Operations as they are written down, with the values of each at the sample poses, (S,)."""
 
-    def __init__(self, samples: int, exact: bool = False):
-        """`exact`: only what agrees to rounding is taken as equal."""
-        self._zero, self._same = _EXACTLY if exact else (_ZERO, _SAME)
+    def __init__(self, samples: int):
         self.operations: list[Operation] = []
         self.values: list[Array] = []
         self._samples = samples
         self._known: dict[tuple, int] = {}
-        self._alike: dict[tuple, int] = {}
         self._piecewise: list[bool] = []
 
     def inputs(self, samples: Array) -> Array:
@@ -92,7 +85,7 @@ class Tape:
         operation = Operation("constant", value=float(value))
         if operation in self._known:
             return Expression(self, self._known[operation])
-        return self._known_or_new(operation, np.full(self._samples, float(value)))
+        return self._new(operation, np.full(self._samples, float(value)))
 
     def expressed(self, values: Array) -> Array:
         """Return an object array whose numbers have become constants."""
@@ -109,7 +102,7 @@ class Tape:
         return np.moveaxis(out, -1, 0)
 
     def apply(self, name: str, a: Expression, b: Expression | None = None) -> Expression:
-        """Return a function of expressions, or what is known to be the same."""
+        """Return a function of expressions, or what is known to be zero."""
         if b is None:
             value = FUNCTIONS[name](a.values)
         else:
@@ -119,29 +112,13 @@ class Tape:
         operation = Operation(name, a.index, -1 if b is None else b.index)
         if operation in self._known:
             return Expression(self, self._known[operation])
-        # What is decided case by case may be the same at all samples and another elsewhere: never taken as equal.
+        # What is decided case by case may be zero at all samples and another elsewhere.
         cases = name in _PIECEWISE or self._piecewise[a.index] or (b is not None and self._piecewise[b.index])
-        if cases:
-            return self._new(operation, value.astype(float), True)
-        if name in ("add", "sub"):
+        if name in ("add", "sub") and not cases:
             assert b is not None
-            if (np.abs(value) <= self._zero * (np.abs(a.values) + np.abs(b.values))).all():
+            if (np.abs(value) <= _ZERO * (np.abs(a.values) + np.abs(b.values))).all():
                 return self.constant(0.0)
-        return self._known_or_new(operation, value)
-
-    def _known_or_new(self, operation: Operation, value: Array) -> Expression:
-        if operation in self._known:
-            return Expression(self, self._known[operation])
-        signature = _signature(value)
-        if signature is not None:
-            near = self._alike.get(signature)
-            if near is not None and (np.abs(self.values[near] - value) <= self._same * np.abs(value)).all():
-                self._known[operation] = near
-                return Expression(self, near)
-        made = self._new(operation, value)
-        if signature is not None:
-            self._alike[signature] = made.index
-        return made
+        return self._new(operation, value.astype(float) if cases else value, cases)
 
     def _new(self, operation: Operation, value: Array, cases: bool = False) -> Expression:
         self.operations.append(operation)
@@ -149,16 +126,7 @@ class Tape:
         self._piecewise.append(cases)
         index = len(self.operations) - 1
         self._known[operation] = index
-        if operation.name == "input" and (signature := _signature(value)) is not None:
-            self._alike.setdefault(signature, index)
         return Expression(self, index)
-
-
-def _signature(value: Array) -> tuple | None:
-    """Return what equal expressions share, but for rare roundings; None where values are not finite."""
-    if not np.isfinite(value).all():
-        return None
-    return tuple(float(f"{number:.9e}") for number in value[:3].tolist())
 
 
 class Expression:

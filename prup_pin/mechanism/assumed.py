@@ -23,8 +23,6 @@ def assumed(mechanism: Mechanism) -> Iterator[str]:
     floating = [joint.name for joint in mechanism.joints if joint.nv == 6]
     if floating:
         yield f"the base is taken as fixed: the floating joint {', '.join(floating)} stands still"
-    elif description.floats:
-        yield f"the base '{mechanism.bodies[0]}' is taken as fixed to the ground; the real one floats or walks"
     if not mechanism.joints:
         return
     if mechanism.coupling:

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import Problem
-from .frames import Frame, loop_closure
+from .frames import Frame
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism, Module
@@ -43,18 +43,6 @@ def loose_and_loaded(mechanism: Mechanism) -> Iterator[Problem]:
             "another movable one, in no circle, by <mimic>"
         )
         yield Problem(text, coupling.line)
-
-
-def restated(mechanism: Mechanism) -> Iterator[Problem]:
-    """Yield loops that are described twice and otherwise."""
-    loops = {loop.name: loop for loop in mechanism.loops}
-    for again in mechanism.description.restated:
-        if not loops[again.name].same_as(loop_closure(again, mechanism.frames)):
-            text = (
-                f"loop '{again.name}' is described twice, and otherwise: its <constraint> joins other places or leaves "
-                "other motions free. Correct one of the two, or remove it"
-            )
-            yield Problem(text, again.line)
 
 
 def misstated_units(mechanism: Mechanism) -> Iterator[Problem]:

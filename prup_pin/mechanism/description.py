@@ -152,7 +152,6 @@ class RobotDescription:
     tasks: tuple[TaskDescription, ...] = ()
     home: Mapping[str, float] = field(default_factory=dict)
     loops: tuple[LoopDescription, ...] = ()
-    restated: tuple[LoopDescription, ...] = ()  # loops once more, by the same names; they must say the same
     modules: tuple[ModuleDescription, ...] = ()
     lengths: tuple[LengthDescription, ...] = ()
     variants: Mapping[str, VariantDescription] = field(default_factory=dict)
@@ -162,7 +161,6 @@ class RobotDescription:
     doubts: tuple[str, ...] = ()  # what can be read in one way only, and was hardly meant so
     package_folders: tuple[Path, ...] = ()  # where package:// may point besides the robot's own folder
     meshes_missing: tuple[str, ...] = ()
-    floats: bool = False  # True where the real robot's base is not fixed to the ground
     described: bool = False  # True where the file says more than a tree
     lines: Mapping[str, int | None] = field(default_factory=dict)
 

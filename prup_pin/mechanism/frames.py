@@ -9,12 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import named
-from ..spatial import Array, placement, rotation_exp, skew
+from ..spatial import Array, skew
 from .description import FrameDescription, LoopDescription
-
-#: Motions [m or rad] along and about what a loop leaves free, by which two descriptions of it are compared, and how far
-#: they may differ: frames drawn to seven digits are enough.
-_TRIED, _SAME = (0.2, -0.45), 1e-6
 
 
 @dataclass(frozen=True)
@@ -50,30 +46,6 @@ class LoopClosure:
     def size(self) -> int:
         """Number of scalar constraints."""
         return len(self.translation_axes) + len(self.rotation_rows)
-
-    def gap(self, second_in_first: Array) -> Array:
-        """Return what has to vanish, (size,), where one body's frame stands at (4, 4) seen from the other's."""
-        apart = np.linalg.solve(self.first.placement, second_in_first @ self.second.placement)
-        return np.concatenate((apart[list(self.translation_axes), 3], self.rotation_rows @ apart[:3, :3].ravel()))
-
-    def same_as(self, other: LoopClosure) -> bool:
-        """Return True where another closure of the same bodies lets them move in the same ways."""
-        if (self.first.joint, self.second.joint, self.size) != (other.first.joint, other.second.joint, other.size):
-            return False
-        # Of two turns the first frame's axis comes first, in cyclic order.
-        turns = ("rz", "rx") if {"rx", "rz"} == self.free & {"rx", "ry", "rz"} else ("rx", "ry", "rz")
-        for amount in (0.0, *_TRIED):
-            moved = np.eye(4)
-            for axis in ("x", "y", "z", *turns):
-                if axis in self.free:
-                    amount *= -0.7
-                    step = amount * np.eye(3)["xyz".index(axis[-1])]
-                    turned, shift = (rotation_exp(step), np.zeros(3)) if axis[0] == "r" else (np.eye(3), step)
-                    moved = moved @ placement(turned, shift)
-            bodies = self.first.placement @ moved @ np.linalg.inv(self.second.placement)
-            if np.abs(other.gap(bodies)).max(initial=0.0) > _SAME:
-                return False
-        return True
 
 
 def loop_closure(loop: LoopDescription, frames: Mapping[str, Frame]) -> LoopClosure:

@@ -117,21 +117,6 @@ class LoadPaths:
         others = [edge for edge in met[0] if edge not in faced]
         return [(others, 0), (faced, 0)] if outward else [(faced, 0), (others, 0)]
 
-    def legs(self) -> list[list[int]]:
-        """Return the ways side by side from the base to the tool, each its joints, and -1 - its place for a loop.
-
-        None where loads take other ways.
-        """
-        if self._tool is None:
-            return []
-        legs, edges = [], {edge for near in self._loaded.values() for _, edge in near}
-        for node, edge in self._loaded.get(self._base, ()):
-            passed, others = self._followed(node, edge)
-            if passed[-1] != self._tool:
-                return []
-            legs.append([edge, *others])
-        return legs if sum(map(len, legs)) == len(edges) else []
-
     def between(self, joint: int, one: int, other: int) -> list[int]:
         """Return the joints between two bodies that a joint's load passes through."""
         if joint in self.idle:

@@ -103,7 +103,7 @@ class Mechanism:
         self.modules = tuple(self._modules_of(description, problems))
         if model is None and not problems:
             problems += checks.misplaced_beams(self)
-        problems += [*checks.loose_and_loaded(self), *checks.restated(self), *checks.misstated_units(self)]
+        problems += [*checks.loose_and_loaded(self), *checks.misstated_units(self)]
         if problems:
             raise RobotFileError(description.path, sorted(problems, key=lambda found: found.line or 0))
         self._modules = {module.name: module for module in self.modules}

@@ -14,7 +14,6 @@ from ..numbers import number
 from ..parameters import Parameter
 from ..spatial import Array, placement, rotation_exp
 from .changes import Changes, JointDynamics
-from .constraint_element import CONSTRAINT
 from .description import (
     FrameDescription,
     LoopDescription,
@@ -135,7 +134,7 @@ class _Drawing:
             if all(end is None for end in ends):
                 moved.append(loop)
                 continue
-            for element in self.root.iter("loop", CONSTRAINT):
+            for element in self.root.iter("loop"):
                 if element.get("name") == loop.name:
                     element.getparent().remove(element)
             frames = [

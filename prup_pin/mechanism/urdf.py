@@ -1,4 +1,4 @@
-"""URDF files: the tree's structure, the <prup_pin> extension, <loop_joint> and <constraint>, checked all at once.
+"""URDF files: the tree's structure, the <prup_pin> extension and <loop_joint>, checked all at once.
 
 Pinocchio reads the tree itself; this reader finds what Pinocchio would reject with a bare 'not valid' or accept in
 silence (two roots, second parents, zero axes), and reads what Pinocchio ignores. docs/robot_file.md describes the
@@ -17,7 +17,6 @@ from lxml import etree
 from ..errors import nearest_names
 from ..numbers import number
 from ..spatial import axis_as_z, placement
-from .constraint_element import CONSTRAINT, read_constraint
 from .description import (
     CouplingDescription,
     FrameDescription,
@@ -36,7 +35,7 @@ _BROKEN = re.compile(rb"=\s*(?:\"[^\"<>]*[\t\r\n][^\"<>]*\"|'[^'<>]*[\t\r\n][^'<
 #: Joints of a robot stand nearer to each other [m].
 _FARTHEST = 20.0
 #: What stands in a <robot>, and in a <joint> once.
-_PARTS = ("link", "joint", "material", "gazebo", "transmission", "loop_joint", CONSTRAINT, EXTENSION)
+_PARTS = ("link", "joint", "material", "gazebo", "transmission", "loop_joint", EXTENSION)
 _JOINT_PARTS = ("origin", "parent", "child", "axis", "calibration", "dynamics", "limit", "mimic", "safety_controller")
 _MOVABLE = ("revolute", "continuous", "prismatic")
 _JOINT_TYPES = (*_MOVABLE, "fixed", "floating", "planar")
@@ -111,9 +110,6 @@ class UrdfDocument(ExtensionDocument):
         extension = self.only_extension()
         fields = {} if extension is None else self.extension(extension)
         loops = (*fields.pop("loops", ()), *self._loop_joints())
-        constraints = [loop for element in self.root.findall(CONSTRAINT) if (loop := read_constraint(self, element))]
-        described = {loop.name for loop in loops}
-        loops += tuple(loop for loop in constraints if loop.name not in described)
         notes += fields.pop("notes", ())
         coupled = self._mimics(joints)
         if sidecar:
@@ -126,7 +122,6 @@ class UrdfDocument(ExtensionDocument):
             source="URDF",
             content=content,
             loops=loops,
-            restated=tuple(loop for loop in constraints if loop.name in described),
             coupled=coupled,
             meshes_missing=tuple(dict.fromkeys(self.meshes_missing)),
             notes=tuple(notes),

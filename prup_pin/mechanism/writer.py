@@ -9,7 +9,6 @@ import numpy as np
 from lxml import etree
 
 from ..errors import InputError
-from .constraint_element import CONSTRAINT, constraint_element
 from .description import LoopDescription, ModuleDescription, RobotDescription
 from .extension import EXTENSION
 from .mechanism import Mechanism, with_lengths
@@ -19,9 +18,8 @@ from .xml_file import parse_again, words
 def urdf_of(description: RobotDescription) -> bytes:
     """Return the robot file of a description: its own, comments included, with what was changed or given by `load`.
 
-    Loops stand there in <prup_pin>, and once more as <constraint> where that element has a type for them. Lengths are
-    applied to the joints they move; gravity and task coordinates come from the file alone. Raises InputError where the
-    robot was not read from a URDF.
+    Loops stand there in <prup_pin>. Lengths are applied to the joints they move; gravity and task coordinates come from
+    the file alone. Raises InputError where the robot was not read from a URDF.
     """
     if description.source != "URDF":
         raise InputError(f"'{description.name}' was read from {description.source}; only URDFs can be saved, as URDF")
@@ -108,23 +106,17 @@ def _give(element: etree._Element, name: str, value: Any) -> None:
 
 
 def _loops(root: etree._Element, extension: etree._Element, loops: Iterable[LoopDescription]) -> None:
-    """Write each loop as <loop> where its frames have names, and as <constraint> where that has a type for it."""
+    """Write each loop as <loop>; one between frames without names of their own stays the file's <loop_joint>."""
     own = {element.get("name") for element in extension.findall("loop")}
-    constraints = {element.get("name") for element in root.findall(CONSTRAINT)}
-    link_of = {str(link.get("name")): str(link.get("name")) for link in root.findall("link")}
-    for joint in root.findall("joint"):
-        link_of.setdefault(str(joint.get("name")), str(joint.find("child").get("link")))
-    for element in root.findall("loop_joint"):
-        root.remove(element)
+    others = {element.get("name"): element for element in root.findall("loop_joint")}
     for loop in loops:
-        named = loop.first.offset is None and loop.second.offset is None
-        if named and loop.name not in own:
-            free = " ".join(sorted(loop.free))
-            frames = {"frame1": loop.first.name, "frame2": loop.second.name}
-            etree.SubElement(extension, "loop", name=loop.name, **frames, free=free)
-        element = None if loop.name in constraints else constraint_element(loop, link_of)
-        if element is not None:
-            extension.addprevious(element)
+        if loop.name in own or loop.first.offset is not None or loop.second.offset is not None:
+            continue
+        free = " ".join(sorted(loop.free))
+        frames = {"frame1": loop.first.name, "frame2": loop.second.name}
+        etree.SubElement(extension, "loop", name=loop.name, **frames, free=free)
+        if loop.name in others:
+            root.remove(others[loop.name])
 
 
 def _modules(extension: etree._Element, modules: Iterable[ModuleDescription]) -> None:

@@ -22,7 +22,7 @@ from ..loaded import Conditions, FirstOrder, LoadedPose, find_equilibria
 from ..parameters import Parameter
 from ..spatial import Array, rotation_exp, rotation_tangent, skew
 from ..statics import Compliance, solve_statics
-from .by_value import ValueStep, has_slope
+from .by_value import ValueStep, has_slope, is_chosen
 from .redrawn import Redrawn, by_length, compliance_by_length, rigid_motion_by_length
 
 #: Share of the robot's size by which a length is.
@@ -84,7 +84,7 @@ class Sensitivity:
             raise InputError("the load deflects nothing along itself; give a --wrench that does")
         lines = []
         for name, parameter in self.parameters.items():
-            if parameter.source in ("derived", _DRAWN) or self._follows(parameter):
+            if parameter.source == _DRAWN or not is_chosen(parameter, self.parameters):
                 continue
             slope = float(wrench @ self.displacement[name]) / work
             percent = slope * parameter.value
@@ -95,11 +95,6 @@ class Sensitivity:
 
     def __repr__(self) -> str:
         return f"<Sensitivity of {self.loaded!r} to {len(self.parameters)} parameters>"
-
-    def _follows(self, parameter: Parameter) -> bool:
-        """Whether a given value would follow from another one that is given too: an area from a diameter."""
-        sources = () if parameter.quantity is None else parameter.quantity.derived_from
-        return any(f"{parameter.owner}.{source}" in self.parameters for source in sources)
 
 
 #: Source of parameters that are displacements or masses of the drawing.

@@ -2,13 +2,11 @@
 
 from .castigliano import Energies, Statics, invalid, problems_of, solve_statics
 from .compliance import Compliance, dimensionless, yielding_stiffness
-from .legs import Legs
 from .wrench_jacobians import StaticsLayout
 
 __all__ = [
     "Compliance",
     "Energies",
-    "Legs",
     "Statics",
     "StaticsLayout",
     "dimensionless",

@@ -92,13 +92,6 @@ class Engine:
         return None if self.written is None else Columns(self.written.pipeline, self.compiled)
 
     @cached_property
-    def _machine_at(self) -> Columns | None:
-        """The same from closed configurations and coordinates."""
-        if self.written is None or self.written.passing is None:
-            return None
-        return Columns(self.written.at, self.compiled)
-
-    @cached_property
     def _reaching(self) -> ManyPoses:
         """What finds poses that are not reached straight away, by Newton's step as it is written."""
         if self.written is None or self.written.passing is None:
@@ -214,13 +207,6 @@ class Engine:
         reached = self._reaching.reach(coordinates)
         into.status[:] = reached.state
         closed = np.flatnonzero(reached.state == CLOSED)
-        if len(closed) and self.written is not None and self._machine_at is not None:
-            part = self.unwritten(len(closed))
-            given = np.concatenate((reached.q[closed], coordinates[closed]), axis=1)
-            unsure = self._filled(self._machine_at, given, part)
-            for name, found in part.values.items():
-                into.values[name][closed] = found
-            closed = closed[unsure]
         for start in range(0, len(closed), _TOGETHER):
             some = closed[start : start + _TOGETHER]
             poses, doubtful = self.many.poses(reached.q[some])

@@ -205,10 +205,9 @@ class Quantity:
     `units`: of a single entry by its place, where they differ and the entries are few.
 
     `elastic`: needs compliant modules; `box`: needs force and moment of the box of wrenches; `stiff`: the matrix
-    that has to exist, K or K_task;
-    `wrench`, `direction`: needs that (of box and wrench, one); `by_module`: needs what each module carries; `after`:
-    follows from C or K alone, by what no straight line of operations does; `by_one`: is worked out pose by pose, which
-    takes some hundred times as long.
+    that has to exist, K or K_task; `wrench`, `direction`: needs that (of box and wrench, one); `after`: follows from C
+    or K alone, by what no straight line of operations does; `by_one`: is worked out pose by pose, which takes some
+    hundred times as long.
     """
 
     name: str
@@ -222,7 +221,6 @@ class Quantity:
     symmetric: bool = False
     wrench: bool = False
     direction: bool = False
-    by_module: bool = False
     after: str = ""
     by_one: bool = False
     units: Sequence[str] | Callable[..., str] | None = None
@@ -345,7 +343,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "shares", "1", "each module's share of the work: under `wrench`, else the mean over the box's corners",
-            lambda s: s.shares, (_modules,), box=True, wrench=True, by_module=True,
+            lambda s: s.shares, (_modules,), box=True, wrench=True,
         ),
         Quantity(
             "translational", "N/m", "stiffness against a force alone in the principal directions, softest first",

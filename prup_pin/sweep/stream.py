@@ -1,7 +1,7 @@
 """A sweep larger than memory: parts on disk while it runs, one table in the end, Parquet or CSV.
 
-Parts stand in a folder beside the table, FILE.parts, each written whole. A sweep that was interrupted finds them there
-and goes on; what does not belong to it, it refuses, and what is damaged, it solves again.
+Parts stand in a folder beside the table, FILE.parts, each an array of rows that is written whole. A sweep that was
+interrupted finds them there and goes on; what does not belong to it, it refuses, and what is damaged, it solves again.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from .table import FORMATS
 
 _ABOUT = "about.json"
 #: Of the format of parts; another one is not read.
-_VERSION = 1
+_VERSION = 2
 
 
 class Parts:
@@ -79,11 +80,7 @@ class Parts:
             if path.name == _ABOUT:
                 continue
             start = int(path.stem.partition("-")[2]) if path.stem.startswith("part-") else -1
-            if (
-                start >= 0
-                and path.suffix == self.out.suffix
-                and self._format.rows(path) == min(PART, len(self._places) - start)
-            ):
+            if start >= 0 and _rows_in(path) == min(PART, len(self._places) - start):
                 done.add(start)
             else:
                 path.unlink()
@@ -94,13 +91,17 @@ class Parts:
         """Write the part that begins at a pose."""
         rows = self._places.rows(start, start + len(answer.status))
         columns = table_columns(self._engine, rows, answer)
-        self._format.write(self._path(start), columns, self._engine.about())
+        kinds = [(name, values.dtype) for name, values in columns.items()]
+        held = BytesIO()
+        np.save(held, np.rec.fromarrays([*columns.values()], kinds))
+        write_whole({self._path(start): [held.getvalue()]})
 
     def finish(self) -> None:
         """Put all parts into one table, and remove them once it is whole."""
-        parts = map(self._path, range(0, len(self._places), PART))
+        parts = map(np.load, map(self._path, range(0, len(self._places), PART)))
+        columns = ({name: part[name] for name in part.dtype.names} for part in parts)
         try:
-            self._format.join(parts, self.out, self.about())
+            self._format.write(self.out, columns, self.about())
         except OSError as error:
             raise InputError(
                 f"out: cannot write '{self.out}': {error.strerror or error}; the parts are in '{self.folder}'"
@@ -114,7 +115,15 @@ class Parts:
         return {**self._engine.about(), "shape": places.shape, "axes": axes, "fixed": places.fixed}
 
     def _path(self, start: int) -> Path:
-        return self.folder / f"part-{start:012d}{self.out.suffix}"
+        return self.folder / f"part-{start:012d}.npy"
+
+
+def _rows_in(path: Path) -> int:
+    """Return how many rows a part has, -1 where it is damaged."""
+    try:
+        return len(np.load(path, mmap_mode="r"))
+    except (OSError, ValueError, EOFError):
+        return -1
 
 
 def _fingerprint(engine: Engine, places: Places) -> dict[str, Any]:

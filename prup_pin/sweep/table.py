@@ -8,8 +8,9 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from itertools import chain, repeat
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,27 +18,22 @@ from numpy.typing import NDArray
 from ..errors import InputError, imported
 from ..files import write_whole
 
-if TYPE_CHECKING:
-    import pyarrow
-
 #: The key of a table's metadata under which it says what it holds.
 ABOUT = b"prup_pin"
 
 
+#: Columns (n,) by name.
+Columns = Mapping[str, NDArray]
+
+
 class Format(Protocol):
-    """A kind of table, and the parts that become one."""
+    """A kind of table."""
 
     def check(self) -> None:
         """Raise MissingExtraError where no such table can be written."""
 
-    def write(self, path: Path, columns: Mapping[str, NDArray], about: Mapping[str, Any]) -> None:
-        """Write columns (n,) by name, whole or not at all. Raises InputError where the file cannot be written."""
-
-    def rows(self, path: Path) -> int | None:
-        """Return how many rows a table has; None where it is damaged."""
-
-    def join(self, parts: Iterable[Path], path: Path, about: Mapping[str, Any]) -> None:
-        """Put tables of the same columns one below the other, whole or not at all. Raises InputError or OSError."""
+    def write(self, path: Path, parts: Iterable[Columns], about: Mapping[str, Any]) -> None:
+        """Write parts one below the other, all or nothing. Raises InputError or OSError where that is not possible."""
 
     def read(self, path: Path, names: Sequence[str]) -> dict[str, NDArray]:
         """Return columns by name. Raises InputError where the file is gone or damaged."""
@@ -69,27 +65,14 @@ class _Parquet:
     def check(self) -> None:
         arrow()
 
-    def write(self, path: Path, columns: Mapping[str, NDArray], about: Mapping[str, Any]) -> None:
-        try:
-            with _replacing(path) as part:
-                arrow().parquet.write_table(_as_arrow(columns, about), part, compression="zstd")
-        except OSError as error:
-            raise InputError(f"cannot write '{path}': {error.strerror or error}") from error
-
-    def rows(self, path: Path) -> int | None:
-        try:
-            return int(arrow().parquet.read_metadata(path).num_rows)
-        except (OSError, arrow().ArrowInvalid):
-            return None
-
-    def join(self, parts: Iterable[Path], path: Path, about: Mapping[str, Any]) -> None:
-        parquet, writer = arrow().parquet, None
+    def write(self, path: Path, parts: Iterable[Columns], about: Mapping[str, Any]) -> None:
+        pa, writer = arrow(), None
         with _replacing(path) as whole, ExitStack() as open_files:
-            for part in parts:
-                table = _plain(parquet.read_table(part))
+            for columns in parts:
+                table = pa.table({name: pa.array(values) for name, values in columns.items()})
                 if writer is None:
                     schema = table.schema.with_metadata({ABOUT: json.dumps(about, sort_keys=True).encode()})
-                    writer = open_files.enter_context(parquet.ParquetWriter(whole, schema, compression="zstd"))
+                    writer = open_files.enter_context(pa.parquet.ParquetWriter(whole, schema, compression="zstd"))
                 writer.write_table(table.cast(schema))
 
     def read(self, path: Path, names: Sequence[str]) -> dict[str, NDArray]:
@@ -101,23 +84,6 @@ class _Parquet:
         return {name: table[name].to_numpy() for name in names}
 
 
-def _as_arrow(columns: Mapping[str, NDArray], about: Mapping[str, Any]) -> pyarrow.Table:
-    """Return columns as a table that says what it holds; words are stored once each."""
-    pa = arrow()
-    arrays = {
-        name: pa.array(values).dictionary_encode() if values.dtype.kind == "U" else pa.array(values)
-        for name, values in columns.items()
-    }
-    return pa.table(arrays).replace_schema_metadata({ABOUT: json.dumps(about, sort_keys=True).encode()})
-
-
-def _plain(table: Any) -> Any:
-    """Return a table whose words are words: every part has a dictionary of its own."""
-    pa = arrow()
-    at = table.schema.get_field_index("status")
-    return table.set_column(at, "status", table.column(at).cast(pa.string()))
-
-
 # -- CSV ---------------------------------------------------------------------------------------------------------------
 
 
@@ -127,23 +93,8 @@ class _Csv:
     def check(self) -> None:
         pass
 
-    def write(self, path: Path, columns: Mapping[str, NDArray], about: Mapping[str, Any]) -> None:
-        text = io.StringIO()
-        out = csv.writer(text, lineterminator="\n")
-        out.writerow(columns)
-        out.writerows(zip(*map(_cells, columns.values()), strict=True))
-        write_whole({path: [text.getvalue()]})
-
-    def rows(self, path: Path) -> int | None:
-        try:
-            with path.open("rb") as file:
-                ended = [line.endswith(b"\n") for line in file]
-        except OSError:
-            return None
-        return len(ended) - 1 if all(ended) else None
-
-    def join(self, parts: Iterable[Path], path: Path, about: Mapping[str, Any]) -> None:
-        write_whole({path: _below(parts)})
+    def write(self, path: Path, parts: Iterable[Columns], about: Mapping[str, Any]) -> None:
+        write_whole({path: map(_lines, parts, chain([True], repeat(False)))})
 
     def read(self, path: Path, names: Sequence[str]) -> dict[str, NDArray]:
         try:
@@ -158,6 +109,15 @@ class _Csv:
             raise InputError(f"cannot read '{path}': {error or 'it is empty'}") from error
 
 
+def _lines(columns: Columns, named: bool) -> str:
+    """Return rows as text, below the names of their columns where these are to be there."""
+    text = io.StringIO()
+    out = csv.writer(text, lineterminator="\n")
+    out.writerows([[*columns]] * named)
+    out.writerows(zip(*map(_cells, columns.values()), strict=True))
+    return text.getvalue()
+
+
 def _cells(values: NDArray) -> list[Any]:
     return ["" if value != value else value for value in values.tolist()]
 
@@ -169,17 +129,13 @@ def _numbers(cells: Sequence[str]) -> NDArray:
         return np.array(cells)
 
 
-def _below(parts: Iterable[Path]) -> Iterator[str]:
-    for place, part in enumerate(parts):
-        with part.open(encoding="utf-8", newline="") as file:
-            head = file.readline()
-            yield file.read() if place else head + file.read()
-
-
 #: By the endings of their files.
 FORMATS: Mapping[str, Format] = {".parquet": _Parquet(), ".csv": _Csv()}
 
 
-def write_table(path: Path, columns: Mapping[str, NDArray], about: Mapping[str, Any]) -> None:
+def write_table(path: Path, columns: Columns, about: Mapping[str, Any]) -> None:
     """Write a Parquet file whole or not at all. Raises InputError where it cannot be written."""
-    FORMATS[".parquet"].write(path, columns, about)
+    try:
+        FORMATS[".parquet"].write(path, [columns], about)
+    except OSError as error:
+        raise InputError(f"cannot write '{path}': {error.strerror or error}") from error

@@ -6,14 +6,12 @@ written so (joints that turn idly, modules whose equation asks which case holds)
 
 from __future__ import annotations
 
-from contextlib import suppress
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SingularPoseError
 from ..kernel import (
     NEGLIGIBLE,
     NEGLIGIBLE_ENERGY,
@@ -27,9 +25,8 @@ from ..kernel import (
     least,
 )
 from ..kinematics import SURE, ClosedPose, ManyPoses, PassiveBalance
-from ..modules import ModuleGeometry
 from ..spatial import Array
-from ..statics import Energies, Legs, Statics, StaticsLayout, problems_of, solve_statics
+from ..statics import Energies, Statics, StaticsLayout, problems_of, solve_statics
 from .quantities import QUANTITIES, Asked, Quantity, Solved
 
 #: Sample poses, and how far joints are moved away from closed loops where Newton's steps are sampled [m, rad].
@@ -44,8 +41,6 @@ _EXACT = 1e-12
 _REGULAR = 1e-9
 #: What rounding leaves of loads, in shares of the closure forces behind them.
 _ROUNDING = 1e-11
-#: What rounding leaves of motions that a leg's other joints allow already [m, 1].
-_IDLE = 1e-9
 #: Rounding allowed beyond a joint's limit [m, rad].
 _AT_LIMIT = 1e-9
 
@@ -54,13 +49,12 @@ class Written(NamedTuple):
     """A pipeline, and the rows of its outputs by the quantities that it computes; the last three are 1 where all
     conditions hold, failure and way.
 
-    `at` gives the same outputs at closed configurations, from them and the coordinates; `passing` gives Newton's step
-    anywhere, the square of the error's size, 1 where the pivots are good, 1 where the loops are assembled.
+    `passing` gives Newton's step anywhere, the square of the error's size, 1 where the pivots are good, 1 where the
+    loops are assembled.
     """
 
     pipeline: Pipeline
     rows: dict[str, slice]
-    at: Pipeline
     passing: Pipeline | None
 
     def accepted(self, end: Array) -> NDArray[np.bool_]:
@@ -133,64 +127,37 @@ class _Inverse:
 
 
 class _WrittenSolved(Solved):
-    """Statics as expressions; by `legs` where the mechanism has such."""
+    """Statics as expressions."""
 
-    def __init__(self, pose: ClosedPose, layout: StaticsLayout, scaling: Array, asked: Asked, legs: Legs | None, solve):
+    def __init__(self, pose: ClosedPose, layout: StaticsLayout, scaling: Array, asked: Asked, solve: _Solver):
         super().__init__(pose, layout, scaling, asked)
-        self._legs, self._solve = legs, solve
+        self._solve = solve
 
     @cached_property
     def statics(self) -> Statics:
         return solve_statics(self.layout, self.poses, None, Energies(self._solve.counting, self._solve.energies))
 
     @cached_property
-    def _side_by_side(self) -> tuple[Array, list[ModuleGeometry]]:
-        assert self._legs is not None
-        return self._legs.stiffness(self.poses, self._solve)
-
-    @cached_property
-    def _both(self) -> tuple[Array, Array, Expression]:
-        """C, K, and the product of their dimensionless traces: a bound of their condition, as both are definite."""
-        if self._legs is None:
-            c = self.statics.compliance(self.deformations[0])
-            k = eliminated(c * self.scaling, np.eye(6).astype(object))[0] * self.scaling
-            k = (k + k.T) * 0.5
-        else:
-            k = self._side_by_side[0]
-            c = self._solve(k / self.scaling, np.eye(6).astype(object)) / self.scaling
-            c = (c + c.T) * 0.5
-        return c, k, (np.diagonal(c * self.scaling)).sum() * (np.diagonal(k / self.scaling)).sum()
-
-    @property
-    def C(self) -> Array:  # noqa: N802
-        return self.statics.compliance(self.deformations[0]) if self._legs is None else self._both[0]
-
-    @property
     def K(self) -> Array:  # noqa: N802
-        return self._both[1]
+        k = eliminated(self.C * self.scaling, np.eye(6).astype(object))[0] * self.scaling
+        return (k + k.T) * 0.5
 
     def conditions(self, elastic: bool, stiff: bool) -> list[Any]:
         """Return conditions that are 1 where C, or K too, is what has been written."""
-        found = []
+        found: list[Any] = []
         if elastic:
-            geometries = self.statics.geometries if self._legs is None else self._side_by_side[1]
-            for problems in problems_of(self.layout, geometries):
+            for problems in problems_of(self.layout, self.statics.geometries):
                 found += [1.0 - flag for flag in problems.ravel() if isinstance(flag, Expression)]
-        if stiff or (elastic and self._legs is not None):
-            found.append(self._both[2] <= 0.1 / NEGLIGIBLE_ENERGY)
-        if elastic and self._legs is not None:
-            idle = self._legs.idle(self.poses, self._solve)
-            found += [abs(left) <= _IDLE for left in idle if isinstance(left, Expression) and left.known is None]
+        if stiff:  # a bound of the condition, as both are definite
+            traces = np.diagonal(self.C * self.scaling).sum() * np.diagonal(self.K / self.scaling).sum()
+            found.append(traces <= 0.1 / NEGLIGIBLE_ENERGY)
         return found
 
 
 def written(many: ManyPoses, layout: StaticsLayout, scaling: Array, asked: Asked) -> Written | None:
     """Return the pipeline of a question, or None where it cannot be written as straight lines."""
     try:
-        try:
-            return _Writer(many, layout, scaling, asked).written()
-        except _InexactError:
-            return _Writer(many, layout, scaling, asked, exact=True).written()
+        return _Writer(many, layout, scaling, asked).written()
     except (TypeError, ValueError, ZeroDivisionError, AttributeError, _NotWrittenError):
         return None
 
@@ -199,13 +166,8 @@ class _NotWrittenError(Exception):
     pass
 
 
-class _InexactError(_NotWrittenError):
-    """Arrays say otherwise: perhaps what is nearly equal, as frames are drawn, was taken as equal."""
-
-
 class _Writer:
-    def __init__(self, many: ManyPoses, layout: StaticsLayout, scaling: Array, asked: Asked, exact: bool = False):
-        self._exact = exact
+    def __init__(self, many: ManyPoses, layout: StaticsLayout, scaling: Array, asked: Asked):
         self.many, self.layout, self.scaling, self.asked = many, layout, scaling, asked
         self.mechanism = many.mechanism
         self.kinematics = many.kinematics
@@ -238,26 +200,18 @@ class _Writer:
             self.q = many.reach(self.coordinates).q
         self.apart = self.q + generator.uniform(-_APART, _APART, self.q.shape)
 
-    @cached_property
-    def legs(self) -> Legs | None:
-        """The mechanism's legs, where it consists of such."""
-        with suppress(SingularPoseError):
-            return Legs.of(self.layout, self.kinematics.home_pose())
-        return None
-
     def written(self) -> Written:
-        final, rows = self._final(anywhere=False)
+        final, rows = self._final()
         pipeline = Pipeline(self._start(), self._step() if self.looped else None, final)
         if not self.looped:
-            return Written(pipeline, rows, pipeline, None)
+            return Written(pipeline, rows, None)
         size = self.q.shape[1] + self.coordinates.shape[1]
-        at = Pipeline(Program.without(size), None, self._final(anywhere=True)[0])
         # Where closures are redundant, whether one is closed or only drawn so takes more than a straight line.
         passing = None if self.redundant else Pipeline(Program.without(size), None, self._step(passing=True))
-        return Written(pipeline, rows, at, passing)
+        return Written(pipeline, rows, passing)
 
     def _start(self) -> Program:
-        tape = Tape(_SAMPLES, self._exact)
+        tape = Tape(_SAMPLES)
         x = tape.inputs(self.coordinates)
         home = self.kinematics.home
         if self.looped:
@@ -273,7 +227,7 @@ class _Writer:
         return Program(tape, q)
 
     def _step(self, passing: bool = False) -> Program:
-        many, tape = self.many, Tape(_SAMPLES, self._exact)
+        many, tape = self.many, Tape(_SAMPLES)
         given = tape.inputs(np.hstack((self.apart, self.coordinates)))
         q, target = given[: self.q.shape[1]], given[self.q.shape[1] :]
         placements = many.tree.placements(q)
@@ -337,12 +291,12 @@ class _Writer:
             np.zeros((count, 0)),
         )
 
-    def _final(self, anywhere: bool) -> tuple[Program, dict[str, slice]]:
-        many, tape = self.many, Tape(_SAMPLES, self._exact)
+    def _final(self) -> tuple[Program, dict[str, slice]]:
+        many, tape = self.many, Tape(_SAMPLES)
         given = tape.inputs(np.hstack((self.q, self.coordinates)))
         q, x = given[: self.q.shape[1]], given[self.q.shape[1] :]
         conditions = self._limits(q)
-        if self.looped and not anywhere:
+        if self.looped:
             _, distance = self.polynomial.written(x - self.kinematics.start.coordinates)
             conditions.append(distance <= 1.0)
         placements = many.tree.placements(q)
@@ -358,8 +312,7 @@ class _Writer:
             closure_wrenches=gaps.wrenches, balance=balance, closure_residual=gaps.gap, coordinates={},
         )  # fmt: skip
         asked = [QUANTITIES[name] for name in self.asked.quantities]
-        legs = None if any(item.by_module for item in asked) else self.legs
-        solved = _WrittenSolved(pose, self.layout, self.scaling, self.asked, legs, solve)
+        solved = _WrittenSolved(pose, self.layout, self.scaling, self.asked, solve)
         outputs: list[Any] = []
         # K in the place of what follows from it
         computed = [QUANTITIES[name] for name in dict.fromkeys(item.after or item.name for item in asked)]
@@ -377,7 +330,7 @@ class _Writer:
         return Program(tape, [*outputs, good]), rows
 
     def _check(self, tape: Tape, item: Quantity, entries: Array, by_arrays: Solved) -> None:
-        """Raise _InexactError where arrays say otherwise at the samples."""
+        """Raise _NotWrittenError where arrays say otherwise at the samples."""
         ours = tape.sampled(entries)
         theirs = item.value(by_arrays).reshape(ours.shape)
         exact = np.full(len(ours), _EXACT)
@@ -385,7 +338,7 @@ class _Writer:
             exact = np.maximum(10 * exact, 1e-14 * np.linalg.cond(by_arrays.C * self.scaling))
         good = np.abs(ours - theirs).max(axis=1) <= exact * np.abs(theirs).max(axis=1)
         if not good.all():
-            raise _InexactError
+            raise _NotWrittenError
 
     def _limits(self, q: Array) -> list[Expression]:
         """Return conditions that are 1 where the joints stand within their limits."""

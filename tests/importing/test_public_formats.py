@@ -5,7 +5,6 @@ from __future__ import annotations
 from datetime import datetime, timedelta
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -349,75 +348,6 @@ def test_bodies_that_no_frame_is_called_like_are_asked_about(tmp_path, ur5):
     assert "# p.FRAME.y: {from: 'RigidBody 2.Y [mm]', unit: mm}" in made.text
 
 
-# ---- markers without names, in the rows of the joints ------------------------------------------------------------
-POSES = np.random.default_rng(6).uniform(-1.6, 1.6, (36, 6))
-SCATTER = 1e-3 * np.random.default_rng(5).standard_normal((2, 36, 3))
-
-
-def beside(ur5, offset, body="wrist_3_joint", tracker=None):
-    """Return where a marker on a body is seen, (N, 3) [m], from the hall or from another body of the robot."""
-    data, q, place = ur5.model.createData(), ur5.home_configuration(), np.empty((len(POSES), 3))
-    for row, values in enumerate(POSES):
-        for name, value in zip(logs.JOINTS, values, strict=True):
-            ur5.set_joint(q, name, float(value))
-        pin.forwardKinematics(ur5.model, data, q)
-        whence = pin.SE3(HALL.inv().as_matrix(), np.zeros(3)) if tracker is None else data.oMi[ur5.joint_id(tracker)]
-        place[row] = whence.actInv(data.oMi[ur5.joint_id(body)]).act(np.array(offset))
-    return place + np.array([0.3, 1.2, -0.4])
-
-
-def triplets(*places, scale=1.0):
-    """Return columns x1 y1 z1 x2 y2 z2 … of places (N, 3) [m] beside the joints of poses at rest."""
-    named = {f"{axis}{k}": scale * place[:, i] for k, place in enumerate(places, 1) for i, axis in enumerate("xyz")}
-    return named | logs.numbered("q{}", POSES)
-
-
-@pytest.mark.parametrize("scale", [1.0, 1e3])
-def test_markers_that_have_numbers_for_names_are_on_the_body_that_they_move_with(tmp_path, ur5, scale):
-    first = beside(ur5, [0.05, 0.0, 0.1]) + SCATTER[0]
-    second = beside(ur5, [-0.04, 0.03, 0.02], "elbow_joint") + SCATTER[1]
-    done = imported(tmp_path, ur5, logs.csv(tmp_path / "poses.csv", triplets(first, second, first, scale=scale)))
-    markers = done.recording.markers
-    assert [ur5.frame(name).joint for name in markers] == [ur5.joint_id(f"{x}_joint") for x in ("wrist_3", "elbow")]
-    for place, name in zip((first, second), markers, strict=True):
-        np.testing.assert_allclose(markers[name], place, atol=1e-9)
-    text = (tmp_path / "map.yaml").read_text()
-    assert "moves as wrist_3_link; median distance from it 1." in text
-    assert "moves as forearm_link; median distance from it 1." in text
-    assert "marker 3 is marker 1 again, number by number" in text
-    assert done.recording.tolerances.declared["target_position"] >= 0.1
-    assert done.recording.tolerances.declared["frame_position"] > 5
-
-
-def test_two_markers_on_one_body_are_on_two_of_its_frames(tmp_path, ur5):
-    places = [beside(ur5, [0.05, 0.0, z]) + SCATTER[k] for k, z in enumerate((0.1, 0.0))]
-    markers = imported(tmp_path, ur5, logs.csv(tmp_path / "poses.csv", triplets(*places))).recording.markers
-    assert len(markers) == 2
-    assert {ur5.frame(name).joint for name in markers} == {ur5.joint_id("wrist_3_joint")}
-
-
-def test_markers_that_do_not_go_with_the_joints_are_doubted_with_the_reason(tmp_path, ur5):
-    def doubts(place):
-        return " ".join(guess(read_log(logs.csv(tmp_path / "poses.csv", triplets(place))), ur5).doubts)
-
-    true = beside(ur5, [0.05, 0, 0.1])
-    assert "measured from outside, or computed from the joints?" in doubts(true)
-    assert "moves as no body of the robot does" in doubts(np.random.default_rng(2).permutation(true))
-    assert "moves as no body of the robot does" in doubts(true * [1, 1, -1])  # of a mirrored frame
-    far = true + 0.04 * np.random.default_rng(3).standard_normal(true.shape)
-    assert "markers that were taken for one another, or another robot?" in doubts(far)
-
-
-def test_a_tracker_that_the_robot_carries_is_told(tmp_path, ur5):
-    """As a camera on the robot's own head sees its hand."""
-    place = beside(ur5, [0.0, 0.05, 0.1], tracker="shoulder_lift_joint") + SCATTER[0]
-    made = guess(read_log(logs.csv(tmp_path / "poses.csv", triplets(place))), ur5)
-    told = " ".join(made.doubts)
-    assert "moves as wrist_3_link seen from upper_arm_link" in told
-    assert "a tracker that the robot carries; a recording has places in base axes" in told
-    assert "p.FRAME.x: {from: x1, unit: m}" in made.text
-
-
 def test_names_of_files_are_what_tells_them_apart(tmp_path, ur5):
     """So that the map of one run does for the next."""
     for run in ("run1", "run2"):
@@ -430,16 +360,6 @@ def test_names_of_files_are_what_tells_them_apart(tmp_path, ur5):
     assert_motion(convert(second, read_map(tmp_path / "map.yaml", second, ur5), ur5).recording, "q", "tau")
     assert told_apart(["a_b", "a"]) == ["a_b", "a"]
     assert told_apart(["left.run", "right.run"]) == ["left", "right"]
-
-
-@pytest.mark.parametrize(("share", "doubted"), [(0.02, True), (1.0, False)])
-def test_efforts_without_a_unit_that_could_not_carry_the_robot_are_doubted(tmp_path, ur5, share, doubted):
-    columns = {"t": T} | logs.numbered("q{}", Q) | logs.numbered("effort{}", share * TAU)
-    made = guess(read_log(logs.csv(tmp_path / "log.csv", columns)), ur5)
-    assert [doubt.partition(":")[0] for doubt in made.doubts] == ["tau.shoulder_lift_joint"] * doubted
-    assert not doubted or "if these are A, % or counts" in made.doubts[0]
-    said = {"t": T} | logs.numbered("q{}", Q) | logs.numbered("effort{} [Nm]", share * TAU)
-    assert guess(read_log(logs.csv(tmp_path / "said.csv", said)), ur5).doubts == ()
 
 
 def test_another_motion_tells_no_delay(tmp_path, ur5):

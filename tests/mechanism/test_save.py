@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lxml import etree
 
 import prup_pin
 from prup_pin.errors import InputError
@@ -62,30 +61,6 @@ def test_changed_values_and_lengths_are_in_the_file(tmp_path):
     added = [line for line in (tmp_path / "changed.urdf").read_text().splitlines() if line not in before]
     assert "Rezaei & Akbarzadeh" in (tmp_path / "changed.urdf").read_text()
     assert len(added) < 12
-
-
-def test_loops_stand_in_both_languages(tmp_path):
-    robot = prup_pin.load(ROBOTS / "six_ups/six_ups.urdf")
-    root = etree.parse(robot.save(tmp_path / "both.urdf")).getroot()
-    ours, theirs = root.findall("prup_pin/loop"), root.findall("constraint")
-    assert [e.get("name") for e in ours] == [e.get("name") for e in theirs] == [f"leg{i}" for i in range(2, 7)]
-    assert {e.get("type") for e in theirs} == {"spherical_joint"}
-    # The second alone says the same.
-    for element in ours:
-        element.getparent().remove(element)
-    (tmp_path / "theirs.urdf").write_bytes(etree.tostring(root))
-    same(robot, prup_pin.load(tmp_path / "theirs.urdf"))
-
-
-@pytest.mark.parametrize("free", ["", "rx", "ry", "z", "rx ry", "ry rz", "rx rz", "rx ry rz", "z rz"])
-def test_any_loop_is_the_same_in_both_languages(free, tmp_path):
-    text = (ROBOTS / "five_bar/five_bar.urdf").read_text().replace('free="rz"', f'free="{free}"')
-    (tmp_path / "loop.urdf").write_text(text)
-    robot = prup_pin.load(tmp_path / "loop.urdf")
-    again = prup_pin.load(robot.save(tmp_path / "saved.urdf"))  # refused where the two differ
-    assert len(again.mechanism.description.restated) == (free != "z rz")  # no <constraint> is a cylinder
-    (loop,) = again.mechanism.loops
-    assert loop.same_as(robot.mechanism.loops[0])
 
 
 def test_what_cannot_be_saved_is_refused_and_nothing_is_written(tmp_path):

@@ -212,10 +212,10 @@ def test_a_program_computes_its_function(name):
 def test_zeros_ones_and_what_is_known_are_left_out():
     program, _ = traced(lambda a, b: (a * 0.0 + b * 1.0, (a + b) - (b + a), a * b - b * a + a), 2)
     assert len(program) == 0
-    # sin^2 + cos^2 is found to be one: it is at every sample.
-    program, inputs = traced(lambda a, b: (b * (np.sin(a) ** 2 + np.cos(a) ** 2), a), 2)
+    # sin^2 + cos^2 - 1 is found to be zero: it is at every sample
+    program, inputs = traced(lambda a, b: (b * (np.sin(a) ** 2 + np.cos(a) ** 2 - 1.0), a), 2)
     assert len(program) == 0
-    np.testing.assert_array_equal(by_numpy(program, inputs)[0], inputs[1])
+    np.testing.assert_array_equal(by_numpy(program, inputs)[1], inputs[0])
 
 
 def test_what_is_the_same_at_the_samples_by_cases_is_not_taken_for_equal():

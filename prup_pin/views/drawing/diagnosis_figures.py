@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from textwrap import wrap
 from typing import Any
 
@@ -19,15 +19,12 @@ from ...modules import DriveModule
 from ...numbers import number, readable_unit
 from ...robot import Robot
 from ...spatial import Array
-from ..scene.camera import camera_of
 from ..scene.colours import AFTER, AXES, BAND, BEFORE, FOUND, INK, PALE
+from ..scene.painter import pose_scene
+from ..scene.scene import Legend
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text
-from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool, write_head
 from .plotting import (
-    NARROW,
-    WIDE,
-    Drawing,
     Figure,
     Line2D,
     page_figure,
@@ -37,6 +34,7 @@ from .plotting import (
     sheet,
     zero_lines,
 )
+from .scene_figure import NARROW, WIDE, SceneDrawing, scene_figure
 
 #: What was measured.
 _MEASURED = "#23272E"
@@ -46,10 +44,6 @@ _LINE = 18
 _ZIGZAG = 3
 #: Joints that a page shows, those whose effort the findings change most, and the time that it shows of them [s].
 _MOST_JOINTS, _SECONDS = 6, 12.0
-_WIDE = WIDE._replace(size=(11, 6.6), drawing=(0.02, 0.02, 0.62, 0.86), line=40)
-_NARROW = NARROW._replace(
-    size=(5.2, 8.2), drawing=(0.02, 0.37, 0.96, 0.54), compass=(0.0, 0.35, 0.24, 0.13), legend=(0.5, 0.2), line=50
-)
 _AXIS_NAMES = {"m": ("x", "y", "z"), "rad": ("about x", "about y", "about z")}
 
 
@@ -102,31 +96,18 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, *, narrow: bool = False) ->
     run = diagnosis.final
     poses = [] if run is None else run.geometry.poses
     pose = poses[len(poses) // 2] if poses else robot.home
-    parts = skeleton(pose)
-    camera = camera_of(robot, pose)
-    layout = _NARROW if narrow else _WIDE
-    figure = sheet(*layout.size)
-    flat, size = camera.flat(parts.points), parts.size
-    low, high = flat.min(axis=0) - 0.1 * size, flat.max(axis=0) + 0.1 * size
-    # a tall robot leaves room at its sides, where labels may go
-    middle, half = (low + high) / 2, (high - low) / 2
-    _, _, wide, high_ = layout.drawing
-    half[0] = max(half[0], half[1] * (wide * layout.size[0]) / (high_ * layout.size[1]))
-    drawing = Drawing(figure, layout.drawing, camera, middle - half, middle + half)
-    draw_mechanism(drawing, parts)
-    texts = draw_tool(drawing, parts)
+    figure = sheet(*(NARROW if narrow else WIDE), dpi=100)
+    scene = pose_scene(robot, pose, ellipsoids="none")
+    drawing = scene_figure(figure, replace(scene, legend=Legend(scene.legend.title)))
     found = marks(robot, pose, diagnosis.told)
-    middle = camera.flat(parts.points).mean(axis=0)
+    middle = drawing.flat(scene.bounds).mean(axis=0)
     for at, numbers in _draw_marks(drawing, found):
         drawing.labels.put(", ".join(map(str, numbers)), at, FOUND, at - middle, 17, "bold")
-    drawing.write(texts, parts.legs, parts.points, size)
-    draw_compass(figure, camera, robot.mechanism.gravity, layout)
-    draw_legend(figure, drawing, layout)
     # the findings beside the drawing, by the numbers that it shows
     lines, most = [], 4 if narrow else 9
     for index, finding in enumerate(diagnosis.told, 1):
         text = f"{index}  {finding_text(finding)}"
-        lines += wrap(text, layout.line, subsequent_indent="    ", break_on_hyphens=False)
+        lines += wrap(text, 50 if narrow else 40, subsequent_indent="    ", break_on_hyphens=False)
     if any(not mark.number for mark in found):
         lines.append("dashed: where a finding may sit as well")
     if len(lines) > most:
@@ -134,27 +115,26 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, *, narrow: bool = False) ->
     text = "\n".join(lines) or ("nothing is missing" if diagnosis.since is None else "nothing has changed")
     place = (0.06, 0.33) if narrow else (0.655, 0.87)
     figure.text(*place, text, fontsize=11, color=FOUND, va="top", linespacing=1.6)
-    write_head(figure, robot.name)
     return figure
 
 
-def _draw_marks(drawing: Drawing, found: Sequence[Mark]) -> list[tuple[Array, list[int]]]:
+def _draw_marks(drawing: SceneDrawing, found: Sequence[Mark]) -> list[tuple[Array, list[int]]]:
     """Draw the marks; return each point on the page with the numbers of the findings there."""
     numbers: dict[tuple, tuple[Array, list[int]]] = {}
     span = float(np.ptp(drawing.axes.get_ylim()))
     for mark in found:
-        flat = drawing.camera.flat(mark.points)
+        flat = drawing.flat(mark.points)
         strong = mark.number > 0
         if len(flat) == 2:
             thick, alpha = (15.0, 0.35) if strong else (10.0, 0.16)
-            drawing.axes.plot(*flat.T, color=FOUND, lw=thick, alpha=alpha, solid_capstyle="round", zorder=3)
+            drawing.axes.plot(*flat.T, color=FOUND, lw=thick, alpha=alpha, solid_capstyle="round", zorder=30)
         at = flat.mean(axis=0)
         if len(flat) == 1:
             size, width, line, face = (24, 2.6, "-", FOUND + "22") if strong else (17, 1.2, (0, (2, 1.5)), "none")
             style = {"facecolors": face, "edgecolors": FOUND, "linewidths": width, "linestyles": [line]}
             drawing.axes.scatter(*at[:, None], s=size**2, zorder=200, **style)
         ring = np.linspace(0, 2 * np.pi, 13)[:, None] * np.array([1.0, 1.0]) + np.array([0.0, np.pi / 2])
-        drawing.labels.avoid(at + 0.024 * span * np.sin(ring))
+        drawing.labels.obstacles.append(at + 0.024 * span * np.sin(ring))
         if strong:
             numbers.setdefault(tuple(np.round(at, 6)), (at, []))[1].append(mark.number)
     return list(numbers.values())

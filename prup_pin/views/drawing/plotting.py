@@ -1,29 +1,38 @@
-"""What the pictures are made of: sheets, axes, one projected drawing and labels that cover nothing of it.
+"""What the pictures are made of: sheets, axes, and labels that cover nothing of what is drawn.
 
 The only place that imports matplotlib: objects only, never pyplot's global state, so that pictures can be made
 anywhere, without a display.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from io import BytesIO
-from itertools import pairwise
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Polygon
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
 from ...spatial import Array
-from ..scene.camera import Camera
-from ..scene.colours import INK, PALE
+from ..scene.colours import PALE
 
-__all__ = ["Bbox", "Figure", "FigureCanvasAgg", "Line2D", "ListedColormap", "MaxNLocator", "Patch", "Polygon"]
+__all__ = [
+    "Bbox",
+    "Figure",
+    "FigureCanvasAgg",
+    "Line2D",
+    "LineCollection",
+    "ListedColormap",
+    "MaxNLocator",
+    "Patch",
+    "PolyCollection",
+]
 
 #: Decorates what makes a figure: dollar signs in names are signs, not mathematics.
 plain_words = rc_context({"text.parse_math": False})
@@ -94,30 +103,7 @@ def encoded(figure: Figure, kind: str, dpi: float | str = 200, letters: bool = F
     return content.getvalue()
 
 
-# -- one drawing of the mechanism -------------------------------------------------------------------------------------
-
-
-class Layout(NamedTuple):
-    """Where the pieces of a drawing stand, in shares of its width and height; `size` in inches, `line` in letters."""
-
-    size: tuple[float, float]
-    drawing: tuple[float, float, float, float]
-    beside: tuple[float, float, float, float]  # what explains it: an ellipsoid, a small chart
-    compass: tuple[float, float, float, float]
-    legend: tuple[float, float]
-    scale: tuple[float, float, float, float]
-    line: int
-
-
-#: For paper and screens, and for a phone, on which letters keep their size.
-WIDE = Layout(
-    (11, 7.2), (0.02, 0.02, 0.67, 0.83), (0.70, 0.42, 0.29, 0.42), (0.015, 0.02, 0.13, 0.19), (0.715, 0.39),
-    (0.725, 0.035, 0.16, 0.02), 130,
-)  # fmt: skip
-NARROW = Layout(
-    (5.2, 9.2), (0.02, 0.39, 0.96, 0.49), (0.03, 0.045, 0.42, 0.27), (0.0, 0.36, 0.24, 0.13), (0.46, 0.35),
-    (0.50, 0.045, 0.38, 0.014), 58,
-)  # fmt: skip
+# -- labels -----------------------------------------------------------------------------------------------------------
 
 
 #: Where a label may stand about its point: how far away [dots], near places first, in which direction, (n, 1 and 2).
@@ -134,14 +120,6 @@ class Labels:
         self.obstacles: list[Array] = []
         self.boxes: list[Bbox] = []
 
-    def avoid(self, line: Array) -> None:
-        """Keep labels off a line (n, 2) in data coordinates."""
-        line = np.asarray(line, float).reshape(-1, 2)
-        for start, end in pairwise(line):
-            self.obstacles.append(start + np.linspace(0, 1, 25)[:, None] * (end - start))
-        if len(line) == 1:
-            self.obstacles.append(line)
-
     def put(
         self, text: str, at: Array, colour: str, towards: Array | None = None, size: float = 10, weight="normal"
     ) -> None:
@@ -152,6 +130,7 @@ class Labels:
         label = self.axes.text(
             *at, text, color=colour, fontsize=size, ha="center", va="center", zorder=1000, weight=weight
         )
+        label.set_bbox({"facecolor": "white", "alpha": 0.55, "edgecolor": "none", "pad": 0.8})
         extent = label.get_window_extent(renderer)
         half = np.array([extent.width, extent.height]) / 2 + 2
         centre = transform.transform(at)
@@ -168,60 +147,3 @@ class Labels:
         place = middles[np.argmin(cost)]
         label.set_position(transform.inverted().transform(place))
         self.boxes.append(Bbox([place - half, place + half]))
-
-
-class Drawing:
-    """One drawing on 2-D axes of its own, at a `place` of the figure, of points on the page from `low` to `high`."""
-
-    def __init__(self, figure: Figure, place: tuple[float, ...], camera: Camera, low, high):
-        self.figure, self.camera = figure, camera
-        self.axes: Any = figure.add_axes(place)  # type: ignore[arg-type]
-        self.axes.set_aspect("equal")
-        self.axes.axis("off")
-        self.axes.set_xlim(low[0], high[0])
-        self.axes.set_ylim(low[1], high[1])
-        figure.canvas.draw()  # labels are placed on the page
-        self.labels = Labels(figure, self.axes)
-
-    def write(self, texts, legs: Mapping[str, Array], points: Array, size: float) -> None:
-        """Write (text, at, colour, towards) beside their points, and the names of legs away from the middle."""
-        for text, at, colour, towards in texts:
-            self.labels.put(text, at, colour, towards)
-        middle = self.camera.flat(points).mean(axis=0)
-        for leg, point in legs.items():
-            at = self.camera.flat(point)
-            self.labels.put(leg, at, INK, at - middle + 0.3 * size * self.camera.flat(self.camera.up), 11, "bold")
-
-    def line(self, points: Array, colour: str, width: float, lift: float = 0.0, halo: bool = True, **style) -> None:
-        """Draw a line; nearer lines cross farther ones with a white edge."""
-        flat, depth = self.camera.flat(points), self.camera.depth(points)
-        order = 10 + depth + lift
-        if halo:
-            self.axes.plot(*flat.T, color="white", lw=width + 2.5, solid_capstyle="butt", zorder=order)
-        self.axes.plot(*flat.T, color=colour, lw=width, solid_capstyle="round", zorder=order + 1e-6, **style)
-        self.labels.avoid(flat)
-
-    def sign(self, label: str, colour: str, width: float) -> None:
-        """Let a line stand in the legend for what is drawn in several colours or as an arrow."""
-        self.axes.plot([], [], color=colour, lw=width, label=label)
-
-    def rod(self, points: Array, colour: str, label: str) -> None:
-        """Draw a beam: a thick line with a light along its middle."""
-        self.line(points, colour, 7.0, label=label)
-        flat, depth = self.camera.flat(points), self.camera.depth(points)
-        self.axes.plot(*flat.T, color="white", alpha=0.35, lw=2.0, solid_capstyle="round", zorder=10 + depth + 2e-6)
-
-    def arrow(
-        self, start: Array, end: Array, colour: str, width: float, head: float = 12.0, lift: float = 50.0
-    ) -> None:
-        """Draw an arrow with a head of constant size."""
-        a, b = self.camera.flat(start), self.camera.flat(end)
-        style = {"arrowstyle": "-|>", "color": colour, "lw": width, "mutation_scale": head, "shrinkA": 0, "shrinkB": 0}
-        self.axes.annotate("", xy=b, xytext=a, zorder=10 + lift, arrowprops=style)
-        self.labels.avoid(np.array([a, b]))
-
-    def mark(self, point: Array, sign: str, size: float, face: str, edge: str, lift: float = 20.0, **style) -> None:
-        """Draw a marker of constant size, nearer ones over farther ones."""
-        flat, order = self.camera.flat(point), 10 + lift + 0.01 * self.camera.depth(point)
-        self.axes.plot(*flat, sign, ms=size, mfc=face, mec=edge, zorder=order, **{"mew": 1.3, **style})
-        self.labels.avoid(flat)

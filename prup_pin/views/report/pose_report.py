@@ -17,10 +17,10 @@ import numpy as np
 from ...errors import InputError
 from ...kinematics import ClosedPose
 from ...numbers import fixed, number, quantity, readable_unit, some
-from ...review import STEP, Lever, find_levers, number_remarks
+from ...review import number_remarks
 from ...robot import Robot
 from ...spatial import Array, as_wrench
-from ...statics import Compliance
+from ...statics import Compliance, StaticsLayout, solve_statics
 from ..scene.colours import share_colours
 from ..text import answer as words
 from ..text.answer import Answer
@@ -38,8 +38,8 @@ from ..text.values import (
 from .pages import page
 
 _MINUS = "\u2212"
-#: Modules and levers that are listed.
-SOFTEST, LEVERS = 10, 8
+#: Modules and values that are listed, and what changes the deflection by less [% per %] is not.
+SOFTEST, VALUES, LITTLE = 10, 8, 0.01
 #: Largest size of the scene [characters]; a heavier one would make a page that cannot be mailed.
 SCENE_LIMIT = 3_500_000
 
@@ -55,7 +55,8 @@ def report_html(
     changes: Mapping[str, Any] | None = None,
     notes: Sequence[str] = (),
 ) -> str:
-    """Return one self-contained HTML page: scene, K, C, deflection, shares, softest parts, levers, sag, assumptions.
+    """Return one self-contained HTML page: scene, K, C, deflection, shares, softest parts, what to stiffen first, sag,
+    assumptions.
 
     pose: a closed pose, or task coordinates such as {"z": 0.4}; none: home.
     wrench: (6,) or {"fx": 300}, on the tool, base axes [N, N m]; none: a unit force along the softest direction.
@@ -81,7 +82,6 @@ def report_html(
     scene, scene_note = _scene(robot, answer, scale)
     load = answer.load.wrench if answer.load.wrench.any() else None
     softest = [name for name in words.ranked(answer.shares or {}) if (answer.shares or {})[name] > 1e-6][:SOFTEST]
-    levers = find_levers(robot, compliance, answer.load.wrench, softest)
     # the table of displacements in common units, the sag among them; and where down is
     columns, moved, units = words.displacements(answer)
     rows, gravity, down = [(name, *cells) for name, cells in moved.items()], answer.mechanism.gravity, ""
@@ -110,8 +110,7 @@ def report_html(
         softest=_softest(robot, answer, softest, adds_up),
         exact_without=adds_up,
         moved=_moved(answer, answer.deflection),
-        levers=[_lever(answer, lever) for lever in levers[:LEVERS]],
-        step=number(100 * STEP),
+        stiffen_first=_stiffen_first(robot, answer),
         mobility=mobility_rows(robot.mechanism, robot.mobility(pose)),
         notes=list(notes),
     )
@@ -202,22 +201,24 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _lever(answer: Answer, lever: Lever) -> dict[str, str]:
-    legs = [name.rpartition("/")[0] for name in lever.modules]
-    several = len(lever.modules) > 1 and all(legs)
-    value = ""
-    if np.ndim(lever.value) == 0:
-        before, after = (workshop_text(value, lever.unit) for value in (lever.value, lever.value * lever.factor))
-        value = f"{before.partition(' ')[0]} → {after}"
-    return {
-        "name": lever.modules[0].rpartition("/")[2] if several else ", ".join(lever.modules),
-        "where": f"in {', '.join(legs)}" if several else "",
-        "parameter": _words(lever.parameter),
-        "value": value,
-        "step": f"{100 * (lever.factor - 1):+.0f} %".replace("-", _MINUS),
-        "change": f"{_MINUS}{number(-100 * lever.change, 3)} %",
-        "moved": _moved(answer, lever.deflection),
-    }
+def _stiffen_first(robot: Robot, answer: Answer) -> list[dict[str, str]]:
+    """Return the values that change the deflection along the load most; none of a robot whose modules bear a load."""
+    from ...sensitivity.by_value import slopes_along  # `prup-pin stiffness` begins without it
+
+    if answer.compliance.load is not None or not answer.amount > 0:
+        return []
+    statics = solve_statics(StaticsLayout(robot.mechanism), answer.compliance.pose)
+    slopes = slopes_along(statics, answer.load.wrench)
+    return [
+        {
+            "module": robot.parameters[name].owner,
+            "value": f"{_words(robot.parameters[name].short)} "
+            f"{workshop_text(robot.parameters[name].value, robot.parameters[name].unit)}",
+            "percent": number(slope, 3).replace("-", _MINUS),
+        }
+        for name, slope in list(slopes.items())[:VALUES]
+        if abs(slope) > LITTLE
+    ]
 
 
 # -- what the page shows -----------------------------------------------------------------------------------------------

@@ -32,10 +32,6 @@ class Camera:
         """Return (..., 2) coordinates on the page."""
         return np.asarray(points) @ self.plane.T
 
-    def depth(self, points: Array) -> float:
-        """Return the mean nearness of points to the viewer."""
-        return float(np.mean(np.asarray(points) @ self.viewer))
-
 
 def _seen(gravity: Array, azimuths: Array, elevation: float) -> tuple[Array, Array, Array]:
     """Return what is up, and by azimuth [deg] the direction to the viewer (n, 3) and the axes of the page (n, 2, 3)."""
@@ -118,13 +114,3 @@ def best_camera(gravity: Array, parts: Skeleton, front: Array | None = None) -> 
         score[:, viewers @ front < _FACING] = 0.0
     row, column = np.unravel_index(np.argmax(score >= _AS_GOOD * score.max()), score.shape)
     return Camera(gravity, float(azimuths[column]), _LIKINGS[row][0])
-
-
-def hull(points: Array) -> Array:
-    """Return the convex hull of (n, 2) points, in order; nothing where they span no area."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        return points[ConvexHull(points).vertices]
-    except QhullError:
-        return np.zeros((0, 2))

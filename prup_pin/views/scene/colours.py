@@ -17,9 +17,8 @@ GHOST, LOAD, MOVED, FOUND = "#7d8794", "#0f7b3e", "#111827", "#c2255c"
 BEAM, SYMBOL = "#6f8aa5", "#b08d57"
 #: Before anything was found or compensated, and after it: what a model leaves, what is estimated.
 BEFORE, AFTER = "#9AA3AD", "#0B6AA8"
-#: Zero and what bears no load; the band of a noise; the metal of drives; joints by what they do, the plainest first.
+#: Zero and what bears no load; the band of a noise; the metal of drives.
 PALE, BAND, METAL = "#C3C9D0", "#DCE3EA", "#8a929b"
-ROLES: Mapping[str, str] = {"passive": "white", "sprung": "#9BD1E5", "locked": "black", "actuated": "#F2B705"}
 #: x, y, z.
 AXES = ("#d62728", "#2a9d3f", "#1f5fd0")
 ELLIPSOIDS: Mapping[str, str] = {"translation": "#2a9d8f", "rotation": "#7a5195"}

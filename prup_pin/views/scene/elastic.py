@@ -10,7 +10,6 @@ from ...kinematics import ClosedPose
 from ...mechanism import Module
 from ...spatial import Array, axis_as_z, placement
 from ...statics import Compliance
-from .skeleton import Segment
 
 #: Sections of a bent beam from root to tip.
 SECTIONS = 25
@@ -87,22 +86,6 @@ class Deflections:
         u, _, vt = np.linalg.svd(linear @ self._shapes[body])
         return placement(u @ vt @ at[:3, :3], at[:3, 3] + self.shift(body, at[:3, 3], scale))
 
-    def curve(self, segment: Segment, scale: float) -> Array:
-        """Return the scaled deflected line of a segment, (SECTIONS, 3): a beam bends, other lines stay straight.
-
-        What moves a beam's tip besides the beam, such as a slide that slips, stretches the picture towards it.
-        """
-        s = np.linspace(0, 1, SECTIONS)[:, None]
-        if segment.kind == "beam":
-            moved = scale * (
-                self._lines[segment.name].displacement + s * self._gap(segment.name, *segment.bodies, segment.end)
-            )
-        else:
-            ends = zip(segment.bodies, (segment.start, segment.end), strict=True)
-            first, last = (self.shift(body, end, scale) for body, end in ends)
-            moved = first + s * (last - first)
-        return segment.start + s * (segment.end - segment.start) + moved
-
     def _gap(self, name: str, root: int, tip: int, end: Array) -> Array:
         """Return how far a beam's tip goes beside the beam's own end; nothing slides within a link."""
         return np.zeros(3) if root == tip else self.shift(tip, end, 1.0) - self._lines[name].displacement[-1]
@@ -110,7 +93,7 @@ class Deflections:
     def bent(self, module: Module, pose: ClosedPose, scale: float, *, stretched: bool) -> BentLine:
         """Return the scaled elastic line of a beam, as a whole turned to where its tip goes, by hinges at its root too.
 
-        A beam slides on a slide, or is `stretched` to its tip as in `curve`.
+        A beam slides on a slide, or is `stretched` to its tip: by what moves that besides the beam.
         """
         line = self._lines[module.name]
         frame, length = beam_frame(module, pose)

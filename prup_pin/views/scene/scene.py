@@ -194,6 +194,25 @@ def _stations(low: float, high: float, count: int) -> Array:
     return np.outer(np.linspace(low, high, count), [0.0, 0.0, 1.0])
 
 
+def mesh_of(shape: Solid | Tube | Mesh) -> Mesh:
+    """Return the surface of a shape, in pieces that are short beside it."""
+    if isinstance(shape, Mesh):
+        return shape
+    if isinstance(shape, Tube):
+        return shape.mesh
+    size = np.array(shape.size)
+    if shape.kind == "ball":
+        return Mesh(ball_mesh(2).vertices * size / 2, ball_mesh(2).faces)
+    if shape.kind == "box":
+        return box_mesh(shape.size, int(np.argmax(size)), 9)
+    if shape.kind == "ring":
+        angles = np.linspace(0, 2 * np.pi, 33)
+        circle = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(33)))
+        return Tube((size[0] - size[2]) / 2 * circle, size[2] / 2, 8).mesh
+    radii = size[0] / 2 * (np.linspace(1.0, 0.0, 9) if shape.kind == "cone" else np.ones(9))
+    return Tube(_stations(-size[2] / 2, size[2] / 2, 9), radii, 16).mesh
+
+
 @lru_cache(maxsize=64)
 def thread_mesh(radius: float, length: float, turns: int = 30) -> Mesh:
     """Return a screw about z from 0 to `length`: a bar whose radius follows a helix."""
@@ -337,15 +356,20 @@ class Scene:
         return np.concatenate(points)
 
     @cached_property
-    def display_from_base(self) -> Array:
-        """4 x 4: the middle to the origin, up along z, the eye above the x axis, the whole about one metre large."""
+    def page(self) -> Array:
+        """Axes (3, 3) of the page: to the right, up, towards the eye."""
         right = np.cross(self.up, self.viewer)
         right /= np.linalg.norm(right)
+        return np.array([right, np.cross(self.viewer, right), self.viewer])
+
+    @cached_property
+    def display_from_base(self) -> Array:
+        """4 x 4: the middle to the origin, up along z, the eye above the x axis, the whole about one metre large."""
+        right = self.page[0]
         turn = np.array([np.cross(right, self.up), right, self.up])
-        page = np.array([right, np.cross(self.viewer, right), self.viewer])
-        flat = self.bounds @ page.T
+        flat = self.bounds @ self.page.T
         low, high = flat.min(axis=0), flat.max(axis=0)
-        middle = page.T @ ((low + high) / 2)
+        middle = self.page.T @ ((low + high) / 2)
         size = float(np.linalg.norm(high - low)) or 1.0
         matrix = np.eye(4)
         matrix[:3, :3] = turn / size

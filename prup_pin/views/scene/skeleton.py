@@ -12,7 +12,6 @@ import numpy as np
 from ...kinematics import ClosedPose
 from ...mechanism import Frame
 from ...spatial import Array
-from ..text.values import joint_role, joint_type
 
 
 @dataclass(frozen=True)
@@ -28,13 +27,11 @@ class Segment:
 
 @dataclass(frozen=True)
 class Joint:
-    """A mark on a joint: where, which body, what it does."""
+    """A mark on a joint: where, and on which body."""
 
     name: str
     at: Array
     body: int
-    type: str
-    role: str
 
 
 @dataclass(frozen=True)
@@ -52,10 +49,8 @@ class Skeleton:
     segments: list[Segment]
     joints: list[Joint]
     plates: list[Plate]
-    closures: list[tuple[Array, Array]]
     anchors: Array
     tool: Array
-    tool_body: int
     legs: dict[str, Array] = field(default_factory=dict)
 
     @property
@@ -73,7 +68,7 @@ class Skeleton:
 
 
 def skeleton(pose: ClosedPose) -> Skeleton:
-    """Return the skeleton of a pose: beams from root to tip, links between the joints of a body, loop closures."""
+    """Return the skeleton of a pose: beams from root to tip, links between the joints of a body."""
     mechanism, model, placements = pose.mechanism, pose.mechanism.model, pose.placements
 
     def position(frame: Frame) -> Array:
@@ -98,20 +93,17 @@ def skeleton(pose: ClosedPose) -> Skeleton:
         own = placements[index][:3, 3]
         seat = (placements[parent] @ model.jointPlacements[index].homogeneous)[:3, 3]
         points[parent].append(seat)
-        kind, role = joint_type(mechanism, name), joint_role(mechanism, name)
         if index not in spanned:
             points[index].append(own)
             if np.linalg.norm(own - seat) > 1e-9:
                 segments.append(Segment("slide", seat, own, (parent, index), name))
-        joints.append(Joint(name, seat, parent, kind, role))
+        joints.append(Joint(name, seat, parent))
     for module in mechanism.modules:
         if module.leg and module.leg not in legs:
             legs[module.leg] = position(module.root) if module.root is not None else placements[module.joint][:3, 3]
-    closures = []
     for loop in mechanism.loops:
         for end in (loop.first, loop.second):
             points[end.joint].append(position(end))
-        closures.append((position(loop.first), position(loop.second)))
     tool = mechanism.tip
     points[tool.joint].append(position(tool))
     anchors = _unique(points[0])
@@ -129,8 +121,7 @@ def skeleton(pose: ClosedPose) -> Skeleton:
             if tuple(sorted((_key(hub), _key(corner)))) not in covered and np.linalg.norm(hub - corner) > 1e-9:
                 segments.append(Segment("link", hub, corner, (body, body), model.names[body]))
     ground = anchors if len(anchors) > 1 else np.zeros((1, 3))
-    placed = pose.placement(tool.name)
-    return Skeleton(segments, joints, plates, closures, ground, placed, tool.joint, legs)
+    return Skeleton(segments, joints, plates, ground, pose.placement(tool.name), legs)
 
 
 def _key(point: Array) -> tuple[float, ...]:

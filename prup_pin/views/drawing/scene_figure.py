@@ -1,0 +1,129 @@
+"""A scene on paper: its parts as shaded triangles in parallel projection, labels beside them, its legend in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from ...spatial import Array
+from ..scene.colours import INK, rgb_of
+from ..scene.scene import Legend, Lines, Part, Scene, mesh_of
+from .plotting import Figure, Labels, LineCollection, ListedColormap, Patch, PolyCollection
+
+#: Where a scene and its legend stand in a wide figure and in a narrow one, in shares of these; letters in a line.
+WIDE, NARROW = (11.0, 7.2), (5.2, 9.2)
+_PLACES = {WIDE: (0.01, 0.02, 0.68, 0.82), NARROW: (0.02, 0.43, 0.96, 0.42)}
+_LEGENDS = {WIDE: (0.70, 0.80), NARROW: (0.05, 0.41)}
+_LETTERS = {WIDE: 120, NARROW: 62}
+#: Light that comes from all sides, as a share; the rest comes from above the eye.
+_AMBIENT = 0.6
+#: Room about the scene, as a share of it.
+_ROOM = 0.05
+
+
+class SceneDrawing:
+    """Axes on which a scene is drawn, at a `place` of the figure, and what puts labels beside its parts."""
+
+    def __init__(self, figure: Figure, place: tuple[float, ...], scene: Scene):
+        self.plane = scene.page[:2]
+        self.axes: Any = figure.add_axes(place)  # type: ignore[arg-type]
+        self.axes.axis("off")
+        flat = self.flat(scene.bounds)
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        half = (0.5 + _ROOM) * (high - low)
+        wide, tall = figure.get_size_inches() * place[2:]
+        half = np.maximum(half, half[::-1] * np.array([wide / tall, tall / wide]))
+        (left, bottom), (right, top) = (low + high) / 2 - half, (low + high) / 2 + half
+        self.axes.set_xlim(left, right)
+        self.axes.set_ylim(bottom, top)
+        figure.canvas.draw()  # labels are placed on the page
+        self.labels = Labels(figure, self.axes)
+        self.labels.obstacles.append(self.flat(scene.obstacles))
+        for part in scene.parts:
+            if isinstance(part.shape, Lines):
+                ends = self.flat(part.shape.ends @ part.placement[:3, :3].T + part.placement[:3, 3])
+                drawn = LineCollection(list(ends), colors=part.colour, linewidths=0.6, zorder=1)
+                self.axes.add_collection(drawn, autolim=False)
+        for over in (False, True):
+            solid = [part for part in scene.parts if part.on_top is over and not isinstance(part.shape, Lines)]
+            if solid:
+                self._paint(scene, solid, 20 if over else 10)
+
+    def flat(self, points: Array) -> Array:
+        """Return (..., 2) coordinates on the page."""
+        return np.asarray(points) @ self.plane.T
+
+    def _paint(self, scene: Scene, parts: Sequence[Part], order: float) -> None:
+        """Draw parts as triangles, the farthest first; of what is seen through only those that face the eye."""
+        light = scene.viewer + 0.7 * scene.up
+        light = light / np.linalg.norm(light)
+        every = [_triangles(part) for part in parts]
+        corners, colours = (np.concatenate(found) for found in zip(*every, strict=True))
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        colours[:, :3] *= (_AMBIENT + (1 - _AMBIENT) * np.abs(normals @ light))[:, None]
+        shown = (colours[:, 3] == 1) | (normals @ scene.viewer > 0)
+        corners, colours = corners[shown], colours[shown]
+        farthest = np.argsort(corners.mean(axis=1) @ scene.viewer, kind="stable")
+        flat, faces = list(self.flat(corners[farthest])), colours[farthest]
+        edges = np.where(faces[:, 3:] == 1, faces, 0.0)  # closes the seams between triangles
+        painted = PolyCollection(
+            flat, facecolors=faces, edgecolors=edges, linewidths=0.3, rasterized=True, zorder=order
+        )
+        self.axes.add_collection(painted, autolim=False)
+
+
+def _triangles(part: Part) -> tuple[Array, Array]:
+    """Return the corners (n, 3, 3) of a part's triangles in base axes, and their colours (n, 4)."""
+    assert not isinstance(part.shape, Lines)
+    mesh = mesh_of(part.shape)
+    corners = (mesh.vertices @ part.placement[:3, :3].T + part.placement[:3, 3])[mesh.faces]
+    colours = np.full((len(corners), 4), part.opacity)
+    colours[:, :3] = rgb_of(part.colour) if mesh.colours is None else mesh.colours[mesh.faces].mean(axis=1)
+    return corners, colours
+
+
+def scene_figure(figure: Figure, scene: Scene) -> SceneDrawing:
+    """Draw a scene with its labels and legend on an empty figure that is WIDE or NARROW."""
+    width, height = figure.get_size_inches()
+    size = WIDE if width > NARROW[0] else NARROW
+    drawing = SceneDrawing(figure, _PLACES[size], scene)
+    for label in sorted(scene.labels, key=lambda label: not label.strong):
+        at, beside = drawing.flat(label.at), drawing.flat(label.beside)
+        weight = "bold" if label.strong else "normal"
+        drawing.labels.put(label.text, at, label.colour, at - beside, 9.5, weight)
+    lines = [part for line in scene.legend.lines for part in wrap(line, _LETTERS[size])]
+    write_head(figure, scene.legend.title, lines, 11 if size is WIDE else 9.5)
+    _write_legend(figure, scene.legend, _LEGENDS[size], height)
+    return drawing
+
+
+def _write_legend(figure: Figure, legend: Legend, place: tuple[float, float], height: float) -> None:
+    """Explain the colours, in the order of the scene's own legend."""
+    left, top = place
+    if legend.scale_title:
+        axes = figure.add_axes((left + 0.01, top - 0.45 / height, 0.2, 0.13 / height))
+        axes.imshow(np.linspace(0, 1, 256)[None], cmap=ListedColormap(legend.scale_colours), aspect="auto")
+        axes.set_yticks([])
+        axes.set_xticks([0, 255], list(legend.scale_ends), fontsize=9)
+        axes.tick_params(length=0, pad=2)
+        axes.set_title(legend.scale_title, fontsize=9.5, loc="left", pad=4)
+        axes.spines[:].set_visible(False)
+        top -= 0.75 / height
+    signs = [(row.colour, f"{row.name}  {row.value}".strip()) for row in (*legend.rows, *legend.signs)]
+    handles = [Patch(color=colour or "none") for colour, _ in signs]
+    labels = ["\n".join(wrap(text, 40)) for _, text in signs]
+    how = {"frameon": False, "fontsize": 9.5, "handlelength": 1.2, "labelspacing": 0.3}
+    figure.legend(handles, labels, loc="upper left", bbox_to_anchor=(left, top), **how)
+
+
+def write_head(figure: Figure, title: str, lines: Sequence[str] = (), size: float = 11.0) -> None:
+    """Write a title and lines under it at the upper left."""
+    height = figure.get_figheight()
+    figure.text(0.025, 1 - 0.32 / height, title, fontsize=1.45 * size, weight="bold", va="center")
+    for index, line in enumerate(lines):
+        place = 1 - (0.61 + 0.024 * size * index) / height
+        figure.text(0.025, place, line, fontsize=size, color=INK, va="center")
