@@ -8,11 +8,12 @@ from contextlib import suppress
 import numpy as np
 import pinocchio as pin
 
-from .errors import NoStiffnessError, PrupPinError, limits_heard
+from .errors import MissingExtraError, NoStiffnessError, PrupPinError, limits_heard
 from .kinematics import Mobility
 from .mechanism import Mechanism
 from .mechanism.assumed import without_weight
 from .mechanism.beam_ends import at_other_ends
+from .mechanism.second_reader import second_opinion
 from .modules import WrenchModule
 from .modules.joint_spring import JointSpring
 from .numbers import counted, number, quantity, some
@@ -46,6 +47,8 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
         yield str(error)
         return
     yield from _moved_home(robot)
+    with suppress(MissingExtraError):  # a second reader is an opinion more, no condition
+        yield from second_opinion(mechanism)
     if mechanism.tool is None:
         yield 'no tool is given, so that nothing can be loaded: load(..., tool="frame")'
     found = robot.mobility(home)

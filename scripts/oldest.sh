@@ -16,7 +16,7 @@ python="$folder/venv/bin/python"
 sed -n -e '/^dependencies = \[/,/^\]/p' -e '/^\(robots\|check\) = /p' "$root/pyproject.toml" |
   sed -nE 's/^ *([a-z]+ = \[)?"([A-Za-z0-9_-]+)>=([0-9.]+)".*$/\2==\3/p' | grep -v '^numpy==' >"$folder/oldest.txt"
 "$python" -m pip install --quiet --disable-pip-version-check --no-input --prefer-binary -c "$folder/oldest.txt" \
-  "$root[robots]" 'pytest>=8.0'
+  "$root[robots,check]" 'pytest>=8.0'
 "$python" -m pip list --disable-pip-version-check 2>/dev/null |
   grep -iE "^($(sed 's/==.*//' "$folder/oldest.txt" | paste -sd'|')|numpy) "
 

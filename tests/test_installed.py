@@ -26,7 +26,7 @@ def test_a_package_that_is_missed_is_in_the_extra_that_the_message_names():
     brought = {None: project["dependencies"], **project["optional-dependencies"]}
     names = {extra: {re.split(r"[>=<\[]", item)[0] for item in items} for extra, items in brought.items()}
     found = list(asked_for())
-    assert {"example-robot-data", "llvmlite"} <= {package for package, _ in found}
+    assert {"yourdfpy", "example-robot-data", "llvmlite"} <= {package for package, _ in found}
     for package, extra in found:
         assert package in names[extra], f"{package} is not in {extra or 'the dependencies'}"
 
@@ -38,8 +38,10 @@ def test_nobody_is_told_to_fetch_a_distribution_that_does_not_exist():
     texts = {path: path.read_text(encoding="utf-8") for path in paths if path.suffix in (".py", ".md", ".sh", ".ipynb")}
     texts |= {path: path.read_text(encoding="utf-8") for path in ROOT.glob("*.md")}
     assert not [path for path, text in texts.items() if told.search(text)]
-    assert "pip install prup" not in str(MissingExtraError("h5py", "mat"))
-    assert "pip install h5py (it is part of prup_pin's extra 'mat')" in str(MissingExtraError("h5py", "mat"))
+    assert "pip install prup" not in str(MissingExtraError("yourdfpy", "check"))
+    assert "pip install yourdfpy (it is part of prup_pin's extra 'check')" in str(
+        MissingExtraError("yourdfpy", "check")
+    )
 
 
 def test_what_is_missed_is_told_by_the_name_that_pip_knows():

@@ -11,10 +11,11 @@ import numpy as np
 from rich.console import Console
 
 from ... import robots
-from ...errors import PrupPinError, UnknownNameError
+from ...errors import MissingExtraError, PrupPinError, UnknownNameError
 from ...laws import LAWS, Law, Place, brought_laws
 from ...laws.efforts import EFFORT_LAWS, EffortLaw
 from ...mechanism import Mechanism
+from ...mechanism.second_reader import second_opinion
 from ...mechanism.tolerances import value_tolerances
 from ...modules import KINDS, CompliantModule
 from ...numbers import counted, number
@@ -70,6 +71,18 @@ def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None)
         for name, variant in description.variants.items():
             paragraph(out, ": ".join((name, "; ".join(variant.notes))) if variant.notes else name)
     bullets(out, "Assumed", robot.assumptions or ("nothing besides small deflections",))
+    _print_other_readers(out, robot)
+
+
+def _print_other_readers(out: Console, robot: Robot) -> None:
+    """Print whether the tools around a robot, which read its file by themselves, see the same."""
+    if robot.mechanism.description.source != "URDF":
+        return
+    try:
+        told = second_opinion(robot.mechanism)
+    except MissingExtraError as error:
+        told = (f"not asked: {error}",)
+    bullets(out, "Other readers", told or ("yourdfpy reads the same links and joints, at the same places",))
 
 
 def _print_joints(out: Console, robot: Robot) -> None:
