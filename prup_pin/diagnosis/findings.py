@@ -9,6 +9,7 @@ import numpy as np
 
 from ..channels import Noise
 from ..laws import Effect
+from ..laws.as_found import said_of_calibrated
 from ..laws.deeds import Moved
 from ..numbers import counted, number, percent, quantity
 from ..recordings import SENSORS
@@ -356,10 +357,32 @@ def finding_of(
         candidates=tuple(dict.fromkeys(places)),
         parameters=parameters,
         heldout_gain=heldout_gain(held, without),
-        statement=_statement(term.effect, parameters, robot),
+        statement=said_of_calibrated(_statement(term.effect, parameters, robot), _own_tolerances(problem, fit, index)),
         effect=term.effect,
         alternatives=tuple(dict.fromkeys(laws)),
     )
+
+
+def _own_tolerances(problem: Problem, fit: Fit, index: int) -> list[str] | None:
+    """Return the values, in words, on top of which a term acts where these are within a tolerance; None where none is.
+
+    Of those of its word and place the ones that do just what it does; nothing of what was found before together.
+    """
+    toleranced, candidate = problem.prior.toleranced, fit.terms[index].candidate
+    alike = [
+        place
+        for place, item in enumerate(toleranced.law.deviations)
+        if (item.physics, item.place) == (candidate.law.physics, candidate.place.name)
+    ]
+    if toleranced.root is not None or not alike:
+        return None
+    own = np.linalg.qr(problem.jacobian(fit)[:, fit.coordinates_of(index)])[0]
+    told = []
+    for place in alike:
+        item, does = toleranced.law.deviations[place], fit.per_tolerance[:, place]
+        if np.linalg.norm(does - own @ (own.T @ does)) <= GAIN * np.linalg.norm(does):
+            told.append(quantity(toleranced.value(place, float(fit.x[place])), item.unit))
+    return told
 
 
 def _is_richer(name: str, other: str) -> bool:
