@@ -90,9 +90,14 @@ def number_remarks(robot: Robot) -> Iterator[str]:
 
 
 def _moved_home(robot: Robot) -> Iterator[str]:
-    """Yield where home is not where the file has it."""
+    """Yield where home is not where the file has it, or hardly where it was meant to be."""
     if told := robot.home_not_closed:
         yield told
+    mechanism = robot.mechanism
+    home = [(mechanism.joint(name), value) for name, value in mechanism.description.home.items()]
+    turned = [f'{joint.name}="{number(value)}"' for joint, value in home if not joint.slides and abs(value) > 2 * np.pi]
+    if turned:
+        yield f"home in rad turns joints by more than a turn (were degrees meant?): {', '.join(some(turned))}"
 
 
 def _drives_and_freedoms(mechanism: Mechanism, found: Mobility) -> Iterator[str]:

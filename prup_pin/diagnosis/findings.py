@@ -228,6 +228,12 @@ def too_little(what: str, advice: str) -> Finding:
     )
 
 
+def too_few_poses(count: int) -> Finding:
+    """Return the finding that so many numbers of poses are too few."""
+    advice = "record at least ten postures, or one under a dozen loads of both signs"
+    return too_little(f"{counted(count, 'number')} of poses", advice)
+
+
 def load_left(left: Noise, load: UnrecordedLoad) -> Finding:
     """Return the finding that a load nobody recorded leaves what is left, which has the size of that noise."""
     return unknown_at(

@@ -33,6 +33,7 @@ from prup_pin.views.text.diagnosis_words import (
     multiple_text,
     noise_text,
     parameter_texts,
+    places_text,
     summary_text,
     used_text,
     verdict_text,
@@ -307,8 +308,18 @@ def test_a_noise_that_is_what_was_left_makes_no_multiples_of_itself(diagnosed):
 def test_of_many_laws_that_fit_as_well_a_few_are_told(diagnosed):
     _, _, diagnosis = diagnosed
     many = replace(diagnosis.findings[0], alternatives=tuple(f"some_law at j{k}" for k in range(20)))
-    (told,) = (text for text in alternative_text(many) if text.startswith("as good a fit"))
-    assert told.endswith("some law at j3 and 16 more, in diagnosis.json")
+    told = alternative_text(many)[-5:]
+    assert told[:2] == ["as good a fit: some law at j0", "or some law at j1"]
+    assert told[-2:] == ["or some law at j3", "or 16 more, in diagnosis.json"]
+
+
+def test_alternatives_are_kept_apart_from_what_else_a_sentence_lists(diagnosed):
+    _, _, diagnosis = diagnosed
+    first = replace(diagnosis.findings[0], alternatives=("creep at leg2/motor",))
+    several = replace(diagnosis, findings=(first, *diagnosis.findings[1:], replace(first, alternatives=())))
+    assert " or creep at leg2/motor; " in verdict_text(several)
+    assert places_text(["leg3/drive", "platform_3", "robot"]) == "leg3/drive, platform_3, robot"
+    assert places_text(["leg1/a", "leg2/a", "robot"]) == "leg1, leg2: a; robot"
 
 
 def test_laws_that_fit_as_well_stand_in_the_first_line_of_text_and_report(diagnosed):

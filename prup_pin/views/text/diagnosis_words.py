@@ -214,7 +214,11 @@ def _alternative_laws(finding: Finding) -> list[str]:
 
 
 def _joined(items: Sequence[str]) -> str:
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}" if items else ""
+    """Return items as they stand in a sentence, with semicolons between those that hold alternatives or commas."""
+    if len(items) < 2:
+        return "".join(items)
+    comma, last = ("; ", ";") if any("," in item or item.startswith("either ") for item in items) else (", ", "")
+    return f"{comma.join(items[:-1])}{last} and {items[-1]}"
 
 
 def finding_text(finding: Finding) -> str:
@@ -525,9 +529,9 @@ def alternative_text(finding: Finding) -> list[str]:
         texts.append(f"of {here}, {places_text(parts)} {alone} would explain as much")
     if finding.alternatives:
         laws = _alternative_laws(finding)
-        told = ", ".join(laws[:_MOST_RIVALS])
         more = len(laws) - _MOST_RIVALS
-        texts.append(f"as good a fit: {told}{f' and {more} more, in diagnosis.json' if more > 0 else ''}")
+        laws[_MOST_RIVALS:] = [f"{more} more, in diagnosis.json"] if more > 0 else []
+        texts += [f"as good a fit: {laws[0]}", *(f"or {law}" for law in laws[1:])]
     return texts
 
 
@@ -657,7 +661,7 @@ def places_text(names: Iterable[str]) -> str:
     for found_in, listed in sorted(parts.items(), key=lambda item: (-len(item[0]), item[0])):
         single = len(found_in) == len(listed) == 1
         texts.append(("/" if single else ": ").join(", ".join(each) for each in (found_in, listed) if each))
-    return "; ".join(texts)
+    return ("; " if any(": " in text for text in texts) else ", ").join(texts)
 
 
 def hidden_rows(hidden: Sequence[Detectable]) -> list[tuple[str, str, str]]:
@@ -713,7 +717,7 @@ def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
             "Nothing has changed since the earlier test beyond what that could know: what its model leaves is noise "
             f"({after} times it).{seen and f' {capital(seen)}.'}"
         )
-    told = ", ".join(_or_else(f"{finding_text(item)}{_from_to(item)}", item) for item in named)
+    told = _joined([_or_else(f"{finding_text(item)}{_from_to(item)}", item) for item in named])
     takes = f"the residual falls from {before} to {after} times the noise" if before != after else f"{after} are left"
     if diagnosis.verdict == "explained":
         sensors = all(item.effect is not None and item.effect.law.sensor in SENSORS for item in named)
