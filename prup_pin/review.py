@@ -44,6 +44,7 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
     mechanism = robot.mechanism
     yield from mechanism.description.doubts
     yield from without_weight(mechanism)
+    yield from _home_in_degrees(mechanism)
     try:
         home = robot.home
     except PrupPinError as error:
@@ -90,10 +91,13 @@ def number_remarks(robot: Robot) -> Iterator[str]:
 
 
 def _moved_home(robot: Robot) -> Iterator[str]:
-    """Yield where home is not where the file has it, or hardly where it was meant to be."""
+    """Yield where home is not where the file has it."""
     if told := robot.home_not_closed:
         yield told
-    mechanism = robot.mechanism
+
+
+def _home_in_degrees(mechanism: Mechanism) -> Iterator[str]:
+    """Yield where home, in rad, turns joints by more than a turn."""
     home = [(mechanism.joint(name), value) for name, value in mechanism.description.home.items()]
     turned = [f'{joint.name}="{number(value)}"' for joint, value in home if not joint.slides and abs(value) > 2 * np.pi]
     if turned:

@@ -274,3 +274,25 @@ def test_too_little_is_told_first_and_nothing_of_it_is_said_to_stay_hidden(run, 
     assert "What these data could not show" not in two
     assert "too few" not in whole
     assert whole.index("There is no column temperature") < whole.index("What these data could not show")
+
+
+def test_a_wrong_joint_name_has_one_answer(run, tmp_path):
+    """That it is no joint, and which one was meant; 'not used, is it of another robot?' said otherwise."""
+    text = (EXAMPLES / "bench.csv").read_text().replace("q.leg2_slide", "q.leg2_slider", 1)
+    (tmp_path / "log.csv").write_text(text)
+    (tmp_path / "log.json").write_text((EXAMPLES / "bench.json").read_text())
+    done = run("check", tmp_path / "log.csv")
+    assert done.exit_code == 2
+    said = " ".join(done.output.split())
+    assert "no joint 'leg2_slider' (column q.leg2_slider); did you mean leg2_slide?" in said
+    assert "not used" not in said
+
+
+def test_a_home_in_degrees_is_doubted(run, tmp_path):
+    text = (Path(__file__).parent / "robots" / "five_bar" / "five_bar.urdf").read_text()
+    for home, doubted in (("0.1", False), ("20", True)):
+        given = f'<prup_pin version="1"><home left_motor="{home}"/>'
+        (tmp_path / "bar.urdf").write_text(text.replace('<prup_pin version="1">', given))
+        said = " ".join(run("check", tmp_path / "bar.urdf", "--tool", "left_point").output.split())
+        assert ('home in rad turns joints by more than a turn (were degrees meant?): left_motor="20"' in said) == doubted
+

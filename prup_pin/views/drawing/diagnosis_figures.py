@@ -29,6 +29,7 @@ from .plotting import (
     WIDE,
     Drawing,
     Figure,
+    Layout,
     Line2D,
     page_figure,
     panels,
@@ -47,9 +48,9 @@ _ZIGZAG = 3
 #: Joints that a page shows, those whose effort the findings change most, and the time that it shows of them [s].
 _MOST_JOINTS, _SECONDS = 6, 12.0
 _WIDE = WIDE._replace(size=(11, 6.6), drawing=(0.02, 0.02, 0.62, 0.86), line=40)
-_NARROW = NARROW._replace(
-    size=(5.2, 8.2), drawing=(0.02, 0.37, 0.96, 0.54), compass=(0.0, 0.35, 0.24, 0.13), legend=(0.5, 0.2), line=50
-)
+_NARROW = NARROW._replace(line=50)
+#: On a phone: heights of the drawing, of what stands above it, of a line of text and of a row of the legend [inches].
+_HEIGHTS, _HEAD, _TEXT, _ROW = (3.3, 4.5), 0.7, 0.26, 0.21
 _AXIS_NAMES = {"m": ("x", "y", "z"), "rad": ("about x", "about y", "about z")}
 
 
@@ -104,38 +105,59 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, *, narrow: bool = False) ->
     pose = poses[len(poses) // 2] if poses else robot.home
     parts = skeleton(pose)
     camera = camera_of(robot, pose)
-    layout = _NARROW if narrow else _WIDE
-    figure = sheet(*layout.size)
+    found = marks(robot, pose, diagnosis.told)
+    lines = _finding_lines(diagnosis, found, *((4, _NARROW.line) if narrow else (9, _WIDE.line)))
     flat, size = camera.flat(parts.points), parts.size
     low, high = flat.min(axis=0) - 0.1 * size, flat.max(axis=0) + 0.1 * size
-    # a tall robot leaves room at its sides, where labels may go
     middle, half = (low + high) / 2, (high - low) / 2
+    layout = _for_phone(half[1] / half[0], len(lines)) if narrow else _WIDE
+    figure = sheet(*layout.size)
+    # a tall robot leaves room at its sides, where labels may go
     _, _, wide, high_ = layout.drawing
     half[0] = max(half[0], half[1] * (wide * layout.size[0]) / (high_ * layout.size[1]))
     drawing = Drawing(figure, layout.drawing, camera, middle - half, middle + half)
     draw_mechanism(drawing, parts)
     texts = draw_tool(drawing, parts)
-    found = marks(robot, pose, diagnosis.told)
     middle = camera.flat(parts.points).mean(axis=0)
     for at, numbers in _draw_marks(drawing, found):
         drawing.labels.put(", ".join(map(str, numbers)), at, FOUND, at - middle, 17, "bold")
     drawing.write(texts, parts.legs, parts.points, size)
     draw_compass(figure, camera, robot.mechanism.gravity, layout)
-    draw_legend(figure, drawing, layout)
+    draw_legend(figure, drawing, layout, 2 if narrow else 1)
     # the findings beside the drawing, by the numbers that it shows
-    lines, most = [], 4 if narrow else 9
-    for index, finding in enumerate(diagnosis.told, 1):
-        text = f"{index}  {finding_text(finding)}"
-        lines += wrap(text, layout.line, subsequent_indent="    ", break_on_hyphens=False)
-    if any(not mark.number for mark in found):
-        lines.append("dashed: where a finding may sit as well")
-    if len(lines) > most:
-        lines[most - 1 :] = ["…"]
-    text = "\n".join(lines) or ("nothing is missing" if diagnosis.since is None else "nothing has changed")
-    place = (0.06, 0.33) if narrow else (0.655, 0.87)
-    figure.text(*place, text, fontsize=11, color=FOUND, va="top", linespacing=1.6)
+    place = (0.03, layout.drawing[1] - 0.12 / layout.size[1]) if narrow else (0.655, 0.87)
+    figure.text(*place, "\n".join(lines), fontsize=11, color=FOUND, va="top", linespacing=1.6)
     write_head(figure, robot.name)
     return figure
+
+
+def _finding_lines(diagnosis: Diagnosis, found: Sequence[Mark], most: int, width: int) -> list[str]:
+    """Return the findings by the numbers of their marks, and last what marks without a number are."""
+    lines = []
+    for index, finding in enumerate(diagnosis.told, 1):
+        text = f"{index}  {finding_text(finding)}"
+        lines += wrap(text, width, subsequent_indent="    ", break_on_hyphens=False)
+    if len(lines) > most:
+        lines[most - 1 :] = ["…"]
+    shown = {tuple(np.round(mark.points, 6).ravel()) for mark in found if mark.number}
+    if any(tuple(np.round(mark.points, 6).ravel()) not in shown for mark in found):
+        lines += wrap("dashed ring, pale beam: may be there instead, these data cannot tell", width)
+    return lines or ["nothing is missing" if diagnosis.since is None else "nothing has changed"]
+
+
+def _for_phone(tall: float, lines: int) -> Layout:
+    """Return a narrow layout as high as a robot, which is so many times as tall as wide, and so many lines of text."""
+    width, rows = 5.2, 4
+    high = float(np.clip(0.96 * width * tall, *_HEIGHTS))
+    legend = _ROW * rows + 0.15
+    whole = _HEAD + high + 0.2 + _TEXT * lines + legend
+    bottom = 1 - (_HEAD + high) / whole
+    return _NARROW._replace(
+        size=(width, whole),
+        drawing=(0.02, bottom, 0.96, high / whole),
+        compass=(0.0, bottom, 0.24, 1.0 / whole),
+        legend=(0.01, legend / whole),
+    )
 
 
 def _draw_marks(drawing: Drawing, found: Sequence[Mark]) -> list[tuple[Array, list[int]]]:

@@ -282,13 +282,14 @@ def draw_compass(figure: Figure, camera: Camera, gravity: Array, layout: Layout)
     labels.put("base", np.zeros(2), FAINT, np.array([-1, -1]), 8.5)
 
 
-def draw_legend(figure: Figure, drawing: Drawing, layout: Layout) -> None:
+def draw_legend(figure: Figure, drawing: Drawing, layout: Layout, columns: int = 1) -> None:
     """Explain every sign that was drawn, each once."""
     handles, labels = drawing.axes.get_legend_handles_labels()
     signs = dict(zip(labels, handles, strict=True))
     handles, labels = list(signs.values()), list(signs)
     at = layout.legend
-    figure.legend(handles, labels, loc="upper left", bbox_to_anchor=at, frameon=False, fontsize=9.5, handlelength=2.4)
+    style = {"frameon": False, "fontsize": 9.5, "handlelength": 2.4, "ncols": columns}
+    figure.legend(handles, labels, loc="upper left", bbox_to_anchor=at, **style)
 
 
 def _write_title(
