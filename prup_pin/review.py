@@ -19,7 +19,7 @@ from .mechanism.second_reader import second_opinion
 from .modules import WrenchModule
 from .modules.joint_spring import JointSpring
 from .numbers import counted, number, quantity, some
-from .parameters import Parameter
+from .parameters import Parameter, meant_otherwise
 from .robot import Robot
 from .spatial import Array, as_wrench
 from .statics import Compliance
@@ -44,12 +44,12 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
     mechanism = robot.mechanism
     yield from mechanism.description.doubts
     yield from without_weight(mechanism)
-    yield from _home_in_degrees(mechanism)
     try:
         home = robot.home
     except PrupPinError as error:
-        yield str(error)
+        yield str(error)  # and of home which positions are hardly in m and rad
         return
+    yield from _home_in_degrees(mechanism)
     yield from _moved_home(robot)
     with suppress(MissingExtraError):  # a second reader is an opinion more, no condition
         yield from second_opinion(mechanism)
@@ -97,11 +97,11 @@ def _moved_home(robot: Robot) -> Iterator[str]:
 
 
 def _home_in_degrees(mechanism: Mechanism) -> Iterator[str]:
-    """Yield where home, in rad, turns joints by more than a turn."""
-    home = [(mechanism.joint(name), value) for name, value in mechanism.description.home.items()]
-    turned = [f'{joint.name}="{number(value)}"' for joint, value in home if not joint.slides and abs(value) > 2 * np.pi]
-    if turned:
-        yield f"home in rad turns joints by more than a turn (were degrees meant?): {', '.join(some(turned))}"
+    """Yield where home is hardly in m and rad."""
+    given = mechanism.description.home.items()
+    home = [(name, meant_otherwise(value, mechanism.joint(name).unit or "")) for name, value in given]
+    if odd := [f"{name} = {told}" for name, told in home if told]:
+        yield f"home has {'; '.join(some(odd))}"
 
 
 def _drives_and_freedoms(mechanism: Mechanism, found: Mobility) -> Iterator[str]:

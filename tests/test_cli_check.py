@@ -290,9 +290,9 @@ def test_a_wrong_joint_name_has_one_answer(run, tmp_path):
 
 def test_a_home_in_degrees_is_doubted(run, tmp_path):
     text = (Path(__file__).parent / "robots" / "five_bar" / "five_bar.urdf").read_text()
-    for home, doubted in (("0.1", False), ("20", True)):
+    for home, doubted in (("0.1", False), ("20", True), ("12.566371", True)):  # the last closes as it is
         given = f'<prup_pin version="1"><home left_motor="{home}"/>'
         (tmp_path / "bar.urdf").write_text(text.replace('<prup_pin version="1">', given))
         said = " ".join(run("check", tmp_path / "bar.urdf", "--tool", "left_point").output.split())
-        assert ('home in rad turns joints by more than a turn (were degrees meant?): left_motor="20"' in said) == doubted
+        assert (f"ome has left_motor = {float(home):g} rad: is it in degrees?" in said) == doubted
 

@@ -18,6 +18,7 @@ from .terminal import capital
 
 if TYPE_CHECKING:
     from ...diagnosis import Diagnosis, Finding
+    from ...diagnosis.calibrate import CalibratedParameter
     from ...diagnosis.diagnosis import Detectable, FittedParameter, Seen
     from ...diagnosis.locate import LocalCurve
     from ...diagnosis.proposal import Proposal
@@ -36,6 +37,8 @@ _MOST_TOLD = 3
 #: Laws that fit as well, and parameters of a finding, that are told one by one.
 _MOST_RIVALS = 4
 MOST_PARAMETERS = 6
+#: Parameters of a kind, and all, that are told by how far they were corrected within their tolerances.
+_MOST_OF_KIND, _MOST_CORRECTED = 2, 6
 #: Multiples of the noise up to which what is left is little more than that.
 _LITTLE_MORE = 1.5
 #: Share of an effort of which that little is left, but which is most of it.
@@ -270,13 +273,45 @@ def finding_lines(diagnosis: Diagnosis, finding: Finding, most: int = MOST_PARAM
         values[most:] = [f"and {len(values) - most} more, in diagnosis.json"]
     lines = [
         "" if stands_in_verdict(diagnosis, finding) else finding.statement,
-        *(f"{place}: {', '.join(_in_lines(texts))}" for place, texts in places.items()),
+        *_place_lines(places, most),
         *values,
         *alternative_text(finding),
         cost_text(finding, () if diagnosis.efforts is None else diagnosis.efforts.joints),
         finding.remedy and f"to do: {finding.remedy}",
     ]
     return [line for line in lines if line]
+
+
+def _place_lines(places: Mapping[str, Sequence[tuple[str, str, str]]], most: int) -> list[str]:
+    """Return a line for each place: its values, and their intervals where no more than `most` values are told at all."""
+    if sum(map(len, places.values())) <= most:
+        return [f"{place}: {', '.join(_in_lines(texts))}" for place, texts in places.items()]
+    lines = []
+    for place, texts in list(places.items())[:most]:
+        told = [f"{name} {value}" for name, value, _ in texts if value != _UNDETERMINED]
+        lines.append(f"{place}: {', '.join(told) or _UNDETERMINED}")
+    more = f"{counted(len(places) - most, 'more place')} and " if len(places) > most else ""
+    return [*lines, f"({more}the 95 % intervals are in diagnosis.json)"]
+
+
+def corrections(calibrated: Sequence[CalibratedParameter]) -> list[str]:
+    """Return which parameters were corrected most within their tolerances, as far as data tell: a few of each kind.
+
+    'leg1/base.radius +210 µm, 2.1 times its tolerance'; the farthest off first.
+    """
+    kinds: Counter[str] = Counter()
+    texts = []
+    for item in sorted(calibrated, key=lambda item: -abs(item.x)):
+        if abs(item.x) <= 2 * item.share or kinds[item.deviation.kind] == _MOST_OF_KIND:
+            continue
+        kinds[item.deviation.kind] += 1
+        off = item.value - item.nominal
+        unit, factor = readable_unit(abs(off), item.deviation.unit)
+        moved = f"{number(factor * off, 3, signed=True)} {unit}".strip()
+        if item.deviation.relative:
+            moved = f"{number(100 * off / item.nominal, 3, signed=True)} %"
+        texts.append(f"{item.name} {moved}, {number(abs(item.x), 2)} times its tolerance")
+    return texts[:_MOST_CORRECTED]
 
 
 def _in_lines(texts: Iterable[tuple[str, str, str]]) -> list[str]:
