@@ -295,4 +295,3 @@ def test_a_home_in_degrees_is_doubted(run, tmp_path):
         (tmp_path / "bar.urdf").write_text(text.replace('<prup_pin version="1">', given))
         said = " ".join(run("check", tmp_path / "bar.urdf", "--tool", "left_point").output.split())
         assert (f"ome has left_motor = {float(home):g} rad: is it in degrees?" in said) == doubted
-

@@ -25,7 +25,7 @@ from .evidence import cross_validated, implausible, scale_of
 from .intervals import parameters_of
 from .noise import could_show_structure, is_white
 from .problem import Fit, Problem
-from .search import Selection
+from .search import Selection, other_explanations
 from .unrecorded_load import UnrecordedLoad
 
 #: What to do where there is nothing to compare.
@@ -345,7 +345,7 @@ def finding_of(
     own = fit.chi2 + scale * implausible(term)
     places, laws = [term.candidate.place.name], list[str]()
     places += term.candidate.law.same_places(term.candidate.place, robot.mechanism)
-    for rival in selection.rivals[index]:
+    for rival in other_explanations(problem, fit, index, selection.rivals[index]):
         # indistinct: as good a fit, with values that are not absurd; more parameters only rank it lower
         absurd = rival.chi2 + scale * implausible(rival.term) > own + MUCH * scale * INDISTINCT
         if rival.chi2 - fit.chi2 > scale * INDISTINCT or absurd:

@@ -31,7 +31,7 @@ from .criteria import (
 from .diagnosis import Finding
 from .identify import Bench, Pair, SimulatedTest, information, separation
 from .problem import Problem, Term
-from .search import Selection
+from .search import Selection, other_explanations
 
 #: Shares of a planned load, one sample each.
 CYCLE = (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
@@ -65,14 +65,12 @@ def next_experiment(
     return {**proposed, "cannot_separate": [*proposed.get("cannot_separate", ()), *same]} if same else proposed
 
 
-def _proposed(
-    problem: Problem, selection: Selection, unknown: Finding | None, named: Sequence[Term]
-) -> dict[str, Any]:
+def _proposed(problem: Problem, selection: Selection, unknown: Finding | None, named: Sequence[Term]) -> dict[str, Any]:
     bench = Bench.of(problem)
     if bench is None:
         return {"why": "no complete sample", "plan": {}}
     joint = "" if unknown is None else unknown.approached
-    left = [pair for pair in _indistinct_pairs(selection) if any(pair.term is term for term in named)]
+    left = [pair for pair in _indistinct_pairs(problem, selection) if any(pair.term is term for term in named)]
     pairs = [pair for pair in left if pair.needs <= _SEEN_TO][:MOST_PAIRS]
     search = _Design(bench, problem, selection, pairs)
     if not search.begun:
@@ -85,7 +83,8 @@ def _proposed(
         return {"why": why, "plan": _plan(search, chosen, CYCLE)}
     if not pairs:
         at = "" if unknown is None or unknown.location == "robot" else f" at {unknown.location}"
-        why = f"the largest deflections, where {'anything left out' if unknown is None else f'what is unknown{at}'} shows most"
+        what = "anything left out" if unknown is None else f"what is unknown{at}"
+        why = f"the largest deflections, where {what} shows most"
         if left:
             why += "; explanations that are left differ in motion, which no test plan describes"
         return {"why": why, "plan": _plan(search, search.largest(), CYCLE)}
@@ -387,11 +386,11 @@ def _listed(words: Sequence[str]) -> str:
     return " or ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
 
 
-def _indistinct_pairs(selection: Selection) -> list[Pair]:
+def _indistinct_pairs(problem: Problem, selection: Selection) -> list[Pair]:
     """Return pairs of terms (ours, rival) that the data leave together."""
     pairs = []
-    for term, rivals in zip(selection.last.terms, selection.rivals, strict=True):
-        for rival in rivals:
+    for index, (term, rivals) in enumerate(zip(selection.last.terms, selection.rivals, strict=True)):
+        for rival in other_explanations(problem, selection.last, index, rivals):
             other = rival.term
             if (
                 _holds(other, term)

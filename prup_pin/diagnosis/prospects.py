@@ -90,7 +90,13 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
         first = [text for text in remarks if text not in recording.remarks]  # what was not measured comes last
     unused = (*columns, *unused)
     return Prospects(
-        joints, tuple(hidden), tuple(alike), unused, tuple(dict.fromkeys((*first, *recording.remarks))), logs.statements, tuple(premises)
+        joints,
+        tuple(hidden),
+        tuple(alike),
+        unused,
+        tuple(dict.fromkeys((*first, *recording.remarks))),
+        logs.statements,
+        tuple(premises),
     )
 
 

@@ -143,7 +143,7 @@ def said_of_change(statement: str) -> str:
 
 
 def said_of_calibrated(statement: str, values: Sequence[str] | None) -> str:
-    """Return a law's statement of what comes on top of values within a tolerance, which these are; None: of the file's."""
+    """Return a law's statement of what comes on top of these values within tolerances; None: of the robot file's."""
     if values is None:
         return statement
     return statement.replace("the robot file's", ", ".join(("its calibrated value", *values)))

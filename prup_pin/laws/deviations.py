@@ -233,9 +233,7 @@ def _values(mechanism: Mechanism) -> Iterator[Deviation]:
                 )
 
 
-def _other_value(
-    module: str, quantities: Sequence[str], nominal: float, value: float, setup: Setup
-) -> Iterator[Deed]:
+def _other_value(module: str, quantities: Sequence[str], nominal: float, value: float, setup: Setup) -> Iterator[Deed]:
     for quantity in quantities:
         yield ChangedValue(module, quantity, setup.module_value(module, quantity) * (value / nominal))
 

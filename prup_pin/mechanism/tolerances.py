@@ -49,7 +49,7 @@ def value_tolerances(mechanism: Mechanism, kinds: Mapping[str, float]) -> dict[s
 
 
 def of_one_material(mechanism: Mechanism, module: str, quantity: str) -> tuple[str, ...]:
-    """Return the quantities of a module that are off as one with a stiffness: of a material's E also G = E / 2 (1 + nu).
+    """Return the quantities of a module that are off as one with a stiffness: with E also G = E / 2 (1 + nu).
 
     How little Poisson's ratio scatters no pose tells; a shear modulus with a tolerance of its own is off for itself.
     """

@@ -17,7 +17,7 @@ from prup_pin.diagnosis.locate import least_left, locate, yieldings
 from prup_pin.diagnosis.next_experiment import next_experiment
 from prup_pin.diagnosis.noise import is_white, noise_of_the_rest
 from prup_pin.diagnosis.problem import Problem, Term
-from prup_pin.diagnosis.search import Selection
+from prup_pin.diagnosis.search import Selection, alternatives_to, other_explanations
 from prup_pin.laws import Inputs
 from prup_pin.recordings import read_recording
 from prup_pin.simulation import Simulator, effect_named, inputs_of
@@ -327,3 +327,32 @@ def test_beside_something_unknown_no_experiment_separates_laws_that_nobody_found
     assert alone["plan"]["poses"]
     assert "separates" not in alone
     assert "stiffness changed at leg3/linear_rod" in beside["why"]
+
+
+# -- special cases -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("poses", "cycle", "told"), [(6, None, False), (1, (0.0, 1.0, -1.0) * 12, True)])
+def test_a_gap_that_no_load_closes_is_no_other_explanation_of_a_softer_spring(robot, poses, cycle, told):
+    """It holds the spring as a special case; where all loads are alike a gap that has closed fits as well."""
+    bench = inputs(robot, poses=poses, cycle=cycle or (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0))
+    simulator = Simulator(robot, inputs_of(bench, robot))
+    library = {item.name: item for item in candidates(robot.mechanism, simulator.inputs)}
+    ours = term(library, "stiffness_changed at leg1/support_bearing", 0.05)
+    problem = problem_of(simulator, [ours.effect])
+    fit = problem.refine([ours], problem.first)
+    rivals = alternatives_to(problem, fit, 0, [library["backlash at leg1/support_bearing"]])
+    assert [rival.term.candidate.law.physics for rival in rivals[1:]] == ["backlash"]
+    kept = other_explanations(problem, fit, 0, rivals)
+    assert ("backlash" in [rival.term.candidate.law.physics for rival in kept]) == told
+    assert kept[0].term is fit.terms[0]
+
+
+def test_a_homed_lead_beside_an_encoder_offset_is_no_other_explanation(simulator, library):
+    ours = term(library, "encoder_offset at leg1/motor", 1e-3)
+    problem = problem_of(simulator, [ours.effect])
+    fit = problem.refine([ours], problem.first)
+    homed = next(item for name, item in library.items() if name.startswith("lead_error at leg1") and "homed" in name)
+    rivals = alternatives_to(problem, fit, 0, [homed])
+    assert len(rivals) == 2
+    assert len(other_explanations(problem, fit, 0, rivals)) == 1

@@ -283,7 +283,7 @@ def finding_lines(diagnosis: Diagnosis, finding: Finding, most: int = MOST_PARAM
 
 
 def _place_lines(places: Mapping[str, Sequence[tuple[str, str, str]]], most: int) -> list[str]:
-    """Return a line for each place: its values, and their intervals where no more than `most` values are told at all."""
+    """Return a line for each place: its values, with intervals where there are no more than `most` values at all."""
     if sum(map(len, places.values())) <= most:
         return [f"{place}: {', '.join(_in_lines(texts))}" for place, texts in places.items()]
     lines = []
