@@ -17,6 +17,7 @@ from .mechanism.second_reader import second_opinion
 from .modules import WrenchModule
 from .modules.joint_spring import JointSpring
 from .numbers import counted, number, quantity, some
+from .parameters import meant_otherwise
 from .robot import Robot
 from .spatial import Array
 from .statics import Compliance
@@ -44,8 +45,9 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
     try:
         home = robot.home
     except PrupPinError as error:
-        yield str(error)
+        yield str(error)  # and of home which positions are hardly in m and rad
         return
+    yield from _home_in_degrees(mechanism)
     yield from _moved_home(robot)
     with suppress(MissingExtraError):  # a second reader is an opinion more, no condition
         yield from second_opinion(mechanism)
@@ -89,6 +91,14 @@ def _moved_home(robot: Robot) -> Iterator[str]:
     """Yield where home is not where the file has it."""
     if told := robot.home_not_closed:
         yield told
+
+
+def _home_in_degrees(mechanism: Mechanism) -> Iterator[str]:
+    """Yield where home is hardly in m and rad."""
+    given = mechanism.description.home.items()
+    home = [(name, meant_otherwise(value, mechanism.joint(name).unit or "")) for name, value in given]
+    if odd := [f"{name} = {told}" for name, told in home if told]:
+        yield f"home has {'; '.join(some(odd))}"
 
 
 def _drives_and_freedoms(mechanism: Mechanism, found: Mobility) -> Iterator[str]:

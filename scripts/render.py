@@ -1,6 +1,8 @@
 """Renders a saved HTML page to a PNG in headless Chromium.
 
 python scripts/render.py view.html picture.png [--size 1200x750] [--wait 8]
+
+Pages narrower than 500 px, a telephone's, are cut out by Pillow: pip install ".[test]" brings it.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 from html import escape
+from importlib.util import find_spec
 from pathlib import Path
 
 #: Chromium's windows are no narrower: pages of telephones are shown in a frame of their width, which is cut out.
@@ -49,6 +52,8 @@ def render(page: str, picture: Path, size: tuple[int, int] = (1200, 750), second
     file, _, moment = page.partition("#")
     address = page if "://" in page else Path(file).resolve().as_uri() + (f"#{moment}" if moment else "")
     narrow, window = size[0] < LEAST_WIDTH, (max(size[0], LEAST_WIDTH), size[1])
+    if narrow and find_spec("PIL") is None:
+        raise SystemExit(f"A page narrower than {LEAST_WIDTH} px is cut out by Pillow: pip install pillow")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         shown = address
         if narrow:

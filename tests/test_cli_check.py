@@ -255,3 +255,38 @@ def test_a_robot_file_that_calls_its_robot_otherwise_is_no_other_robot(run, tmp_
         answer = told(run("check", tmp_path / "log.csv", *typed))
         assert "temperature" in answer  # what it has no column of
         assert "says that it is of" not in answer
+
+
+def test_too_little_is_told_first_and_nothing_of_it_is_said_to_stay_hidden(run, tmp_path):
+    """Two samples tell nothing, so that a list of what they could not show would only drown that."""
+    lines = (EXAMPLES / "bench.csv").read_text().splitlines(keepends=True)
+    for name, kept in {"two": lines[:3], "whole": lines}.items():
+        (tmp_path / f"{name}.csv").write_text("".join(kept))
+        (tmp_path / f"{name}.json").write_text((EXAMPLES / "bench.json").read_text())
+    two, whole = (told(run("check", tmp_path / f"{name}.csv")) for name in ("two", "whole"))
+    assert two.index("12 numbers of poses are too few to judge anything by others; record at least ten") < 200
+    assert two.index("One pose only") < two.index("There is no column temperature")
+    assert "What these data could not show" not in two
+    assert "too few" not in whole
+    assert whole.index("There is no column temperature") < whole.index("What these data could not show")
+
+
+def test_a_wrong_joint_name_has_one_answer(run, tmp_path):
+    """That it is no joint, and which one was meant; 'not used, is it of another robot?' said otherwise."""
+    text = (EXAMPLES / "bench.csv").read_text().replace("q.leg2_slide", "q.leg2_slider", 1)
+    (tmp_path / "log.csv").write_text(text)
+    (tmp_path / "log.json").write_text((EXAMPLES / "bench.json").read_text())
+    done = run("check", tmp_path / "log.csv")
+    assert done.exit_code == 2
+    said = " ".join(done.output.split())
+    assert "no joint 'leg2_slider' (column q.leg2_slider); did you mean leg2_slide?" in said
+    assert "not used" not in said
+
+
+def test_a_home_in_degrees_is_doubted(run, tmp_path):
+    text = (Path(__file__).parent / "robots" / "five_bar" / "five_bar.urdf").read_text()
+    for home, doubted in (("0.1", False), ("20", True), ("12.566371", True)):  # the last closes as it is
+        given = f'<prup_pin version="1"><home left_motor="{home}"/>'
+        (tmp_path / "bar.urdf").write_text(text.replace('<prup_pin version="1">', given))
+        said = " ".join(run("check", tmp_path / "bar.urdf", "--tool", "left_point").output.split())
+        assert (f"ome has left_motor = {float(home):g} rad: is it in degrees?" in said) == doubted

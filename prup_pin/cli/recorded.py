@@ -20,7 +20,7 @@ from ..numbers import number, some
 from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
 from ..recordings.table import ROBOT
 from ..robot import Robot
-from ..simulation import CorrectedModel, foreign_joints
+from ..simulation import CorrectedModel, foreign_joints, misspelt_joints
 from ..simulation.model_file import law_named, place_named
 from ..views.text import terminal
 from .options import ConventionOption, Reading, RecordingFiles, RobotOption, SetParameters, TolerancesOption, changes_of
@@ -96,7 +96,8 @@ def recording_typed(path: Path, robot: str | None, conventions: Sequence[str] | 
 def note_foreign_joints(recordings: Sequence[Recording], robot: Robot) -> None:
     """Say, before anything else, which joints of recordings their robot does not have; of none at all others refuse."""
     for recording in recordings:
-        foreign = foreign_joints(recording, robot.mechanism)
+        refused = dict(misspelt_joints(recording, robot.mechanism))  # of which more will be said
+        foreign = [name for name in foreign_joints(recording, robot.mechanism) if name not in refused]
         if foreign and len(foreign) < len({*recording.positions, *recording.efforts}):
             _note(
                 f"'{recording.path}' has columns of {', '.join(some(foreign))}, which '{robot.name}' has no "

@@ -63,6 +63,12 @@ class Candidate:
         return modules.pop() if len(modules) == 1 else None
 
     @property
+    def part(self) -> str | int | None:
+        """The one module that deforms by it, or the one actuator that stands elsewhere; None of what does otherwise."""
+        actuators = {deed.only_actuator for deed in self.deeds}
+        return self.only_module or (actuators.pop() if len(actuators) == 1 else None)
+
+    @property
     def everywhere(self) -> bool:
         """True for a law that acts at all like places with one value."""
         return self.law.shared

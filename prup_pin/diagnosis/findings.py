@@ -9,6 +9,7 @@ import numpy as np
 
 from ..channels import Noise
 from ..laws import Effect
+from ..laws.as_found import said_of_calibrated
 from ..laws.deeds import Moved
 from ..numbers import counted, number, percent, quantity
 from ..recordings import SENSORS
@@ -24,7 +25,7 @@ from .evidence import cross_validated, implausible, scale_of
 from .intervals import parameters_of
 from .noise import could_show_structure, is_white
 from .problem import Fit, Problem
-from .search import Selection
+from .search import Selection, other_explanations
 from .unrecorded_load import UnrecordedLoad
 
 #: What to do where there is nothing to compare.
@@ -227,6 +228,12 @@ def too_little(what: str, advice: str) -> Finding:
     )
 
 
+def too_few_poses(count: int) -> Finding:
+    """Return the finding that so many numbers of poses are too few."""
+    advice = "record at least ten postures, or one under a dozen loads of both signs"
+    return too_little(f"{counted(count, 'number')} of poses", advice)
+
+
 def load_left(left: Noise, load: UnrecordedLoad) -> Finding:
     """Return the finding that a load nobody recorded leaves what is left, which has the size of that noise."""
     return unknown_at(
@@ -338,7 +345,7 @@ def finding_of(
     own = fit.chi2 + scale * implausible(term)
     places, laws = [term.candidate.place.name], list[str]()
     places += term.candidate.law.same_places(term.candidate.place, robot.mechanism)
-    for rival in selection.rivals[index]:
+    for rival in other_explanations(problem, fit, index, selection.rivals[index]):
         # indistinct: as good a fit, with values that are not absurd; more parameters only rank it lower
         absurd = rival.chi2 + scale * implausible(rival.term) > own + MUCH * scale * INDISTINCT
         if rival.chi2 - fit.chi2 > scale * INDISTINCT or absurd:
@@ -356,10 +363,32 @@ def finding_of(
         candidates=tuple(dict.fromkeys(places)),
         parameters=parameters,
         heldout_gain=heldout_gain(held, without),
-        statement=_statement(term.effect, parameters, robot),
+        statement=said_of_calibrated(_statement(term.effect, parameters, robot), _own_tolerances(problem, fit, index)),
         effect=term.effect,
         alternatives=tuple(dict.fromkeys(laws)),
     )
+
+
+def _own_tolerances(problem: Problem, fit: Fit, index: int) -> list[str] | None:
+    """Return the values, in words, on top of which a term acts where these are within a tolerance; None where none is.
+
+    Of those of its word and place the ones that do just what it does; nothing of what was found before together.
+    """
+    toleranced, candidate = problem.prior.toleranced, fit.terms[index].candidate
+    alike = [
+        place
+        for place, item in enumerate(toleranced.law.deviations)
+        if (item.physics, item.place) == (candidate.law.physics, candidate.place.name)
+    ]
+    if toleranced.root is not None or not alike:
+        return None
+    own = np.linalg.qr(problem.jacobian(fit)[:, fit.coordinates_of(index)])[0]
+    told = []
+    for place in alike:
+        item, does = toleranced.law.deviations[place], fit.per_tolerance[:, place]
+        if np.linalg.norm(does - own @ (own.T @ does)) <= GAIN * np.linalg.norm(does):
+            told.append(quantity(toleranced.value(place, float(fit.x[place])), item.unit))
+    return told
 
 
 def _is_richer(name: str, other: str) -> bool:

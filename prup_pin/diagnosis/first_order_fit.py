@@ -113,6 +113,18 @@ class FirstOrderFit:
         value = self.candidate.law.magnified(float(np.exp(begin[0])), times)
         return np.clip(np.concatenate(([np.log(value)], begin[1:])), *self.bounds)
 
+    def usual(self) -> float:
+        """Return what the best start leaves at the size that leaves least, all other values as they usually are."""
+        return min(self.chi_squared(self._resized(np.clip(start, *self.bounds))) for start in self.candidate.starts())
+
+    def _resized(self, begin: Array) -> Array:
+        """Return a start with its first coordinate where that leaves least."""
+        if self.candidate.is_proportional:
+            return self._sized(begin)
+        here, slope = self.left(begin), self.slope(begin)[:, 0]
+        step = -float(slope @ here) / max(float(slope @ slope), 1e-300)
+        return np.clip(np.concatenate(([begin[0] + step], begin[1:])), *self.bounds)
+
     def _is_sized(self, coordinates: Array) -> bool:
         """Return True where no other size could gain anything."""
         bare = self.remainder.bare

@@ -31,7 +31,7 @@ from .criteria import (
 from .diagnosis import Finding
 from .identify import Bench, Pair, SimulatedTest, information, separation
 from .problem import Problem, Term
-from .search import Selection
+from .search import Selection, other_explanations
 
 #: Shares of a planned load, one sample each.
 CYCLE = (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
@@ -41,29 +41,36 @@ _SHORT_CYCLE = (0.0, 1.0, 0.0, -1.0)
 _SEEN_TO = {"gravity", "temperature", "wrench"}
 
 
-def next_experiment(problem: Problem, selection: Selection, unknown: Finding | None) -> dict[str, Any]:
+def next_experiment(
+    problem: Problem, selection: Selection, unknown: Finding | None, laws: Sequence[Finding] = ()
+) -> dict[str, Any]:
     """Return a test plan whose samples differ most between the explanations that are left, with the reason.
 
+    laws: findings of what was found beside what is unknown: other terms are nobody's, and not worth a test.
     Where what is unknown depends on the side from which a joint came, one that comes from both.
     Where explanations were compared, `separates` and `cannot_separate` list them in pairs; the latter also parts of the
     robot to which one and the same effect can be ascribed. `weighed` says how many poses under how many loads were.
     """
-    joint = "" if unknown is None else unknown.approached
-    proposed = _proposed(problem, selection, joint)
+    own = [(item.effect.law, item.effect.place) for item in laws if item.effect is not None]
+    named = [
+        term for term in selection.last.terms if unknown is None or (term.candidate.law, term.candidate.place) in own
+    ]
+    proposed = _proposed(problem, selection, unknown, named)
     same = [
         {"one": _named(term), "other": {**_named(term), "location": place}, "times_noise": 0.0}
-        for term in selection.last.terms
+        for term in named
         for place in term.candidate.law.same_places(term.candidate.place, problem.simulator.robot.mechanism)
         if place != term.candidate.place.name
     ]
     return {**proposed, "cannot_separate": [*proposed.get("cannot_separate", ()), *same]} if same else proposed
 
 
-def _proposed(problem: Problem, selection: Selection, joint: str) -> dict[str, Any]:
+def _proposed(problem: Problem, selection: Selection, unknown: Finding | None, named: Sequence[Term]) -> dict[str, Any]:
     bench = Bench.of(problem)
     if bench is None:
         return {"why": "no complete sample", "plan": {}}
-    left = _indistinct_pairs(selection)
+    joint = "" if unknown is None else unknown.approached
+    left = [pair for pair in _indistinct_pairs(problem, selection) if any(pair.term is term for term in named)]
     pairs = [pair for pair in left if pair.needs <= _SEEN_TO][:MOST_PAIRS]
     search = _Design(bench, problem, selection, pairs)
     if not search.begun:
@@ -75,7 +82,9 @@ def _proposed(problem: Problem, selection: Selection, joint: str) -> dict[str, A
         )
         return {"why": why, "plan": _plan(search, chosen, CYCLE)}
     if not pairs:
-        why = "the largest deflections, where anything left out shows most"
+        at = "" if unknown is None or unknown.location == "robot" else f" at {unknown.location}"
+        what = "anything left out" if unknown is None else f"what is unknown{at}"
+        why = f"the largest deflections, where {what} shows most"
         if left:
             why += "; explanations that are left differ in motion, which no test plan describes"
         return {"why": why, "plan": _plan(search, search.largest(), CYCLE)}
@@ -377,11 +386,11 @@ def _listed(words: Sequence[str]) -> str:
     return " or ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
 
 
-def _indistinct_pairs(selection: Selection) -> list[Pair]:
+def _indistinct_pairs(problem: Problem, selection: Selection) -> list[Pair]:
     """Return pairs of terms (ours, rival) that the data leave together."""
     pairs = []
-    for term, rivals in zip(selection.last.terms, selection.rivals, strict=True):
-        for rival in rivals:
+    for index, (term, rivals) in enumerate(zip(selection.last.terms, selection.rivals, strict=True)):
+        for rival in other_explanations(problem, selection.last, index, rivals):
             other = rival.term
             if (
                 _holds(other, term)

@@ -13,13 +13,14 @@ from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import as_recorded
 from .conventions import read_logs
-from .criteria import ALIKE
+from .criteria import ALIKE, FEWEST_NUMBERS
 from .diagnosis import Detectable
 from .efforts.band import band_of, in_motion
 from .efforts.belongs import check_efforts
 from .efforts.evidence import gradients
 from .efforts.prepare import PreparedEfforts
 from .efforts.with_poses import check_measured, has_efforts, has_poses, unused_by_efforts, without_dead_efforts
+from .findings import too_few_poses
 from .identify import not_detectable
 from .prepare import prepare, silent, unused_columns
 from .search import Selection
@@ -63,7 +64,7 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
         drawn, adapted = robot, as_recorded(robot, recording)
         robot = adapted.robot
         unused, told = unused_columns(recording, robot.mechanism)
-        remarks = [*adapted.remarks, *recording.remarks, *suspicions(recording)]
+        remarks, premises = [*adapted.remarks, *suspicions(recording)], [*dead]
         efforts, poses = has_efforts([recording], robot.mechanism), has_poses([recording], robot.mechanism)
         joints: tuple[Excitation, ...] = ()
         hidden: list[Detectable] = []
@@ -72,7 +73,11 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
             given = prepare(drawn, recording, silent)
             remarks += given.remarks
             problem = given.within_tolerances(given.problem)
-            hidden += not_detectable(problem, problem.first, Selection.nothing(problem.first, given.library))
+            if problem.count(problem.first) < FEWEST_NUMBERS:
+                few = too_few_poses(problem.count(problem.first))
+                premises.append(f"{few.statement}; {few.advice}")
+            else:
+                hidden += not_detectable(problem, problem.first, Selection.nothing(problem.first, given.library))
         if efforts:
             joints, alike, more = _of_efforts(robot, recording)
             beside = unused_by_efforts(recording, robot.mechanism, all(joint.rest == 1 for joint in joints))
@@ -82,9 +87,16 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
         if not (efforts or poses):
             remarks.append("neither a pose, nor a marker, nor an effort was measured: nothing can be compared")
         remarks += [*told, *postures_beyond(heard)]
+        first = [text for text in remarks if text not in recording.remarks]  # what was not measured comes last
     unused = (*columns, *unused)
     return Prospects(
-        joints, tuple(hidden), tuple(alike), unused, tuple(dict.fromkeys(remarks)), logs.statements, tuple(dead)
+        joints,
+        tuple(hidden),
+        tuple(alike),
+        unused,
+        tuple(dict.fromkeys((*first, *recording.remarks))),
+        logs.statements,
+        tuple(premises),
     )
 
 

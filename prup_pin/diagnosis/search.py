@@ -330,12 +330,8 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
     there than nothing does, for what it costs, is left out.
     """
     own, scale = fit.terms[index], scale_of(problem, fit)
-    others, kept = fit.others(index)
-    about, places = fit, others
-    if _yields_alone(problem, fit, index):
-        about, places = problem.fit_at(kept, like=fit), list(range(len(kept)))
-    nuisance = problem.nuisance(about, places)
-    remainder = Remainder(problem, about, kept, nuisance)
+    remainder = _without(problem, fit, index)
+    about, nuisance = remainder.fit, remainder.nuisance
     removed = remainder.change()
 
     def beyond(change: Array) -> Array:
@@ -352,6 +348,35 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
             rival = Rival(term, chi2, change - beyond(removed), scale)
             rivals += [rival] if chi2 <= worst and rival.score < nothing else []
     return sorted(rivals, key=lambda rival: rival.score)
+
+
+def _without(problem: Problem, fit: Fit, index: int) -> Remainder:
+    """Return what a fit leaves without a term, for what could stand in its place."""
+    places, kept = fit.others(index)
+    if _yields_alone(problem, fit, index):
+        fit, places = problem.fit_at(kept, like=fit), list(range(len(kept)))
+    return Remainder(problem, fit, kept, problem.nuisance(fit, places))
+
+
+def other_explanations(problem: Problem, fit: Fit, index: int, rivals: Sequence[Rival]) -> list[Rival]:
+    """Return the rivals of a term but those of which it is a special case, with no gain by what else they have.
+
+    These have more parameters, move the same part, are better by no more than chance, and fit nowhere but far from what
+    is usual of them: a gap that no load closes is a softer spring.
+    """
+    own, scale = fit.terms[index].candidate, scale_of(problem, fit)
+    alike = [rival.term.candidate for rival in rivals if rival.chi2 <= fit.chi2 + scale * INDISTINCT]
+    parts = {own.part, *(each.part for each in alike if (each.law.physics, each.size) == (own.law.physics, own.size))}
+
+    def contains_it(rival: Rival) -> bool:
+        candidate = rival.term.candidate
+        more = candidate.size - own.size
+        chance = scale * WITHIN_95**2 * more
+        if more <= 0 or candidate.part is None or candidate.part not in parts or rival.chi2 < fit.chi2 - chance:
+            return False
+        return FirstOrderFit(_without(problem, fit, index), candidate).usual() > fit.chi2 + scale * INDISTINCT
+
+    return [rival for rival in rivals if not contains_it(rival)]
 
 
 def _yields_alone(problem: Problem, fit: Fit, index: int) -> bool:

@@ -19,7 +19,7 @@ from .candidates import Term
 from .criteria import FEWEST_NUMBERS, FOLLOWED, GAIN, IMITATED, LITTLE, MOST, ROUGHLY, clean_bound
 from .diagnosis import Finding
 from .evidence import cross_validated
-from .findings import chi2_without, finding_of, nothing_compared, rms_of_sum, too_little, unknown_at, without_place
+from .findings import chi2_without, finding_of, nothing_compared, rms_of_sum, too_few_poses, unknown_at, without_place
 from .intervals import parameters_of
 from .locate import LOAD, Located, locate, tilting_base
 from .prepare import Prepared, Tell
@@ -58,9 +58,7 @@ def final_state(
     if doubt is not None:
         return Final(last, tuple(laws), doubt, held, count, in_doubt=True)
     if count < FEWEST_NUMBERS:
-        advice = "record at least ten postures, or one under a dozen loads of both signs"
-        few = too_little(f"{counted(count, 'number')} of poses", advice)
-        return Final(problem.first, (), few, held, count)
+        return Final(problem.first, (), too_few_poses(count), held, count)
     if not _unexplained(problem, last, count):
         group = _cancelling(problem, last) if rms_of_sum(held, count) > ROUGHLY * clean_bound(count) else ()
         left_over = tuple(finding for index, finding in enumerate(laws) if index not in group)

@@ -126,7 +126,7 @@ def verdict_of(
         findings=tuple(findings),
         not_detectable=tuple(not_detectable(problem, fit, selection)) if count else (),
         seen=tuple(visible(problem, fit, selection.library)) if nothing else (),
-        next_experiment=next_experiment(problem, selection, final.unknown),
+        next_experiment=next_experiment(problem, selection, final.unknown, final.laws),
         remarks=tuple(dict.fromkeys(remarks)),
         unused_columns=prepared.unused,
         effects=effects,

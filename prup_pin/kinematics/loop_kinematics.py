@@ -294,7 +294,10 @@ class LoopKinematics:
         sizes = [
             f"{number(size, 3)} {unit}" for size, unit in zip(open_by, ("m", "rad"), strict=True) if size > _AT_LIMIT
         ]
-        return f"open by {' and '.join(sizes)}, loop '{self._worst_loop(q)}' the farthest"
+        worst = self._worst_loop(q)
+        given = next(loop for loop in self.mechanism.description.loops if loop.name == worst)
+        stands = f' (free="{" ".join(sorted(given.free))}", line {given.line})' if given.line else ""
+        return f"open by {' and '.join(sizes)}, loop '{worst}' the farthest{stands}"
 
     def _start_wanted(self) -> str:
         """Return why no loop closes near the file's home, as a sentence and 'or give'; 'Give' where it is closed."""

@@ -140,3 +140,10 @@ def said_of_change(statement: str) -> str:
     for words, others in _WORDS.items():
         statement = statement.replace(words, others)
     return statement
+
+
+def said_of_calibrated(statement: str, values: Sequence[str] | None) -> str:
+    """Return a law's statement of what comes on top of these values within tolerances; None: of the robot file's."""
+    if values is None:
+        return statement
+    return statement.replace("the robot file's", ", ".join(("its calibrated value", *values)))

@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Changes, Mechanism, MovedParts
-from ..mechanism.tolerances import kind_of_value, value_tolerances, values_following
+from ..mechanism.tolerances import kind_of_value, of_one_material, value_tolerances, values_following
 from ..numbers import quantity as quantity_in_words
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
@@ -215,7 +215,8 @@ def _values(mechanism: Mechanism) -> Iterator[Deviation]:
         for quantity in module.kind.quantities:
             name = f"{module.name}.{quantity.name}"
             kind, value = kind_of_value(module.kind, quantity), module.values[quantity.name]
-            act: Callable = partial(_other_value, module.name, quantity.name, value)
+            scaled = of_one_material(mechanism, module.name, quantity.name)
+            act: Callable = partial(_other_value, module.name, scaled, value)
             if kind is None and mechanism.parameters[name].tolerance is not None:
                 kind, act = "value", partial(_with_what_follows, name)
             if kind is not None and np.ndim(value) == 0 and np.isfinite(value) and value > 0:
@@ -232,8 +233,9 @@ def _values(mechanism: Mechanism) -> Iterator[Deviation]:
                 )
 
 
-def _other_value(module: str, quantity: str, nominal: float, value: float, setup: Setup) -> Iterator[Deed]:
-    yield ChangedValue(module, quantity, setup.module_value(module, quantity) * (value / nominal))
+def _other_value(module: str, quantities: Sequence[str], nominal: float, value: float, setup: Setup) -> Iterator[Deed]:
+    for quantity in quantities:
+        yield ChangedValue(module, quantity, setup.module_value(module, quantity) * (value / nominal))
 
 
 def _with_what_follows(name: str, value: float, setup: Setup) -> Iterator[Deed]:

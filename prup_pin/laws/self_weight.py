@@ -40,7 +40,8 @@ class SelfWeight(Law):
         yield Weight(values["scale"], self._spread)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"the robot sags under its own weight ({number(100 * values['scale'], 3)} % of the robot file's masses)"
+        share = number(100 * values["scale"], 3)
+        return f"the robot sags under {'its own weight' if share == '100' else f'{share} % of the weight of its links'}"
 
 
 class SpreadSelfWeight(SelfWeight):

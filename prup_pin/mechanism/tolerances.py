@@ -48,6 +48,17 @@ def value_tolerances(mechanism: Mechanism, kinds: Mapping[str, float]) -> dict[s
     return {name: {**by_kind, **found}[name] for name in mechanism.parameters if name in by_kind or name in found}
 
 
+def of_one_material(mechanism: Mechanism, module: str, quantity: str) -> tuple[str, ...]:
+    """Return the quantities of a module that are off as one with a stiffness: with E also G = E / 2 (1 + nu).
+
+    How little Poisson's ratio scatters no pose tells; a shear modulus with a tolerance of its own is off for itself.
+    """
+    shear = "shear_modulus"
+    if quantity != "youngs_modulus" or not np.isfinite(mechanism.module(module).values.get(shear, np.inf)):
+        return (quantity,)
+    return (quantity, shear) if mechanism.parameters[f"{module}.{shear}"].tolerance is None else (quantity,)
+
+
 def values_following(mechanism: Mechanism, name: str, value: float) -> dict[str, float]:
     """Return the values of a module, by quantity, of which one is off: that one, and what follows from it.
 

@@ -61,7 +61,7 @@ class Tolerances:
     stiffness: float | None = _kind(
         "relative", "every stiffness of a machine element: bearings, nuts, screws, belts, motors, springs",
         _RELATIVE, 0.1, "springs are softer or stiffer than the robot file has them")
-    bending: float | None = _kind("relative", "EI of every beam",
+    bending: float | None = _kind("relative", "E of every beam, and its G with it",
         _RELATIVE, 0.03, "beams bend more or less than the robot file has them")
     mass: float | None = _kind("relative", "mass of every link", _RELATIVE, 0.1)
     inertia: float | None = _kind("relative", "inertia of every link", _RELATIVE, 0.1)

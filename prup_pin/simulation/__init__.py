@@ -1,6 +1,6 @@
 """A robot under the inputs of a recording, with any laws switched on."""
 
-from .as_recorded import AsRecorded, as_recorded, drawn_for, foreign_joints, in_format
+from .as_recorded import AsRecorded, as_recorded, drawn_for, foreign_joints, in_format, misspelt_joints
 from .model_file import CorrectedModel, Known, effect_named, read_model, write_model
 from .posterior import Posterior, PosteriorValue
 from .prediction import Agreement, Prediction, compare, idle_effects, inputs_of, simulate, trajectory_of
@@ -26,6 +26,7 @@ __all__ = [
     "idle_effects",
     "in_format",
     "inputs_of",
+    "misspelt_joints",
     "read_model",
     "seen_from_stations",
     "simulate",

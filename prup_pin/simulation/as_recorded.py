@@ -147,6 +147,12 @@ def _beside(apart: Array) -> Array:
 
 def _check_spelling(recording: Recording, mechanism: Mechanism) -> None:
     """Raise InputError where columns name no joints of the robot, but nearly ones that lack these columns."""
+    if misspelt := misspelt_joints(recording, mechanism):
+        raise InputError("\n".join(text for _, text in misspelt))
+
+
+def misspelt_joints(recording: Recording, mechanism: Mechanism) -> list[tuple[str, str]]:
+    """Return names of columns that nearly are those of joints which lack these columns, and what to do, in words."""
     misspelt = []
     joints = [joint.name for joint in mechanism.joints]
     known = {*joints, *mechanism.description.held, *mechanism.frame_names}
@@ -169,12 +175,9 @@ def _check_spelling(recording: Recording, mechanism: Mechanism) -> None:
             ):
                 close = driven
             if close:
-                misspelt.append(
-                    f"no joint '{name}' (column {prefix}.{name}); did you mean {lacking[close[0]]}? Name the column "
-                    f"{prefix}.{lacking[close[0]]}, or leave it out"
-                )
-    if misspelt:
-        raise InputError("\n".join(misspelt))
+                text = f"no joint '{name}' (column {prefix}.{name}); did you mean {lacking[close[0]]}? Name the column "
+                misspelt.append((name, f"{text}{prefix}.{lacking[close[0]]}, or leave it out"))
+    return misspelt
 
 
 def foreign_joints(recording: Recording, mechanism: Mechanism) -> list[str]:

@@ -156,9 +156,8 @@ def test_one_pose_on_a_tilting_base_shows_a_soft_drive(arm):
     assert findings(found) == {("self_weight", "robot"), ("stiffness_changed", "joint2/drive")}
     value = next(item for item in found.findings if item.physics == "stiffness_changed").parameters["factor"]
     assert value.interval[0] < 0.6 < value.interval[1]
-    # a contact that stiffens a little can do as much at every load that gravity makes, and thrice as large ones
-    assert [pair["other"]["physics"] for pair in found.next_experiment["cannot_separate"]] == ["hertzian_contact"]
-    assert found.next_experiment["plan"] == {}
+    # a contact that hardly stiffens can do as much, for it is a spring then
+    assert "cannot_separate" not in found.next_experiment
     sound = diagnose(arm, measured(arm, inputs, [weight(arm)]))
     assert sound.next_experiment["plan"]["gravity"] == pytest.approx(gravity[-1])
 

@@ -1,14 +1,21 @@
 """95 % intervals of fitted values: by covariance, and by the profile where a slope is not to be trusted."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+import prup_pin
 from prup_pin.diagnosis.candidates import Candidate
+from prup_pin.diagnosis.findings import finding_of
 from prup_pin.diagnosis.intervals import parameters_of
-from prup_pin.laws import CoulombFriction, Inputs, Place
+from prup_pin.diagnosis.toleranced import Toleranced
+from prup_pin.laws import CoulombFriction, Inputs, Place, StiffnessChanged
+from prup_pin.laws.deviations import amounts_of, deviations_of
 from prup_pin.simulation import Simulator
 from prup_pin.views.text.diagnosis_words import parameter_texts
 
+from ..laws import bench
 from ..statics.build import rubbing_block
 from .test_parts import problem_of
 
@@ -56,3 +63,21 @@ def test_friction_that_was_never_overcome_has_a_bound(block):
     assert ("limit", f"above {low:.3g} N") in [row[:2] for row in parameter_texts(told)]
     low, high = told["presliding_stiffness"].interval
     assert low < STICK < high < 1.2 * low
+
+
+def test_a_stiffness_beside_its_tolerance_is_a_share_of_what_it_was_calibrated_to():
+    """Beside a tolerance it is not of the robot file's, and the value that it is a share of is told."""
+    robot = prup_pin.load("3prup")
+    simulator = Simulator(robot, bench.inputs("3prup"))
+    candidate = Candidate(StiffnessChanged(), Place("leg2/linear_rod"), robot.mechanism, 1.0)
+    problem = problem_of(simulator, [candidate.term(np.log([0.7])).effect], scatter=0.01)
+    found = {}
+    for declared in ({}, {"stiffness": 0.1, "bending": 0.03}):
+        deviations = deviations_of(robot.mechanism)
+        within = problem.within(Toleranced.of(deviations, amounts_of(deviations, robot.mechanism, declared)))
+        fit = within.fit_at([candidate.term(np.log([0.7]))], like=within.off(np.full(len(declared) and 39, 0.5)))
+        fit = within.relinearised(fit)
+        told = finding_of(within, fit, 0, SimpleNamespace(rivals=[[]]), robot, 1.0).statement
+        found[bool(declared)] = told.partition(" is ")[2]
+    assert found[False] == "70 % of the robot file's"
+    assert found[True] == "70 % of its calibrated value, 204 GPa"

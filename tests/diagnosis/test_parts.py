@@ -8,11 +8,16 @@ import pytest
 import prup_pin
 from prup_pin.channels import Noise, PoseChannel, Stack, channels_of, whitening
 from prup_pin.diagnosis.candidates import Candidate, candidates, under_load
+from prup_pin.diagnosis.diagnosis import Finding
+from prup_pin.diagnosis.evidence import Rival
+from prup_pin.diagnosis.findings import unknown_at
 from prup_pin.diagnosis.first_order_fit import FirstOrderFit, Remainder
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.diagnosis.locate import least_left, locate, yieldings
+from prup_pin.diagnosis.next_experiment import next_experiment
 from prup_pin.diagnosis.noise import is_white, noise_of_the_rest
 from prup_pin.diagnosis.problem import Problem, Term
+from prup_pin.diagnosis.search import Selection, alternatives_to, other_explanations
 from prup_pin.laws import Inputs
 from prup_pin.recordings import read_recording
 from prup_pin.simulation import Simulator, effect_named, inputs_of
@@ -302,3 +307,52 @@ def test_noise_alone_points_nowhere(simulator):
     n = len(simulator.inputs)
     assert abs(np.mean(gains)) < 0.25 * n
     assert np.max(gains) < 5 * np.sqrt(2 * 2 * n)
+
+
+# -- the next experiment -----------------------------------------------------------------------------------------------
+
+
+def test_beside_something_unknown_no_experiment_separates_laws_that_nobody_found(simulator, library):
+    """Such laws are pieces of what is missing: a test shows more of that, and parts only what was found beside it."""
+    ours = term(library, "stiffness_changed at leg3/linear_rod", 0.7)
+    problem = problem_of(simulator, [ours.effect])
+    fit = problem.fit_at([ours])
+    other = term(library, "stiffness_changed at leg3/moving_star_branch", 0.7)
+    rival = Rival(other, fit.chi2, np.zeros_like(fit.residual))
+    selection = Selection(fit, ((rival,),), tuple(library.values()))
+    unknown = unknown_at("leg2/ball_nut", "no law explains it")
+    found = Finding("stiffness_changed", "leg3/linear_rod", ("leg3/linear_rod",), {}, 0.5, "softer", ours.effect)
+    beside, alone = (next_experiment(problem, selection, unknown, laws) for laws in ((found,), ()))
+    assert alone["why"] == "the largest deflections, where what is unknown at leg2/ball_nut shows most"
+    assert alone["plan"]["poses"]
+    assert "separates" not in alone
+    assert "stiffness changed at leg3/linear_rod" in beside["why"]
+
+
+# -- special cases -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("poses", "cycle", "told"), [(6, None, False), (1, (0.0, 1.0, -1.0) * 12, True)])
+def test_a_gap_that_no_load_closes_is_no_other_explanation_of_a_softer_spring(robot, poses, cycle, told):
+    """It holds the spring as a special case; where all loads are alike a gap that has closed fits as well."""
+    bench = inputs(robot, poses=poses, cycle=cycle or (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0))
+    simulator = Simulator(robot, inputs_of(bench, robot))
+    library = {item.name: item for item in candidates(robot.mechanism, simulator.inputs)}
+    ours = term(library, "stiffness_changed at leg1/support_bearing", 0.05)
+    problem = problem_of(simulator, [ours.effect])
+    fit = problem.refine([ours], problem.first)
+    rivals = alternatives_to(problem, fit, 0, [library["backlash at leg1/support_bearing"]])
+    assert [rival.term.candidate.law.physics for rival in rivals[1:]] == ["backlash"]
+    kept = other_explanations(problem, fit, 0, rivals)
+    assert ("backlash" in [rival.term.candidate.law.physics for rival in kept]) == told
+    assert kept[0].term is fit.terms[0]
+
+
+def test_a_homed_lead_beside_an_encoder_offset_is_no_other_explanation(simulator, library):
+    ours = term(library, "encoder_offset at leg1/motor", 1e-3)
+    problem = problem_of(simulator, [ours.effect])
+    fit = problem.refine([ours], problem.first)
+    homed = next(item for name, item in library.items() if name.startswith("lead_error at leg1") and "homed" in name)
+    rivals = alternatives_to(problem, fit, 0, [homed])
+    assert len(rivals) == 2
+    assert len(other_explanations(problem, fit, 0, rivals)) == 1

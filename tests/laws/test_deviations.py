@@ -1,5 +1,7 @@
 """What is off by the robot file's own tolerances, beside what is off by kind."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -51,6 +53,25 @@ def test_a_diameter_that_is_off_takes_the_tabulated_section_along(tmp_path):
     expected = Simulator(changed, inputs).run()
     assert np.abs(expected.position - Simulator(robot, inputs).run().position).max() > 1e-6
     np.testing.assert_allclose(run.position, expected.position, atol=1e-12)
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_a_beams_moduli_are_off_together_unless_the_shear_modulus_has_a_tolerance_of_its_own(tmp_path, own):
+    """E and G of one material: one is off with the other, in bending and in torsion by as much."""
+    text = (Path(__file__).parents[2] / "examples" / "elastic_arm.urdf").read_text()
+    given = 'name="shear_modulus"'
+    (tmp_path / "arm.urdf").write_text(text.replace(given, f'tolerance="2%" {given}') if own else text)
+    robot = prup_pin.load(tmp_path / "arm.urdf")
+    beam = next(module for module in robot.mechanism.modules if np.isfinite(module.values.get("shear_modulus", np.inf)))
+    item = {each.name: each for each in deviations_of(robot.mechanism)}[f"{beam.name}.youngs_modulus"]
+    load = bench.load_cycle([[0.3] * len(robot.mechanism.actuated)], bench.WRENCH, bench.CYCLE)
+    softer = {item.name: 0.97 * beam.values["youngs_modulus"]}
+    run = Simulator(robot, load).run([Effect(Calibration([item]), Place("robot"), softer)])
+    if not own:
+        softer[f"{beam.name}.shear_modulus"] = 0.97 * beam.values["shear_modulus"]
+    expected = Simulator(robot.with_parameters(softer), load).run()
+    np.testing.assert_allclose(run.position, expected.position, atol=1e-12)
+    np.testing.assert_allclose(run.rotation, expected.rotation, atol=1e-12)
 
 
 @pytest.mark.parametrize("leg", [1, 2])

@@ -10,7 +10,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
+import prup_pin
 from prup_pin.diagnosis.corrected import corrected_model
 from prup_pin.diagnosis.diagnosis import Detectable, Finding, FittedParameter
 from prup_pin.diagnosis.efforts import EffortCurve, effort_curve_of
@@ -20,7 +22,7 @@ from prup_pin.laws.efforts.inertial_parameters import InertialParameters
 from prup_pin.numbers import number, quantity
 from prup_pin.recordings import Tolerances, read_plan
 from prup_pin.simulation import read_model
-from prup_pin.views.drawing.diagnosis_figures import _lines, marks, within_all_95
+from prup_pin.views.drawing.diagnosis_figures import _lines, marks, place_figure, within_all_95
 from prup_pin.views.report import pages
 from prup_pin.views.report.as_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_files import write_diagnosis
@@ -398,3 +400,20 @@ def test_the_band_of_a_response_holds_all_its_means_at_once():
 )
 def test_a_residual_is_told_in_the_unit_that_suits_what_is_left(before, after, told):
     assert ends_of({"before_um": before, "after_um": after}, "m") == told
+
+
+def test_a_dashed_ring_is_explained_where_one_is_drawn_however_many_findings_there_are(diagnosed):
+    robot, _, diagnosis = diagnosed
+    own = replace(diagnosis.findings[0], location="leg1/motor", candidates=("leg1/motor",))
+    for rivals, drawn in (((), False), (("leg1/motor", "leg2/ball_nut"), True)):
+        found = replace(diagnosis, findings=(replace(own, candidates=rivals or own.candidates), *[own] * 12))
+        said = " ".join(text.get_text() for text in place_figure(robot, found, narrow=True).findobj(Text))
+        assert ("dashed ring" in said) == drawn
+        assert "…" in said
+
+
+def test_a_flat_robots_picture_on_a_phone_is_no_higher_than_it_needs(diagnosed):
+    _, _, diagnosis = diagnosed
+    none = replace(diagnosis, findings=(), final=None)
+    heights = [place_figure(robot, none, narrow=True).get_figheight() for robot in map(prup_pin.load, ("ur5", "3prup"))]
+    assert heights[0] < 6 < heights[1] + 0.8

@@ -8,6 +8,7 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.calibrate import CalibratedParameter
 from prup_pin.diagnosis.candidates import Candidate
 from prup_pin.diagnosis.diagnosis import Finding, FittedParameter
 from prup_pin.diagnosis.next_experiment import _apart
@@ -17,6 +18,7 @@ from prup_pin.errors import InputError
 from prup_pin.imports.columns import wrench_lines
 from prup_pin.imports.log import Log, Stream
 from prup_pin.laws import LAWS, Effect, Place
+from prup_pin.laws.deviations import Deviation
 from prup_pin.laws.stiffness_changed import StiffnessChanged
 from prup_pin.numbers import counted, quantity
 from prup_pin.recordings import Convention, Noise, Recording, Tolerances, add_noise
@@ -25,14 +27,17 @@ from prup_pin.views.text.bench_tests import print_diagnosis, print_failures, pri
 from prup_pin.views.text.diagnosis_words import (
     _takes,
     alternative_text,
+    corrections,
     cost_text,
     diagnosis_text,
     finding_groups,
+    finding_lines,
     finding_text,
     length_of,
     multiple_text,
     noise_text,
     parameter_texts,
+    places_text,
     summary_text,
     used_text,
     verdict_text,
@@ -307,8 +312,18 @@ def test_a_noise_that_is_what_was_left_makes_no_multiples_of_itself(diagnosed):
 def test_of_many_laws_that_fit_as_well_a_few_are_told(diagnosed):
     _, _, diagnosis = diagnosed
     many = replace(diagnosis.findings[0], alternatives=tuple(f"some_law at j{k}" for k in range(20)))
-    (told,) = (text for text in alternative_text(many) if text.startswith("as good a fit"))
-    assert told.endswith("some law at j3 and 16 more, in diagnosis.json")
+    told = alternative_text(many)[-5:]
+    assert told[:2] == ["as good a fit: some law at j0", "or some law at j1"]
+    assert told[-2:] == ["or some law at j3", "or 16 more, in diagnosis.json"]
+
+
+def test_alternatives_are_kept_apart_from_what_else_a_sentence_lists(diagnosed):
+    _, _, diagnosis = diagnosed
+    first = replace(diagnosis.findings[0], alternatives=("creep at leg2/motor",))
+    several = replace(diagnosis, findings=(first, *diagnosis.findings[1:], replace(first, alternatives=())))
+    assert " or creep at leg2/motor; " in verdict_text(several)
+    assert places_text(["leg3/drive", "platform_3", "robot"]) == "leg3/drive, platform_3, robot"
+    assert places_text(["leg1/a", "leg2/a", "robot"]) == "leg1, leg2: a; robot"
 
 
 def test_laws_that_fit_as_well_stand_in_the_first_line_of_text_and_report(diagnosed):
@@ -393,3 +408,32 @@ def test_a_value_at_the_least_of_its_law_is_a_bound():
 def test_radians_are_no_thousands_of_milliradians():
     assert quantity(91.2, "rad/(N m)", 2) == "91 rad/(N m)"
     assert quantity(2e-3, "rad/(N m)", 2) == "2 mrad/(N m)"
+
+
+def test_what_was_corrected_most_is_told_a_few_of_each_kind_and_not_what_data_do_not_tell():
+    def item(name, kind, x, share, relative=True):
+        nominal = 70e9 if relative else 0.0
+        deviation = Deviation(name, kind, "Pa" if relative else "m", nominal, relative, "", "", lambda value, setup: ())
+        tolerance = 0.03 * 70e9 if relative else 5e-5
+        return CalibratedParameter(deviation, x, share, nominal + x * tolerance, share * tolerance, tolerance, nominal)
+
+    given = [item(f"leg{k}/rod.youngs_modulus", "bending", 0.5 * k, 0.1) for k in range(1, 5)]
+    given += [item("leg1_slide.x", "position", 1.8, 0.2, False), item("leg2_slide.x", "position", 3.0, 2.0, False)]
+    assert corrections(given) == [
+        "leg4/rod.youngs_modulus +6 %, 2 times its tolerance",
+        "leg1_slide.x +90 µm, 1.8 times its tolerance",
+        "leg3/rod.youngs_modulus +4.5 %, 1.5 times its tolerance",
+    ]
+
+
+def test_frictions_of_many_joints_are_told_without_a_wall_of_intervals(diagnosed):
+    _, _, diagnosis = diagnosed
+    pair = {"limit": FittedParameter(2.5, "N m", (2.0, 3.0)), "presliding": FittedParameter(1e-5, "rad", (0.0, 2e-5))}
+    joints = [f"joint{k}" for k in range(1, 9)]
+    parameters = {f"{joint}.{key}": fitted for joint in joints for key, fitted in pair.items()}
+    many = Finding("coulomb_friction", "robot", ("robot", *joints), parameters, 0.5, "dry friction at 8 of 8 drives")
+    told = finding_lines(diagnosis, many)
+    assert "joint1: limit 2.5 N m, presliding below 20 µrad" in told
+    assert "(2 more places and the 95 % intervals are in diagnosis.json)" in told
+    assert not any("joint7" in text for text in told)
+    assert "joint7: limit 2.5 N m (95 %: 2 to 3 N m)" in " ".join(finding_lines(diagnosis, many, len(parameters)))

@@ -113,6 +113,11 @@ class Deed(ABC):
         return None
 
     @property
+    def only_actuator(self) -> int | None:
+        """The actuator, by its place among them, that alone it has stand elsewhere; None where it does otherwise."""
+        return None
+
+    @property
     def resisted_joint(self) -> str | None:
         """The joint that it resists; None where it resists none."""
         return None

@@ -29,6 +29,10 @@ class Travel(Deed):
     extent: Array | float
     later: Array | float = 0.0
 
+    @property
+    def only_actuator(self) -> int | None:
+        return self.actuator
+
     def within(self, rows: np.ndarray) -> Travel:
         return Travel(self.actuator, np.where(rows, self.extent, 0.0), np.where(rows, self.later, 0.0))
 

@@ -104,18 +104,24 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, *, narrow: bool = False) ->
     for at, numbers in _draw_marks(drawing, found):
         drawing.labels.put(", ".join(map(str, numbers)), at, FOUND, at - middle, 17, "bold")
     # the findings beside the drawing, by the numbers that it shows
-    lines, most = [], 4 if narrow else 9
+    lines = _finding_lines(diagnosis, found, *((4, 50) if narrow else (9, 40)))
+    place = (0.06, 0.33) if narrow else (0.655, 0.87)
+    figure.text(*place, "\n".join(lines), fontsize=11, color=FOUND, va="top", linespacing=1.6)
+    return figure
+
+
+def _finding_lines(diagnosis: Diagnosis, found: Sequence[Mark], most: int, width: int) -> list[str]:
+    """Return the findings by the numbers of their marks, and last what marks without a number are."""
+    lines = []
     for index, finding in enumerate(diagnosis.told, 1):
         text = f"{index}  {finding_text(finding)}"
-        lines += wrap(text, 50 if narrow else 40, subsequent_indent="    ", break_on_hyphens=False)
-    if any(not mark.number for mark in found):
-        lines.append("dashed: where a finding may sit as well")
+        lines += wrap(text, width, subsequent_indent="    ", break_on_hyphens=False)
     if len(lines) > most:
         lines[most - 1 :] = ["…"]
-    text = "\n".join(lines) or ("nothing is missing" if diagnosis.since is None else "nothing has changed")
-    place = (0.06, 0.33) if narrow else (0.655, 0.87)
-    figure.text(*place, text, fontsize=11, color=FOUND, va="top", linespacing=1.6)
-    return figure
+    shown = {tuple(np.round(mark.points, 6).ravel()) for mark in found if mark.number}
+    if any(tuple(np.round(mark.points, 6).ravel()) not in shown for mark in found):
+        lines += wrap("dashed ring, pale beam: may be there instead, these data cannot tell", width)
+    return lines or ["nothing is missing" if diagnosis.since is None else "nothing has changed"]
 
 
 def _draw_marks(drawing: SceneDrawing, found: Sequence[Mark]) -> list[tuple[Array, list[int]]]:

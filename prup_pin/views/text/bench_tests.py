@@ -239,6 +239,8 @@ def print_diagnosis(
         show_table(out, words.EFFORT_COLUMNS, rows)
         if note := words.multiple_text(diagnosis):
             paragraph(out, f"({note})")
+    if since is None:
+        bullets(out, "Corrected most within tolerances", words.corrections(diagnosis.calibration))
     if since is not None and since.values:
         heading(out, "What was found before")
         names = ("", ">then", ">now", ">changed by (95 %)", ">would show from")
@@ -303,6 +305,7 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
             value = uncertain(factor * item.value, factor * item.sd)
             rows.append((item.name, value, unit, f"{item.x:+.2f}", f"{number(100 * item.share, 2)} %"))
     show_table(out, ("", ">calibrated", "", ">off", ">known"), rows)
+    bullets(out, "Corrected most", words.corrections(found.parameters))
     bullets(out, "Told only together", [", ".join(group) for group in found.twins])
     unseen = [item.name for item in found.parameters if item.learned <= _UNSEEN]
     alike: dict[str, list[str]] = {}

@@ -18,6 +18,7 @@ from .terminal import capital
 
 if TYPE_CHECKING:
     from ...diagnosis import Diagnosis, Finding
+    from ...diagnosis.calibrate import CalibratedParameter
     from ...diagnosis.diagnosis import Detectable, FittedParameter, Seen
     from ...diagnosis.locate import LocalCurve
     from ...diagnosis.proposal import Proposal
@@ -36,6 +37,8 @@ _MOST_TOLD = 3
 #: Laws that fit as well, and parameters of a finding, that are told one by one.
 _MOST_RIVALS = 4
 MOST_PARAMETERS = 6
+#: Parameters of a kind, and all, that are told by how far they were corrected within their tolerances.
+_MOST_OF_KIND, _MOST_CORRECTED = 2, 6
 #: Multiples of the noise up to which what is left is little more than that.
 _LITTLE_MORE = 1.5
 #: Share of an effort of which that little is left, but which is most of it.
@@ -214,7 +217,11 @@ def _alternative_laws(finding: Finding) -> list[str]:
 
 
 def _joined(items: Sequence[str]) -> str:
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}" if items else ""
+    """Return items as they stand in a sentence, with semicolons between those that hold alternatives or commas."""
+    if len(items) < 2:
+        return "".join(items)
+    comma, last = ("; ", ";") if any("," in item or item.startswith("either ") for item in items) else (", ", "")
+    return f"{comma.join(items[:-1])}{last} and {items[-1]}"
 
 
 def finding_text(finding: Finding) -> str:
@@ -266,13 +273,45 @@ def finding_lines(diagnosis: Diagnosis, finding: Finding, most: int = MOST_PARAM
         values[most:] = [f"and {len(values) - most} more, in diagnosis.json"]
     lines = [
         "" if stands_in_verdict(diagnosis, finding) else finding.statement,
-        *(f"{place}: {', '.join(_in_lines(texts))}" for place, texts in places.items()),
+        *_place_lines(places, most),
         *values,
         *alternative_text(finding),
         cost_text(finding, () if diagnosis.efforts is None else diagnosis.efforts.joints),
         finding.remedy and f"to do: {finding.remedy}",
     ]
     return [line for line in lines if line]
+
+
+def _place_lines(places: Mapping[str, Sequence[tuple[str, str, str]]], most: int) -> list[str]:
+    """Return a line for each place: its values, with intervals where there are no more than `most` values at all."""
+    if sum(map(len, places.values())) <= most:
+        return [f"{place}: {', '.join(_in_lines(texts))}" for place, texts in places.items()]
+    lines = []
+    for place, texts in list(places.items())[:most]:
+        told = [f"{name} {value}" for name, value, _ in texts if value != _UNDETERMINED]
+        lines.append(f"{place}: {', '.join(told) or _UNDETERMINED}")
+    more = f"{counted(len(places) - most, 'more place')} and " if len(places) > most else ""
+    return [*lines, f"({more}the 95 % intervals are in diagnosis.json)"]
+
+
+def corrections(calibrated: Sequence[CalibratedParameter]) -> list[str]:
+    """Return which parameters were corrected most within their tolerances, as far as data tell: a few of each kind.
+
+    'leg1/base.radius +210 µm, 2.1 times its tolerance'; the farthest off first.
+    """
+    kinds: Counter[str] = Counter()
+    texts = []
+    for item in sorted(calibrated, key=lambda item: -abs(item.x)):
+        if abs(item.x) <= 2 * item.share or kinds[item.deviation.kind] == _MOST_OF_KIND:
+            continue
+        kinds[item.deviation.kind] += 1
+        off = item.value - item.nominal
+        unit, factor = readable_unit(abs(off), item.deviation.unit)
+        moved = f"{number(factor * off, 3, signed=True)} {unit}".strip()
+        if item.deviation.relative:
+            moved = f"{number(100 * off / item.nominal, 3, signed=True)} %"
+        texts.append(f"{item.name} {moved}, {number(abs(item.x), 2)} times its tolerance")
+    return texts[:_MOST_CORRECTED]
 
 
 def _in_lines(texts: Iterable[tuple[str, str, str]]) -> list[str]:
@@ -525,9 +564,9 @@ def alternative_text(finding: Finding) -> list[str]:
         texts.append(f"of {here}, {places_text(parts)} {alone} would explain as much")
     if finding.alternatives:
         laws = _alternative_laws(finding)
-        told = ", ".join(laws[:_MOST_RIVALS])
         more = len(laws) - _MOST_RIVALS
-        texts.append(f"as good a fit: {told}{f' and {more} more, in diagnosis.json' if more > 0 else ''}")
+        laws[_MOST_RIVALS:] = [f"{more} more, in diagnosis.json"] if more > 0 else []
+        texts += [f"as good a fit: {laws[0]}", *(f"or {law}" for law in laws[1:])]
     return texts
 
 
@@ -657,7 +696,7 @@ def places_text(names: Iterable[str]) -> str:
     for found_in, listed in sorted(parts.items(), key=lambda item: (-len(item[0]), item[0])):
         single = len(found_in) == len(listed) == 1
         texts.append(("/" if single else ": ").join(", ".join(each) for each in (found_in, listed) if each))
-    return "; ".join(texts)
+    return ("; " if any(": " in text for text in texts) else ", ").join(texts)
 
 
 def hidden_rows(hidden: Sequence[Detectable]) -> list[tuple[str, str, str]]:
@@ -713,7 +752,7 @@ def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
             "Nothing has changed since the earlier test beyond what that could know: what its model leaves is noise "
             f"({after} times it).{seen and f' {capital(seen)}.'}"
         )
-    told = ", ".join(_or_else(f"{finding_text(item)}{_from_to(item)}", item) for item in named)
+    told = _joined([_or_else(f"{finding_text(item)}{_from_to(item)}", item) for item in named])
     takes = f"the residual falls from {before} to {after} times the noise" if before != after else f"{after} are left"
     if diagnosis.verdict == "explained":
         sensors = all(item.effect is not None and item.effect.law.sensor in SENSORS for item in named)

@@ -292,11 +292,12 @@ def print_check(out: Console, robot: Robot) -> None:
 
 
 def print_prospects(out: Console, robot: Robot, recording: Recording, found: Prospects) -> None:
-    """Print how the joints move, what could not be told apart or seen, and remarks."""
+    """Print what comes first, remarks, how the joints move, and last the long list of what could not be seen."""
     listed(out, "robot", [robot.name])
     listed(out, "recording", [counted(len(recording), "sample")])
-    bullets(out, "First of all", found.premises)
+    bullets(out, "First of all", map(capital, found.premises))
     bullets(out, "Written otherwise than it says", found.conventions)
+    bullets(out, "Remarks", map(capital, found.remarks))
     if found.joints:
         heading(out, "Motion")
         rows = []
@@ -308,7 +309,6 @@ def print_prospects(out: Console, robot: Robot, recording: Recording, found: Pro
         show_table(out, ("joint", ">travel", ">top speed", ">at rest", ">effort"), rows)
     bullets(out, "What this motion cannot tell apart", _alike(found.alike))
     print_hidden(out, found.not_detectable)
-    bullets(out, "Remarks", found.remarks)
 
 
 def _alike(pairs: Sequence[tuple[str, str]]) -> list[str]:
