@@ -49,6 +49,11 @@ def in_motion_of(bar, recording):
     return in_motion(bar.mechanism, recording, band, [])
 
 
+def coarse(recording, step):
+    """The same log by an encoder of such a step [rad]."""
+    return replace(recording, positions={"hinge": np.round(recording.positions["hinge"] / step) * step})
+
+
 def scaled(recording, gain):
     return replace(recording, efforts={"hinge": gain * recording.efforts["hinge"]}, tolerances=UNKNOWN_UNIT)
 
@@ -87,3 +92,16 @@ def test_a_lone_link_may_be_heavier_than_drawn(bar):
     )
     measured = other.efforts["hinge"]
     assert np.std(foretold - measured) < 0.3 * np.std(drawn - measured)
+
+
+def test_rows_in_which_a_coarse_encoder_saw_no_step_are_predicted_as_they_were_measured(bar):
+    """An effort that went on tells them from rows that were logged again: left out, all after them came too early."""
+    recording = coarse(swung(bar, seed=1), 0.01)
+    measured, predicted = (motion_of(recording, bar.mechanism, driven) for driven in (None, ["hinge"]))
+    assert len(predicted) == len(recording)
+    assert np.array_equal(predicted.time, measured.time)
+
+
+def test_efforts_are_compared_below_where_nothing_but_steps_of_the_encoder_is_predicted(bar):
+    fine, rough = (band_of(bar.mechanism, coarse(swung(bar), step))[0]["hinge"] for step in (1e-5, 0.003))
+    assert rough < 0.8 * fine
