@@ -105,3 +105,15 @@ def test_rows_in_which_a_coarse_encoder_saw_no_step_are_predicted_as_they_were_m
 def test_efforts_are_compared_below_where_nothing_but_steps_of_the_encoder_is_predicted(bar):
     fine, rough = (band_of(bar.mechanism, coarse(swung(bar), step))[0]["hinge"] for step in (1e-5, 0.003))
     assert rough < 0.8 * fine
+
+
+def test_masses_of_which_a_short_log_is_not_sure_are_predicted_and_not_told(bar):
+    found = diagnose(bar, coarse(swung(bar, heavier=1.14, friction=0.08, damping=0.004, lasting=1.6), 0.006))
+    assert "inertial_parameters" not in {finding.physics for finding in found.findings}
+    assert "inertial_parameters" in {effect.law.physics for effect in found.effects}
+
+
+def test_a_weight_is_told_that_is_small_beside_what_looks_like_an_offset(bar):
+    """A swing about one side: gravity's part across it hardly changes, and is the largest of a link's columns."""
+    found = diagnose(bar, swung(bar, heavier=0.59, friction=0.07, damping=0.08, shaken=0.4, seed=6, lasting=1.6))
+    assert {finding.physics for finding in found.findings} == {"inertial_parameters", "viscous_friction"}
