@@ -131,7 +131,9 @@ def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> tuple[Array, bo
     """
     vibrating = spectra.coherence > _COHERENT
     worse = (spectra.explained < -MOST) & (spectra.frequency < highest)
-    worse &= spectra.frequency > np.where(vibrating, lowest, lowest / _OWN_TIMES)
+    # steps of an encoder, which rise with frequency, end even what is near the motion; gaps between its lines do not
+    on = np.logical_and.accumulate((worse | (spectra.frequency >= highest))[:, ::-1], axis=1)[:, ::-1]
+    worse &= spectra.frequency > np.where(on & ~vibrating, lowest / _OWN_TIMES, lowest)
     first = np.argmax(worse, axis=1)
     coherent = vibrating[np.arange(len(first)), first]
     cut = np.where(worse.any(axis=1), spectra.frequency[first] * np.where(coherent, _FOOT, 1.0), highest)
