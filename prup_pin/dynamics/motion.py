@@ -182,8 +182,9 @@ def motion_of(
     if not names:
         raise InputError("no column q.<joint> of this robot's joints holds a number: its motion is unknown")
     if driven is not None:
-        nothing = np.zeros(len(recording))
-        recording = recording.with_measurements(efforts=dict.fromkeys(driven, nothing))
+        # what was recorded of them tells a row that was logged again from one in which a coarse encoder saw no step
+        known = {name: recording.efforts.get(name, np.zeros(len(recording))) for name in driven}
+        recording = recording.with_measurements(efforts={name: np.nan_to_num(tau) for name, tau in known.items()})
         drives = tuple(driven)
     rates = one_rate(recording)
     if len(recording) < 2 or _stands(rates.recording, names):
@@ -191,7 +192,7 @@ def motion_of(
     clean, told_off = without_glitches(recording)
     rates = one_rate(clean) if told_off else rates
     limited = {name: at_limit(clean.efforts[name]) for name in drives}
-    remarks = [*told_off, *limits_told(clean, limited), *rates.remarks]
+    remarks = [*told_off, *(limits_told(clean, limited) if driven is None else ()), *rates.remarks]
     recording, there = rates.recording, None
     if driven is None:
         recording, there = _bounded(recording, remarks)

@@ -49,6 +49,11 @@ def in_motion_of(bar, recording):
     return in_motion(bar.mechanism, recording, band, [])
 
 
+def coarse(recording, step):
+    """The same log by an encoder of such a step [rad]."""
+    return replace(recording, positions={"hinge": np.round(recording.positions["hinge"] / step) * step})
+
+
 def scaled(recording, gain):
     return replace(recording, efforts={"hinge": gain * recording.efforts["hinge"]}, tolerances=UNKNOWN_UNIT)
 
@@ -87,3 +92,28 @@ def test_a_lone_link_may_be_heavier_than_drawn(bar):
     )
     measured = other.efforts["hinge"]
     assert np.std(foretold - measured) < 0.3 * np.std(drawn - measured)
+
+
+def test_rows_in_which_a_coarse_encoder_saw_no_step_are_predicted_as_they_were_measured(bar):
+    """An effort that went on tells them from rows that were logged again: left out, all after them came too early."""
+    recording = coarse(swung(bar, seed=1), 0.01)
+    measured, predicted = (motion_of(recording, bar.mechanism, driven) for driven in (None, ["hinge"]))
+    assert len(predicted) == len(recording)
+    assert np.array_equal(predicted.time, measured.time)
+
+
+def test_efforts_are_compared_below_where_nothing_but_steps_of_the_encoder_is_predicted(bar):
+    fine, rough = (band_of(bar.mechanism, coarse(swung(bar), step))[0]["hinge"] for step in (1e-5, 0.003))
+    assert rough < 0.8 * fine
+
+
+def test_masses_of_which_a_short_log_is_not_sure_are_predicted_and_not_told(bar):
+    found = diagnose(bar, coarse(swung(bar, heavier=1.14, friction=0.08, damping=0.004, lasting=1.6), 0.006))
+    assert "inertial_parameters" not in {finding.physics for finding in found.findings}
+    assert "inertial_parameters" in {effect.law.physics for effect in found.effects}
+
+
+def test_a_weight_is_told_that_is_small_beside_what_looks_like_an_offset(bar):
+    """A swing about one side: gravity's part across it hardly changes, and is the largest of a link's columns."""
+    found = diagnose(bar, swung(bar, heavier=0.59, friction=0.07, damping=0.08, shaken=0.4, seed=6, lasting=1.6))
+    assert {finding.physics for finding in found.findings} == {"inertial_parameters", "viscous_friction"}

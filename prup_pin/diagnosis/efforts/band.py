@@ -129,9 +129,13 @@ def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> tuple[Array, bo
     Where a vibration ends what is compared, no joint is compared far above the motion, nor far above the joint that
     ends first, for the mass matrix passes it on: but for as far as the prediction leaves next to nothing.
     """
-    worse = (spectra.explained < -MOST) & (spectra.frequency > lowest) & (spectra.frequency < highest)
+    vibrating = spectra.coherence > _COHERENT
+    worse = (spectra.explained < -MOST) & (spectra.frequency < highest)
+    # steps of an encoder, which rise with frequency, end even what is near the motion; gaps between its lines do not
+    on = np.logical_and.accumulate((worse | (spectra.frequency >= highest))[:, ::-1], axis=1)[:, ::-1]
+    worse &= spectra.frequency > np.where(on & ~vibrating, lowest / _OWN_TIMES, lowest)
     first = np.argmax(worse, axis=1)
-    coherent = spectra.coherence[np.arange(len(first)), first] > _COHERENT
+    coherent = vibrating[np.arange(len(first)), first]
     cut = np.where(worse.any(axis=1), spectra.frequency[first] * np.where(coherent, _FOOT, 1.0), highest)
     shaken = coherent & worse.any(axis=1)
     rising = _rising(spectra, lowest) & (spectra.frequency < cut[:, None])
@@ -144,7 +148,7 @@ def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> tuple[Array, bo
         poor = (spectra.explained < 1 - NO_MATTER) & (spectra.frequency > lowest)
         good = np.where(poor.any(axis=1), spectra.frequency[np.argmax(poor, axis=1)], highest)
         cut = np.minimum(cut, np.maximum(np.sqrt(most * np.clip(cut[shaken].min(), lowest, most)), good))
-    return np.maximum(cut, lowest), bool(shaken.any())
+    return np.where(shaken, np.maximum(cut, lowest), cut), bool(shaken.any())
 
 
 def _rising(spectra: Spectra, lowest: float) -> np.ndarray:

@@ -162,11 +162,21 @@ def _final_state(
     sample, rounding = (of(noise, at.driven, scale) for of in (true_sizes, true_roundings))
     model, curves, imitating = _with_curves(efforts, model, sample, rounding)
     tell("the verdict", 0.9)
-    while True:
-        final = FinalState(robot, recording, efforts, noise, model, curves, imitating, gains, outliers, doubts)
-        if (needless := final.needless) is None:
-            return final
+
+    def state(model: EffortModel, untold: Sequence[EffortCandidate]) -> FinalState:
+        return FinalState(robot, recording, efforts, noise, model, curves, untold, gains, outliers, doubts)
+
+    final, unsure = state(model, imitating), []
+    while (needless := final.needless) is not None:
+        unsure.append(needless)
         model = model.without(needless)
+        final = state(model, imitating)
+    # of what every drive has what is likeliest foretells best, be it surely anything or not: it stays, and is not told
+    common = [term for term in unsure if term.law.everywhere or term.law.body]
+    wider = model.with_term(*common)
+    if relative_gain(held_out(model), held_out(wider))[0] <= GAIN:
+        return final
+    return state(wider, [*imitating, *common])
 
 
 def _in_own_units(

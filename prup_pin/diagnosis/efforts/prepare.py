@@ -346,7 +346,7 @@ class PreparedEfforts:
         left = total[np.ix_(own, own)] - total[np.ix_(own, others)] @ NormalEquations.of(
             total[np.ix_(others, others)]
         ).solve(total[np.ix_(others, own)])
-        return float(np.trace(left)) > LITTLE**2 * float(np.trace(total[np.ix_(own, own)]))
+        return bool((np.diag(left) > LITTLE**2 * np.diag(total)[own]).any())
 
     def with_candidates(
         self, columns: DesignMatrix, candidates: Sequence[EffortCandidate], prior: Array
