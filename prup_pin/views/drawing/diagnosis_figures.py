@@ -44,6 +44,8 @@ _LINE = 18
 _ZIGZAG = 3
 #: Joints that a page shows, those whose effort the findings change most, and the time that it shows of them [s].
 _MOST_JOINTS, _SECONDS = 6, 12.0
+#: Height of a line of a finding's text [inches].
+_FINDING = 0.26
 _AXIS_NAMES = {"m": ("x", "y", "z"), "rad": ("about x", "about y", "about z")}
 
 
@@ -98,14 +100,15 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, *, narrow: bool = False) ->
     pose = poses[len(poses) // 2] if poses else robot.home
     figure = sheet(*(NARROW if narrow else WIDE), dpi=100)
     scene = pose_scene(robot, pose, ellipsoids="none")
-    drawing = scene_figure(figure, replace(scene, legend=Legend(scene.legend.title)))
     found = marks(robot, pose, diagnosis.told)
+    # the findings beside the drawing, by the numbers that it shows; below it on a phone
+    lines = _finding_lines(diagnosis, found, *((4, 50) if narrow else (9, 40)))
+    below = _FINDING * len(lines)
+    drawing = scene_figure(figure, replace(scene, legend=Legend(scene.legend.title)), below)
     middle = drawing.flat(scene.bounds).mean(axis=0)
     for at, numbers in _draw_marks(drawing, found):
         drawing.labels.put(", ".join(map(str, numbers)), at, FOUND, at - middle, 17, "bold")
-    # the findings beside the drawing, by the numbers that it shows
-    lines = _finding_lines(diagnosis, found, *((4, 50) if narrow else (9, 40)))
-    place = (0.06, 0.33) if narrow else (0.655, 0.87)
+    place = (0.06, below / figure.get_figheight()) if narrow else (0.655, 0.87)
     figure.text(*place, "\n".join(lines), fontsize=11, color=FOUND, va="top", linespacing=1.6)
     return figure
 

@@ -13,11 +13,11 @@ from ..scene.colours import INK, rgb_of
 from ..scene.scene import Legend, Lines, Part, Scene, mesh_of
 from .plotting import Figure, Labels, LineCollection, ListedColormap, Patch, PolyCollection
 
-#: Where a scene and its legend stand in a wide figure and in a narrow one, in shares of these; letters in a line.
+#: Sizes of a wide figure and a narrow one [inches], the latter as high as its scene and legend; letters in a line.
 WIDE, NARROW = (11.0, 7.2), (5.2, 9.2)
-_PLACES = {WIDE: (0.01, 0.02, 0.68, 0.82), NARROW: (0.02, 0.43, 0.96, 0.42)}
-_LEGENDS = {WIDE: (0.70, 0.80), NARROW: (0.05, 0.41)}
 _LETTERS = {WIDE: 120, NARROW: 62}
+#: Heights on a phone [inches]: of a scene, a row of the legend, the scale above it, the title, a line under that.
+_SCENE, _ROW, _SCALE, _TITLE, _HEAD_LINE = (2.2, 4.2), 0.2, 0.75, 0.7, 0.23
 #: Light that comes from all sides, as a share; the rest comes from above the eye.
 _AMBIENT = 0.6
 #: Room about the scene, as a share of it.
@@ -86,24 +86,49 @@ def _triangles(part: Part) -> tuple[Array, Array]:
     return corners, colours
 
 
-def scene_figure(figure: Figure, scene: Scene) -> SceneDrawing:
-    """Draw a scene with its labels and legend on an empty figure that is WIDE or NARROW."""
-    width, height = figure.get_size_inches()
-    size = WIDE if width > NARROW[0] else NARROW
-    drawing = SceneDrawing(figure, _PLACES[size], scene)
+def scene_figure(figure: Figure, scene: Scene, below: float = 0.0) -> SceneDrawing:
+    """Draw a scene with its labels and legend on an empty figure that is WIDE or NARROW.
+
+    below: height that a narrow one keeps free at its lower end [inches].
+    """
+    size = WIDE if figure.get_figwidth() > NARROW[0] else NARROW
+    lines = [part for line in scene.legend.lines for part in wrap(line, _LETTERS[size])]
+    place, legend = (0.01, 0.02, 0.68, 0.82), (0.70, 0.80)
+    if size is NARROW:
+        place, legend = _stacked(figure, scene, len(lines), below)
+    drawing = SceneDrawing(figure, place, scene)
     for label in sorted(scene.labels, key=lambda label: not label.strong):
         at, beside = drawing.flat(label.at), drawing.flat(label.beside)
         weight = "bold" if label.strong else "normal"
         drawing.labels.put(label.text, at, label.colour, at - beside, 9.5, weight)
-    lines = [part for line in scene.legend.lines for part in wrap(line, _LETTERS[size])]
     write_head(figure, scene.legend.title, lines, 11 if size is WIDE else 9.5)
-    _write_legend(figure, scene.legend, _LEGENDS[size], height)
+    _write_legend(figure, scene.legend, legend)
     return drawing
 
 
-def _write_legend(figure: Figure, legend: Legend, place: tuple[float, float], height: float) -> None:
+def _stacked(
+    figure: Figure, scene: Scene, lines: int, below: float
+) -> tuple[tuple[float, float, float, float], tuple[float, float]]:
+    """Make a figure as high as so many lines, the scene and its legend; return where these two stand, in shares."""
+    wide, tall = np.ptp(scene.bounds @ scene.page[:2].T, axis=0)
+    high = float(np.clip(0.96 * NARROW[0] * tall / wide, *_SCENE))
+    rows = sum(text.count("\n") + 1 for _, text in _signs(scene.legend))
+    legend = _ROW * rows + (_SCALE if scene.legend.scale_title else 0.0) + below
+    whole = _TITLE + _HEAD_LINE * lines + high + legend + 0.2
+    figure.set_size_inches(NARROW[0], whole)
+    bottom = (legend + 0.1) / whole
+    return (0.02, bottom, 0.96, high / whole), (0.05, bottom)
+
+
+def _signs(legend: Legend) -> list[tuple[str, str]]:
+    """Return the colours and texts of a legend's rows, no line too long."""
+    signs = [(row.colour, f"{row.name}  {row.value}".strip()) for row in (*legend.rows, *legend.signs)]
+    return [(colour, "\n".join(wrap(text, 40))) for colour, text in signs]
+
+
+def _write_legend(figure: Figure, legend: Legend, place: tuple[float, float]) -> None:
     """Explain the colours, in the order of the scene's own legend."""
-    left, top = place
+    (left, top), height = place, figure.get_figheight()
     if legend.scale_title:
         axes = figure.add_axes((left + 0.01, top - 0.45 / height, 0.2, 0.13 / height))
         axes.imshow(np.linspace(0, 1, 256)[None], cmap=ListedColormap(legend.scale_colours), aspect="auto")
@@ -112,10 +137,9 @@ def _write_legend(figure: Figure, legend: Legend, place: tuple[float, float], he
         axes.tick_params(length=0, pad=2)
         axes.set_title(legend.scale_title, fontsize=9.5, loc="left", pad=4)
         axes.spines[:].set_visible(False)
-        top -= 0.75 / height
-    signs = [(row.colour, f"{row.name}  {row.value}".strip()) for row in (*legend.rows, *legend.signs)]
-    handles = [Patch(color=colour or "none") for colour, _ in signs]
-    labels = ["\n".join(wrap(text, 40)) for _, text in signs]
+        top -= _SCALE / height
+    signs = _signs(legend)
+    handles, labels = [Patch(color=colour or "none") for colour, _ in signs], [text for _, text in signs]
     how = {"frameon": False, "fontsize": 9.5, "handlelength": 1.2, "labelspacing": 0.3}
     figure.legend(handles, labels, loc="upper left", bbox_to_anchor=(left, top), **how)
 
