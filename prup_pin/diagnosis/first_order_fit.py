@@ -118,12 +118,13 @@ class FirstOrderFit:
         return min(self.chi_squared(self._resized(np.clip(start, *self.bounds))) for start in self.candidate.starts())
 
     def _resized(self, begin: Array) -> Array:
-        """Return a start with its first coordinate where that leaves least."""
+        """Return a start with its size, or sizes, all of one unit, where these leave least."""
         if self.candidate.is_proportional:
             return self._sized(begin)
-        here, slope = self.left(begin), self.slope(begin)[:, 0]
-        step = -float(slope @ here) / max(float(slope @ slope), 1e-300)
-        return np.clip(np.concatenate(([begin[0] + step], begin[1:])), *self.bounds)
+        units = np.array([quantity.unit for quantity in self.candidate.quantities])
+        moved, sizes = begin.copy(), units == units[0]
+        moved[sizes] -= np.linalg.lstsq(self.slope(begin)[:, sizes], self.left(begin), rcond=1e-10)[0]
+        return np.clip(moved, *self.bounds)
 
     def _is_sized(self, coordinates: Array) -> bool:
         """Return True where no other size could gain anything."""
