@@ -9,6 +9,7 @@ import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
+from textwrap import fill
 
 import architecture
 import effort_spectra as spectra
@@ -91,10 +92,13 @@ def diagnosis() -> None:
     robot, _ = three_prup()
     found = diagnose(robot, read_recording(ROOT / "examples" / "bench.csv"))
     figure, finding = place_figure(robot, found), found.findings[0]
-    axes = figure.add_axes((0.735, 0.46, 0.245, 0.28))
+    axes = figure.add_axes((0.735, 0.4, 0.245, 0.28))
     draw_response(axes, finding.recovered, finding.physics, 8.0)
-    keys = axes.get_legend_handles_labels()
-    figure.legend(*keys, frameon=False, fontsize=9, loc="upper left", bbox_to_anchor=(0.69, 0.38), handlelength=2)
+    handles, labels = axes.get_legend_handles_labels()
+    labels = [fill(label, 38) for label in labels]
+    figure.legend(
+        handles, labels, frameon=False, fontsize=9, loc="upper left", bbox_to_anchor=(0.69, 0.31), handlelength=2
+    )
     figure.savefig(OUT / "diagnosis.png")
 
 
