@@ -426,6 +426,8 @@ class Problem:
                 fit = self.fit_at(less, start.run, start, near=True)
                 if np.isfinite(fit.chi2):
                     break
+            else:  # some that near their equilibria slowly are given up there
+                fit = self.fit_at(each, start.run, start)
             yield fit if each is terms else self.relinearised(fit)
 
     def _opened(self, terms: Sequence[Term], start: Fit) -> Sequence[Term]:

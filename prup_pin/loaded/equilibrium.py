@@ -29,7 +29,7 @@ _LONGEST = 0.2
 #: A sample whose steps have doubled so often is given up, as is one that still wanders after so many iterations.
 _DIVERGING = 4
 _WANDERING, _FAR = 15, 1e-3
-#: One that begins near an equilibrium is within half of the longest step of it by then, and hardly moves after _FEW.
+#: One that begins near an equilibrium is within half of the longest step of it by then.
 _SOON = 4
 _LOAD_STEPS = (2, 8, 32)
 #: Smaller steps are tried where coarser ones reached this share of the load.
@@ -122,7 +122,7 @@ def find_equilibria(
             state = replace(state, strain=old.strain, closure=old.closure)
     shared = start.inverses if start is not None else None
     state, evaluation, converged, steps, shared = _newton(
-        chain, rigid, state, conditions, rows, shared, _ITERATIONS if by_steps else _FEW, near
+        chain, rigid, state, conditions, rows, shared, _ITERATIONS if by_steps and not near else _FEW, near
     )
     free = rigid.border.holds & ~converged & (steps < TOLERANCE)
     if by_steps and free.any():
@@ -229,8 +229,7 @@ def _newton(
         grown[active] += moved > 2 * size[active]
         grown[active[np.isnan(moved)]] = _DIVERGING
         size[active] = moved
-        # what goes in a straight line towards its equilibrium may take all iterations
-        if near and iteration >= _SOON and moved.max() > (_LONGEST / 2 if iteration < _FEW else _FAR):
+        if near and iteration >= _SOON and moved.max() > _LONGEST / 2:
             break
         if iteration >= _WANDERING:
             grown[active[np.minimum(best[active], moved) > _FAR]] = _DIVERGING
