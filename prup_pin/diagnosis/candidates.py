@@ -63,7 +63,7 @@ class Candidate:
         return modules.pop() if len(modules) == 1 else None
 
     @property
-    def part(self) -> str | int | None:
+    def only_part(self) -> str | int | None:
         """The one module that deforms by it, or the one actuator that stands elsewhere; None of what does otherwise."""
         actuators = {deed.only_actuator for deed in self.deeds}
         return self.only_module or (actuators.pop() if len(actuators) == 1 else None)

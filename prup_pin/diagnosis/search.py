@@ -366,17 +366,20 @@ def other_explanations(problem: Problem, fit: Fit, index: int, rivals: Sequence[
     """
     own, scale = fit.terms[index].candidate, scale_of(problem, fit)
     alike = [rival.term.candidate for rival in rivals if rival.chi2 <= fit.chi2 + scale * INDISTINCT]
-    parts = {own.part, *(each.part for each in alike if (each.law.physics, each.size) == (own.law.physics, own.size))}
+    own_kind = own.law.physics, own.size
+    parts = {own.only_part, *(each.only_part for each in alike if (each.law.physics, each.size) == own_kind)} - {None}
 
-    def contains_it(rival: Rival) -> bool:
+    def may_contain_it(rival: Rival) -> bool:
         candidate = rival.term.candidate
         more = candidate.size - own.size
-        chance = scale * WITHIN_95**2 * more
-        if more <= 0 or candidate.part is None or candidate.part not in parts or rival.chi2 < fit.chi2 - chance:
-            return False
-        return FirstOrderFit(_without(problem, fit, index), candidate).usual() > fit.chi2 + scale * INDISTINCT
+        return more > 0 and candidate.only_part in parts and rival.chi2 >= fit.chi2 - scale * WITHIN_95**2 * more
 
-    return [rival for rival in rivals if not contains_it(rival)]
+    suspects = [rival.term.candidate for rival in rivals if may_contain_it(rival)]
+    if not suspects:
+        return list(rivals)
+    remainder, most = _without(problem, fit, index), fit.chi2 + scale * INDISTINCT
+    containing = {each.name for each in suspects if FirstOrderFit(remainder, each).usual() > most}
+    return [rival for rival in rivals if rival.term.candidate.name not in containing]
 
 
 def _yields_alone(problem: Problem, fit: Fit, index: int) -> bool:

@@ -27,9 +27,9 @@ _ROOM = 0.05
 class SceneDrawing:
     """Axes on which a scene is drawn, at a `place` of the figure, and what puts labels beside its parts."""
 
-    def __init__(self, figure: Figure, place: tuple[float, ...], scene: Scene):
+    def __init__(self, figure: Figure, place: tuple[float, float, float, float], scene: Scene):
         self.plane = scene.page[:2]
-        self.axes: Any = figure.add_axes(place)  # type: ignore[arg-type]
+        self.axes: Any = figure.add_axes(place)
         self.axes.axis("off")
         flat = self.flat(scene.bounds)
         low, high = flat.min(axis=0), flat.max(axis=0)
