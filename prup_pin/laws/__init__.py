@@ -30,6 +30,7 @@ from .lead_error import HomedLeadError, LeadError, PeriodicLeadError
 from .model_equation_error import ModelEquationError
 from .out_of_level import OutOfLevel
 from .payload import OffCentrePayload, Payload
+from .play_with_memory import HeldBacklash, LostMotion
 from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, stands_elsewhere
 from .root_tilt import HubRootCompliance, RootTiltCompliance
 from .self_weight import SelfWeight, SpreadSelfWeight
@@ -57,6 +58,8 @@ _OWN: tuple[Law, ...] = (
     EveryJointCompliance(),
     Backlash(),
     BacklashByAxis(),
+    HeldBacklash(),
+    LostMotion(),
     GuidePlay(),
     HertzianContact(),
     Hardening(),
