@@ -19,7 +19,7 @@ from .everywhere import Everywhere
 from .external_spring import ExternalSpring, UnevenSpring
 from .geometric_offset import GeometricOffset
 from .guide_play import GuidePlay
-from .hardening import Hardening
+from .hardening import Hardening, TwoStages
 from .hertzian_contact import HertzianContact
 from .in_recording import in_groups, lasting
 from .inputs import Inputs, Trajectory
@@ -63,6 +63,7 @@ _OWN: tuple[Law, ...] = (
     GuidePlay(),
     HertzianContact(),
     Hardening(),
+    TwoStages(),
     CoulombFriction(),
     ViscousFriction(),
     SelfWeight(),
