@@ -31,7 +31,7 @@ from .model_equation_error import ModelEquationError
 from .out_of_level import OutOfLevel
 from .payload import OffCentrePayload, Payload
 from .play_with_memory import HeldBacklash, LostMotion
-from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, stands_elsewhere
+from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, moved_at, stands_elsewhere
 from .root_tilt import HubRootCompliance, RootTiltCompliance
 from .self_weight import SelfWeight, SpreadSelfWeight
 from .setup import Setup
@@ -151,6 +151,7 @@ __all__ = [
     "lasting",
     "law_at",
     "laws_of",
+    "moved_at",
     "sits_turned",
     "stands_elsewhere",
 ]

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.corrected import corrected_model
 from prup_pin.laws.backlash import _play
 from prup_pin.laws.play_with_memory import HeldGap, LostMotion
 from prup_pin.recordings import Noise, Recording
 from prup_pin.simulation import effect_named, simulate
 
-UPPER, FORE, STIFF, GAP, STICKS, NOISE = 0.4, 0.35, (3e4, 1.2e4), 4e-4, 0.8, 1.2e-5
+UPPER, FORE, STIFF, GAP, STICKS, STAGE, NOISE = 0.4, 0.35, (3e4, 1.2e4), 4e-4, 0.8, 6.0, 1.2e-5
 FILE = """<robot name="scara">
   <link name="base"/><link name="upper"/><link name="fore"/><link name="tool"/>
   <joint name="A1" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
@@ -42,8 +45,11 @@ def tip(q):
     return np.array([UPPER * np.cos(first) + FORE * np.cos(second), UPPER * np.sin(first) + FORE * np.sin(second), 0.0])
 
 
-def bench(seed, held=False, reversal=False, poses=8, forces=(0, 30, 60, 30, 0, -30, -60, -30, 0)):
-    """A bench test, solved by fixed-point steps: the first joint's gap, held or left behind as it moves."""
+def bench(seed, held=False, reversal=False, staged=False, poses=8, forces=(0, 30, 60, 30, 0, -30, -60, -30, 0)):
+    """A bench test, solved by fixed-point steps: the first joint's gap, held or left behind as it moves.
+
+    staged: the second joint's gear is twice as soft below 6 N m.
+    """
     rng, rows, side, last = np.random.default_rng(seed), [], 0.0, None
     for _ in range(poses):
         q = np.array([rng.uniform(-1.5, 1.5), rng.choice([-1, 1]) * rng.uniform(0.4, 2.2)])
@@ -59,7 +65,8 @@ def bench(seed, held=False, reversal=False, poses=8, forces=(0, 30, 60, 30, 0, -
                 fore = FORE * np.array([np.cos(bent.sum()), np.sin(bent.sum())])
                 torque[1] = fore[0] * force[1] - fore[1] * force[0]
                 now = np.sign(torque[0]) if held and abs(torque[0]) > STICKS else side
-                bent = q + torque / STIFF + [GAP * now, 0.0]
+                more = np.clip(torque[1], -STAGE, STAGE) / STIFF[1] if staged else 0.0
+                bent = q + torque / STIFF + [GAP * now, more]
             side = now
             rows.append((*q, *force, *(tip(bent) + NOISE * rng.normal(size=3))))
     table = np.array(rows)
@@ -94,6 +101,28 @@ def test_a_drive_that_loses_motion_as_it_turns_back_is_named(arm):
     assert (law.physics, law.location) == ("backlash", "A1")
     assert law.parameters["half_gap"].value == pytest.approx(GAP, rel=0.03)
     assert "from either side" in law.statement
+
+
+def test_a_gear_of_two_stages_is_no_play(arm):
+    found = diagnose(arm, bench(4, staged=True))
+    (law,) = (item for item in found.findings if item.physics not in ("finite_deflection", "self_weight"))
+    assert found.verdict == "explained"
+    assert (law.physics, law.location) == ("hardening", "A2/gear")
+    assert law.parameters["softer"].value == pytest.approx(1.0, rel=0.1)
+    assert law.parameters["turning_load"].value == pytest.approx(STAGE, rel=0.1)
+
+
+def test_a_tracker_that_was_pushed_is_told_with_its_moment_and_nothing_else(arm):
+    still = bench(5, poses=12)
+    moved = still.position + np.where(np.arange(len(still)) >= 50, 1.0, 0.0)[:, None] * [1.2e-4, -5e-5, 0.0]
+    found = diagnose(arm, replace(still, position=moved))
+    (law,) = (item for item in found.findings if item.physics not in ("finite_deflection", "self_weight"))
+    assert found.verdict == "explained"
+    assert law.physics == "pose_sensor_misalignment"
+    assert "from 100 s on" in law.statement  # a row is 2 s
+    assert law.parameters["tx"].value == pytest.approx(1.2e-4, abs=3e-5)
+    kept = corrected_model(found, arm, [still], "scara.urdf").effects
+    assert not any("pose_sensor" in effect.place.name and effect.values.get("tx") for effect in kept)
 
 
 def test_without_a_holding_load_it_is_a_gap_without_memory():
