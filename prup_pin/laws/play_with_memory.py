@@ -35,6 +35,7 @@ class HeldBacklash(Law):
     source = "Visintin, Differential Models of Hysteresis, ch. III.2 (generalized play)"
     likely = Backlash.likely
     variant = "held"
+    cost = 6.0
     quantities = (
         *Backlash.quantities[:1],
         Quantity("holding_load", "N", "load below which the gap stays as it is", 1.0, upper=1e6),
@@ -77,6 +78,8 @@ class HeldBacklash(Law):
         yield RememberedStrain(place.name, play, by_load=True)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        if values["holding_load"] <= values["closing_load"]:  # it hardly stays
+            return Backlash().statement(Place(place.name), values, mechanism)
         unit, load = ("rad", "N m") if turns(mechanism, place) else ("m", "N")
         gap, holds = quantity(values["half_gap"], unit), quantity(values["holding_load"], load)
         return f"{place.name} has a play of ±{gap} that stays where it was pushed until the load passes {holds}"

@@ -11,7 +11,8 @@ import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.corrected import corrected_model
 from prup_pin.laws.backlash import _play
-from prup_pin.laws.play_with_memory import HeldGap, LostMotion
+from prup_pin.laws.hardening import TwoStages
+from prup_pin.laws.play_with_memory import HeldBacklash, HeldGap, LostMotion
 from prup_pin.recordings import Noise, Recording
 from prup_pin.simulation import effect_named, simulate
 
@@ -158,13 +159,34 @@ def test_a_gap_in_a_closed_loop_ends_where_its_load_has_it():
         rotation=np.zeros((6, 3)),
     )
     play = {"half_gap": 3e-5, "holding_load": 3.0, "closing_load": 0.5, "begun": 0.0}
-    told = simulate(robot, recording, [effect_named("backlash", "leg2/ball_nut", "held", play, robot.mechanism)])
+    told = simulate(
+        robot, recording, [effect_named("backlash", "leg2/ball_nut", HeldBacklash.variant, play, robot.mechanism)]
+    )
     apart = np.linalg.norm(told.position - simulate(robot, recording).position, axis=1)
     assert apart[0] < 1e-9
     assert apart[[2, 4]].min() > 5e-6  # unloaded again it stays where it was pushed
     np.testing.assert_allclose(
         told.position[2] - told.position[0], -(told.position[4] - told.position[0]), rtol=0.02, atol=1e-8
     )
+
+
+def test_a_gear_turns_as_its_catalogue_says(arm):
+    """K1 = 10 N m/mrad up to T1 = 14 N m and K2 = 14 N m/mrad beyond it, the robot file's being K2."""
+    first, second, turning = 10e3, 14e3, 14.0
+    robot = arm.with_parameters({"A1/gear.stiffness": second})
+    loads = np.array([0.0, 10.0, 14.0, 20.0, -20.0])
+    wrench = np.zeros((5, 6))
+    wrench[:, 5] = loads
+    recording = Recording(
+        time=np.arange(5.0), positions={"A1": np.zeros(5), "A2": np.zeros(5)}, wrench=wrench, position=np.zeros((5, 3))
+    )
+    values = {"softer": second / first - 1, "turning_load": turning}
+    law = effect_named("hardening", "A1/gear", TwoStages.variant, values, robot.mechanism)
+    at = simulate(robot, recording, [law]).rotation[:, 2]
+    gear = np.sign(loads) * np.where(
+        np.abs(loads) < turning, np.abs(loads) / first, turning / first + (np.abs(loads) - turning) / second
+    )
+    np.testing.assert_allclose(at, gear + loads / STIFF[1], rtol=1e-9, atol=1e-12)
 
 
 def test_small_motions_move_within_the_gap(arm):
