@@ -99,7 +99,8 @@ class Candidate:
         size, *others = self.quantities
         acts_anew = self.law.instead_of is None and not self.known.any()
         several = any(other.unit == size.unit for other in others)
-        return bool(self.logarithmic[0]) and acts_anew and not several and not self.remembers
+        alike = all(deed.is_proportional for deed in self.deeds)
+        return bool(self.logarithmic[0]) and acts_anew and not several and alike
 
     @property
     def size(self) -> int:

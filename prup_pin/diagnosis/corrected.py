@@ -68,7 +68,8 @@ def _meanwhile(
         return
     time = recordings[0].time
     stood = effect.law.meanwhile(effect.values, mechanism, float(np.mean(time - time[0])))
-    if stood is not None and any(other.law.physics == stood.law.physics for other in diagnosis.effects):
+    others = [other for other in diagnosis.effects if other is not effect]
+    if stood is not None and any(other.law.physics == stood.law.physics for other in others):
         yield stood
 
 

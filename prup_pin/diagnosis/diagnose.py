@@ -9,11 +9,13 @@ from threadpoolctl import threadpool_limits
 
 from ..dynamics import is_standing
 from ..errors import InputError, limits_heard, postures_beyond
+from ..laws import moved_at
 from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import CorrectedModel, as_recorded
 from ..simulation.needs import taking_part
 from .account import Account, beside_laws, searched, with_first_law, without_laws, without_load
+from .candidates import Candidate
 from .chances import chi2_isf
 from .conventions import read_logs
 from .criteria import AS_GOOD, FALSE_ALARM, FEW_FITS, FEW_ROUNDS, LITTLE, MOST
@@ -29,6 +31,7 @@ from .efforts.with_poses import (
     with_efforts_at_rest,
     without_dead_efforts,
 )
+from .moved_sensor import moment_of_move
 from .prepare import AsDrawn, Tell, drawn_problem, silent
 from .propose_strain import strain_judged, strain_proposals
 from .since import Earlier
@@ -146,7 +149,7 @@ def _diagnosed(
         # the few places were not to be found, or what they leave was taken for noise
         again = _all_over(drawn, tell)
         found = found if again is None else _cleaner(found, searched(again, tell))
-    return _told(found, tell, propose)
+    return _told(_with_moved_sensor(found, tell), tell, propose)
 
 
 def _told(found: Account, tell: Tell, propose: bool | Sequence[str] = False) -> Diagnosis:
@@ -249,6 +252,20 @@ def _with_outliers(drawn: AsDrawn, found: Account, spread: Spread, tell: Tell) -
     if begun is None or not begun.selection.last.terms:
         return found
     return _cleaner(found, searched(begun, tell))
+
+
+def _with_moved_sensor(found: Account, tell: Tell) -> Account:
+    """Return the account with a pose sensor that was moved while it measured, where that leaves noise and else more."""
+    prepared, problem = found.prepared, found.problem
+    if found.is_clean or found.doubt is not None or prepared.together.several:
+        return found
+    for fit in (found.selection.last, problem.first):
+        moment = moment_of_move(problem, fit, found.labels)
+        if moment is not None:
+            law, mechanism = moved_at(moment), problem.simulator.robot.mechanism
+            library = [*prepared.library, *(Candidate(law, place, mechanism) for place in law.places(mechanism))]
+            return _cleaner(found, searched(without_laws(replace(prepared, library=library), tell), tell))
+    return found
 
 
 def _explains_more(again: Account, few: Account) -> bool:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from operator import is_
 from typing import Any
 
@@ -402,10 +403,19 @@ class Problem:
         return float(residual @ residual + fit.x @ fit.x - left @ left - x @ x)
 
     def _tries(self, fit: Fit, reach: float, step: Array) -> Iterator[Fit]:
-        """Yield fits a step further: the whole step, shorter ones, and those that leave what data hardly tell."""
-        yield from (self._moved(fit, share * step) for share in shortened(LITTLE))
-        if fit.terms:
-            yield from (self._moved(fit, self._step(fit, reach, damping)) for damping in (UNSEEN, GAIN, MOST))
+        """Yield fits a step further: the whole step, shorter ones, and those that leave what data hardly tell.
+
+        Where samples near all of these equilibria too slowly, the whole step and shorter ones by a longer search.
+        """
+        steps = [share * step for share in shortened(LITTLE)]
+        damped = (self._step(fit, reach, damping) for damping in (UNSEEN, GAIN, MOST)) if fit.terms else ()
+        stands = False
+        for each in chain(steps, damped):
+            moved = self._moved(fit, each)
+            stands |= bool(np.isfinite(moved.chi2))
+            yield moved
+        if not stands:
+            yield from (self._moved(fit, each, near=False) for each in steps)
 
     def _begun(self, terms: Sequence[Term], start: Fit) -> Iterator[Fit]:
         """Yield fits from which terms are fitted: as they stand, or new ones at a share of what they do.
@@ -447,8 +457,11 @@ class Problem:
                     break
         return [opened.get(name, term) for name, term in zip(asked, terms, strict=True)] if opened else terms
 
-    def _moved(self, fit: Fit, step: Array) -> Fit:
-        """Return a fit whose terms and toleranced parameters have moved by a step, (p,), within their bounds."""
+    def _moved(self, fit: Fit, step: Array, near: bool = True) -> Fit:
+        """Return a fit whose terms and toleranced parameters have moved by a step, (p,), within their bounds.
+
+        near: as in `fit_at`.
+        """
         moved, place = [], 0
         for term in fit.terms:
             candidate = term.candidate
@@ -456,7 +469,7 @@ class Problem:
             own = np.clip(step[place : place + candidate.size], -widest, widest)
             moved.append(Term(candidate, np.clip(term.coordinates + own, *candidate.bounds)))
             place += candidate.size
-        return self.fit_at(moved, fit.run, fit, fit.x + step[place:], near=True)
+        return self.fit_at(moved, fit.run, fit, fit.x + step[place:], near=near)
 
     def _step(self, fit: Fit, reach: float, damping: float = 0.0) -> Array:
         """Return the Gauss-Newton step of a fit's coordinates and of its toleranced parameters.

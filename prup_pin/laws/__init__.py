@@ -19,7 +19,7 @@ from .everywhere import Everywhere
 from .external_spring import ExternalSpring, UnevenSpring
 from .geometric_offset import GeometricOffset
 from .guide_play import GuidePlay
-from .hardening import Hardening
+from .hardening import Hardening, TwoStages
 from .hertzian_contact import HertzianContact
 from .in_recording import in_groups, lasting
 from .inputs import Inputs, Trajectory
@@ -30,7 +30,8 @@ from .lead_error import HomedLeadError, LeadError, PeriodicLeadError
 from .model_equation_error import ModelEquationError
 from .out_of_level import OutOfLevel
 from .payload import OffCentrePayload, Payload
-from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, stands_elsewhere
+from .play_with_memory import HeldBacklash, LostMotion
+from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, moved_at, stands_elsewhere
 from .root_tilt import HubRootCompliance, RootTiltCompliance
 from .self_weight import SelfWeight, SpreadSelfWeight
 from .setup import Setup
@@ -57,9 +58,12 @@ _OWN: tuple[Law, ...] = (
     EveryJointCompliance(),
     Backlash(),
     BacklashByAxis(),
+    HeldBacklash(),
+    LostMotion(),
     GuidePlay(),
     HertzianContact(),
     Hardening(),
+    TwoStages(),
     CoulombFriction(),
     ViscousFriction(),
     SelfWeight(),
@@ -147,6 +151,7 @@ __all__ = [
     "lasting",
     "law_at",
     "laws_of",
+    "moved_at",
     "sits_turned",
     "stands_elsewhere",
 ]

@@ -64,6 +64,58 @@ class Hardening(Law):
         return f"{place} hardens as it gives way: under {load} it is twice as stiff as under none"
 
 
+class TwoStages(Law):
+    """The module is softer under small loads: e = F / k + softer min(F, F_1) / k, k the robot file's stiffness.
+
+    Up to the load F_1 it has the stiffness k / (1 + softer), beyond it k, as catalogues give the torsional stiffness of
+    strain wave gears in two stages, K_1 up to T_1 and K_2. What is many times as soft and carries at once is play.
+    """
+
+    physics = Hardening.physics
+    summary = "a gear or guide that is softer under small loads, in two stages"
+    called = "two-stage stiffness, K1 and K2 of a strain wave gear"
+    remedy = Hardening.remedy
+    source = "Harmonic Drive AG, Engineering Data (torsional stiffness K_1, K_2)"
+    variant = "two stages"
+    quantities = (
+        Quantity("softer", "1", "share of the deformation that the first stage adds", 1.0, upper=10.0),
+        Quantity("turning_load", "N", "load at which the second stage begins", 100.0, lower=0.1, upper=1e9),
+    )
+    neutral: ClassVar = {"softer": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place(name, self.variant) for name, aspect in of_constant_stiffness(mechanism) if not aspect]
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        softer, turning = self.quantities
+        if turns(mechanism, place):
+            turning = replace(turning, unit="N m", default=1.0, lower=1e-3, upper=1e6)
+        return softer, turning
+
+    def seen_at(self, place: Place, mechanism: Mechanism, felt: Felt, interval: float) -> tuple[Quantity, ...]:
+        softer, turning = self.quantities_at(place, mechanism)
+        if not felt.load > 0:
+            return softer, turning
+        least, start, most = (share * felt.load for share in _STAGE)
+        return softer, replace(turning, lower=least, default=start, upper=most)
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        yield strained_beyond(Place(place.name), setup, _staged, softer=values["softer"], load=values["turning_load"])
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        load = quantity(values["turning_load"], "N m" if turns(mechanism, place) else "N")
+        return f"{place.name} is {1 + values['softer']:.3g} times as soft below {load}, as gears of two stages are"
+
+
+def _staged(force: Array, stiffness: float, softer: float, load: float) -> tuple[Array, Array]:
+    """Return what the first stage adds under a force >= 0 (N,), and the slope."""
+    return softer / stiffness * np.minimum(force, load), np.where(force < load, softer / stiffness, 0.0)
+
+
+#: Shares of the largest load at which a second stage may begin: at least, where a fit starts, at most.
+_STAGE = (0.1, 0.3, 0.9)
+
+
 def _harder(force: Array, stiffness: float, load: float) -> tuple[Array, Array]:
     """Return what it yields beyond its constant stiffness under a force >= 0 (N,), and the slope; load: 2 k e_0.
 

@@ -2,7 +2,7 @@
 
 from .chain import Chain, chain_of, with_values
 from .equilibrium import Equilibria, find_equilibria, with_torques
-from .first_order import FirstOrder, elastic_deformation
+from .first_order import FirstOrder, elastic_deformation, module_loads
 from .loaded_pose import Energy, LoadedPose, find_loaded_pose
 from .other_values import deformation_of_law, present_values
 from .residual import loads_on_bodies
@@ -28,6 +28,7 @@ __all__ = [
     "find_loaded_pose",
     "loaded_rod",
     "loads_on_bodies",
+    "module_loads",
     "present_values",
     "with_torques",
     "with_values",

@@ -85,11 +85,7 @@ class FirstOrder:
 
     def loads(self, module: str) -> Array:
         """Return a module's loads (n, k) in the axes of its law."""
-        layout = self.chain.structure.layout
-        if module in self.ratio:
-            row = int(layout.drive_rows[layout.drive_names.index(module)])
-            return (self.found.evaluation.drive_loads[:, row] * self.ratio[module])[:, None]
-        return self.found.evaluation.loads[:, layout.wrench_names.index(module)]
+        return module_loads(self.found, module)
 
     def by_strain(self, module: str) -> Array:
         """Return what is watched per deformation of a module, (n, R, k): its wrench Jacobian, transposed."""
@@ -343,6 +339,16 @@ class FirstOrder:
 _TOGETHER = 4_000_000
 #: Step of differences at the present state [m, rad], and what is rounding beside a unit of all unknowns.
 _STEP, _ROUNDING = 1e-6, 1e-12
+
+
+def module_loads(found: Equilibria, module: str) -> Array:
+    """Return a module's loads (n, k) in the axes of its law."""
+    layout = found.chain.structure.layout
+    if module in layout.wrench_names:
+        return found.evaluation.loads[:, layout.wrench_names.index(module)]
+    slot = layout.drive_names.index(module)
+    force = found.evaluation.drive_loads[:, int(layout.drive_rows[slot])]
+    return (force * found.chain.values.drive_ratios[slot, 0, 0])[:, None]
 
 
 def elastic_deformation(found: Equilibria, module: str) -> Array:

@@ -118,6 +118,11 @@ class Deed(ABC):
         return None
 
     @property
+    def is_proportional(self) -> bool:
+        """True where what it does is in proportion to one of its numbers, to first order."""
+        return not self.memory
+
+    @property
     def resisted_joint(self) -> str | None:
         """The joint that it resists; None where it resists none."""
         return None
