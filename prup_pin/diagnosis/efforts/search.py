@@ -269,8 +269,10 @@ def without_needless_kinds(model: EffortModel) -> EffortModel:
     """Return the model without kinds of nuisances that held-out blocks do not ask for, at whatever joints.
 
     A short motion may tell of no joint alone what it tells of all together. Friction goes last: of a joint that turns
-    one way it looks like an offset, which drives have little of.
+    one way it looks like an offset, which drives have little of. What is needless beside another kind may serve in its
+    place: rotors beside bodies, which have more numbers.
     """
+    gone: list[list[EffortCandidate]] = []
     while True:
         now, needless = held_out(model), []
         for own in _kinds_of_nuisances(model):
@@ -278,8 +280,26 @@ def without_needless_kinds(model: EffortModel) -> EffortModel:
             if share <= NO_MATTER or sure <= SURE:
                 needless.append((bool(own[0].law.resists), share, own))
         if not needless:
+            return _with_plainer_kinds(model, gone)
+        gone.append(min(needless, key=lambda item: item[:2])[-1])
+        model = model.without(*gone[-1])
+
+
+def _with_plainer_kinds(model: EffortModel, gone: Sequence[list[EffortCandidate]]) -> EffortModel:
+    """Return the model with kinds of nuisances that went in the place of those with more numbers that foretell less."""
+    while True:
+        now = float(held_out(model).sum())
+        swapped = [
+            beside
+            for kept in _kinds_of_nuisances(model)
+            for kind in gone
+            if sum(term.size for term in kind) < sum(term.size for term in kept)
+            for beside in [model.without(*kept).with_term(*kind)]
+            if float(held_out(beside).sum()) <= now
+        ]
+        if not swapped:
             return model
-        model = model.without(*min(needless, key=lambda item: item[:2])[-1])
+        model = min(swapped, key=lambda beside: float(held_out(beside).sum()))
 
 
 def _kinds_of_nuisances(model: EffortModel) -> Iterable[list[EffortCandidate]]:
