@@ -276,9 +276,9 @@ def without_needless_kinds(model: EffortModel) -> EffortModel:
     while True:
         now, needless = held_out(model), []
         for own in _kinds_of_nuisances(model):
-            share, sure = relative_gain(held_out(model.without(*own)), now)
-            if share <= NO_MATTER or sure <= SURE:
-                needless.append((bool(own[0].law.resists), share, own))
+            without = held_out(model.without(*own))
+            if not _asked_for(without, now):
+                needless.append((bool(own[0].law.resists), float(without.sum()), own))
         if not needless:
             return _with_plainer_kinds(model, gone)
         gone.append(min(needless, key=lambda item: item[:2])[-1])
@@ -286,20 +286,27 @@ def without_needless_kinds(model: EffortModel) -> EffortModel:
 
 
 def _with_plainer_kinds(model: EffortModel, gone: Sequence[list[EffortCandidate]]) -> EffortModel:
-    """Return the model with kinds of nuisances that went in the place of those with more numbers that foretell less."""
+    """Return the model with kinds of nuisances that went in the place of those with more numbers that may go."""
     while True:
-        now = float(held_out(model).sum())
+        now = held_out(model)
         swapped = [
-            beside
+            (float(left.sum()), beside)
             for kept in _kinds_of_nuisances(model)
             for kind in gone
             if sum(term.size for term in kind) < sum(term.size for term in kept)
             for beside in [model.without(*kept).with_term(*kind)]
-            if float(held_out(beside).sum()) <= now
+            for left in [held_out(beside)]
+            if not _asked_for(left, now)
         ]
         if not swapped:
             return model
-        model = min(swapped, key=lambda beside: float(held_out(beside).sum()))
+        model = min(swapped, key=lambda item: item[0])[1]
+
+
+def _asked_for(without: Array, now: Array) -> bool:
+    """Return whether held-out blocks (B,) ask for a kind of nuisances: they are left less with it, and surely."""
+    share, sure = relative_gain(without, now)
+    return share > NO_MATTER and sure > SURE
 
 
 def _kinds_of_nuisances(model: EffortModel) -> Iterable[list[EffortCandidate]]:
