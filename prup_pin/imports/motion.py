@@ -191,9 +191,10 @@ def _in_the_same_rows(draft: Draft, home: Stream, axes: Sequence[Line], points: 
     path = _path(draft, home, np.arange(len(home), dtype=float), frame)
     if path is None:
         return
-    seen = points[path.time.astype(int)]
-    known = np.isfinite(seen).all(axis=1)
-    seen, path = seen[known], path[known]
+    at = path.time.astype(int)
+    seen, following = points[at], points[np.minimum(at + 1, len(points) - 1)]
+    known = np.isfinite(seen + following).all(axis=1)
+    seen, following, path = seen[known], following[known], path[known]
     if len(seen) < _FEWEST_PLACES:
         return
     left = _affine(seen, path)[1]
@@ -201,7 +202,7 @@ def _in_the_same_rows(draft: Draft, home: Stream, axes: Sequence[Line], points: 
     if left > _LEFT or min(others) < _SHARP * _LEFT:
         return
     _prove(draft.joints)
-    if draft.clocks[home.name][0] == "":
+    if draft.clocks[home.name][0] == "" and _affine(following, path)[1] > _LEFT:  # no motion: any rate will do
         draft.clocks[home.name] = "", "s", ""
     placed, way = seen - path.position, path.position - path.position.mean(axis=0)
     rows = np.concatenate(path.rotation)  # of a marker anywhere on the body, in base axes

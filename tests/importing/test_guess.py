@@ -130,6 +130,19 @@ def test_turns_of_an_endless_joint_are_seen(ur5):
     assert [line.get("unwrap", False) for line in lines.values()] == [False] * 5 + [True]
 
 
+def test_speeds_of_motors_before_their_gears_are_scaled_and_asked_about(tmp_path, ur5):
+    """They come 30 ms late, through a filter."""
+    late = 50 * logs.motion(logs.T - 0.03)[1]
+    log = log_of({"t": logs.T} | logs.numbered("q{} [rad]", Q) | logs.numbered("vel_{} [deg/s]", np.degrees(late)))
+    made, recording = imported(tmp_path, log, ur5)
+    assert len(made.doubts) == 6
+    assert all(doubt.endswith("times the rate of the position in deg/s: of the motor, before its gear?") for doubt in
+               made.doubts)  # fmt: skip
+    assert_motion(recording, "q")
+    for k, name in enumerate(logs.JOINTS):
+        assert np.abs(recording.velocities[name] - late[:, k] / 50).max() < 0.03 * np.abs(QD[:, k]).max()
+
+
 @pytest.mark.parametrize("velocities", [True, False])
 def test_degrees_that_are_counted_from_0_to_360_are_within_the_robots_limits(tmp_path, velocities):
     """As they stand they are in no robot's limits, least of all in rad."""

@@ -332,6 +332,29 @@ def test_points_of_a_tracker_beside_a_list_of_joints_go_row_by_row(tmp_path, ur5
     assert any("9 rows, but 400 of the joints" in text for text in made.doubts)
 
 
+def test_places_beside_the_joints_in_one_table_prove_these_and_where_they_were_seen_from(ur5):
+    """Poses of a calibration, in any order: no other rows' places go with them."""
+    rows = np.random.default_rng(0).permutation(len(T))[:60]
+    joints = logs.numbered("J{}", np.degrees(Q))
+    places = dict(zip(("x", "y", "z"), seen().T, strict=True))
+    at_base = dict(zip(("x", "y", "z"), HALL.inv().apply(seen() - np.array([0.3, 1.2, -0.4])).T, strict=True))
+
+    def made(columns, rows):
+        return guess(logs.log_of({name: values[rows] for name, values in columns.items()}), ur5)
+
+    first = made(joints | places, rows)
+    assert first.doubts == (
+        "p.x: goes with the joints, seen from elsewhere than the base: is it the tool point? Else p.<frame>",
+    )
+    assert "tolerances: {frame_position: 10, frame_rotation: 3, target_position: 0.05}" in first.text
+    assert "frame_position" not in made(joints | at_base, rows).text
+    exchanged = {name: np.roll(values, 40) for name, values in places.items()}
+    assert sum("so not rad" in doubt for doubt in made(joints | exchanged, rows).doubts) == 6
+    motion = made(joints | places, slice(None)).doubts
+    assert len(motion) == 2
+    assert "no column is a time" in motion[0]  # at which rate it was logged, places do not tell
+
+
 def test_two_runs_are_not_two_sensors(tmp_path):
     paths = [logs.csv(tmp_path / f"{name}.csv", {"t": T} | logs.numbered("q{}", Q)) for name in ("first", "second")]
     with pytest.raises(RecordingFileError, match=r"these are two recordings; import each by the same map"):
