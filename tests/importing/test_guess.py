@@ -63,6 +63,17 @@ def test_joints_by_their_names_in_any_order(tmp_path, ur5):
     assert list(recording.positions) == list(logs.JOINTS)
 
 
+def test_joints_by_words_of_their_names_in_any_order(tmp_path, ur5):
+    """By the alphabet, as many programs write them, without the word that all end with."""
+    names = {name.removesuffix("_joint"): k for k, name in enumerate(logs.JOINTS)}
+    q, tau = (
+        {f"{what}_{name}": of[:, names[name]] for name in sorted(names)} for what, of in (("pos", Q), ("torque", TAU))
+    )
+    made, recording = imported(tmp_path, log_of({"time": logs.T} | q | tau), ur5)
+    assert made.doubts == ()
+    assert_motion(recording, "q", "tau")
+
+
 def test_an_arm_with_a_hand_and_a_controller_that_logs_much_besides(tmp_path):
     panda = prup_pin.load("panda").mechanism
     q = np.column_stack([Q, Q[:, 0]]) * 0.5 + np.array([0, 0, 0, -1.5, 0, 1.5, 0])

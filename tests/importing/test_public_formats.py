@@ -355,10 +355,32 @@ def test_places_beside_the_joints_in_one_table_prove_these_and_where_they_were_s
     assert "no column is a time" in motion[0]  # at which rate it was logged, places do not tell
 
 
-def test_two_runs_are_not_two_sensors(tmp_path):
-    paths = [logs.csv(tmp_path / f"{name}.csv", {"t": T} | logs.numbered("q{}", Q)) for name in ("first", "second")]
+@pytest.mark.parametrize("time", [T, np.round(1e3 * np.arange(len(T)) / 30)], ids=["even", "rounded"])
+def test_two_runs_are_not_two_sensors(tmp_path, time):
+    paths = [logs.csv(tmp_path / f"{name}.csv", {"t": time} | logs.numbered("q{}", Q)) for name in ("first", "second")]
     with pytest.raises(RecordingFileError, match=r"these are two recordings; import each by the same map"):
         read_logs(paths)
+
+
+@pytest.mark.parametrize("form", ["{}_run7.csv", "{}/log.csv"])
+def test_files_of_one_joint_each_that_share_their_stamps_are_one_motion(tmp_path, ur5, form):
+    """Their columns are the same; two runs never come at the same jittering times."""
+    stamps = np.cumsum(np.random.default_rng(0).integers(3, 6, len(T)))
+    q, _, tau = logs.motion(1e-3 * stamps)
+    paths = [tmp_path / form.format(name.removesuffix("_joint")) for name in logs.JOINTS]
+    for k, path in enumerate(paths):
+        path.parent.mkdir(exist_ok=True)
+        logs.csv(path, {"time_ms": stamps, "angle [deg]": np.degrees(q[:, k]), "torque [Nm]": tau[:, k]})
+    log = read_logs(paths[::-1])
+    assert len(log.streams) == 1
+    assert "angle (wrist_3)" in log.names
+    first = guess(log, ur5)
+    assert first.doubts == ()
+    (tmp_path / "map.yaml").write_text(first.text)
+    recording = convert(log, read_map(tmp_path / "map.yaml", log, ur5), ur5).recording
+    for k, name in enumerate(logs.JOINTS):
+        assert np.abs(recording.positions[name] - q[:, k]).max() < 1e-6
+        assert np.abs(recording.efforts[name] - tau[:, k]).max() < 1e-6
 
 
 def test_bodies_that_no_frame_is_called_like_are_asked_about(tmp_path, ur5):
