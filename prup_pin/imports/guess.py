@@ -29,6 +29,7 @@ from .draft import Draft, Line
 from .log import Log
 from .map import CHECK
 from .motion import set_beside
+from .nameless import add_nameless
 from .unit_by_numbers import settle_units
 from .units import DRIVING, UNSCALED, WISHED, dimension_of, words_of
 
@@ -52,6 +53,7 @@ def guess(log: Log, mechanism: Mechanism | None = None, robot: str | None = None
     draft.clocks |= {stream.name: time_column(stream) for stream in log.streams}
     for stream in log.streams:
         add_joints(draft, stream)
+    add_nameless(draft)
     draft.lines += wrench_lines(log, {line.source for line in draft.lines})
     add_poses(draft)
     if mechanism is not None:

@@ -183,26 +183,40 @@ def _row_by_row(draft: Draft, home: Stream, stream: Stream, path: BodyPath | Non
             draft.clocks[home.name] = "", "s", ""
 
 
-def _in_the_same_rows(draft: Draft, home: Stream, axes: Sequence[Line], points: Array, frame: str) -> None:
-    """Note of places that stand beside the joints in one table whether these prove the joints, and from where they are.
+def path_of(draft: Draft) -> BodyPath | None:
+    """Return the path of the robot's tip by the joints' rows, which count as its time; None where one is not known."""
+    home = draft.stream_of(next(iter(draft.joints.values())))
+    return _path(draft, home, np.arange(len(home), dtype=float), "")
 
-    Rows of a smooth way go with those of any other; so the same places must go with no others of the joints' rows.
+
+def goes_with(points: Array, path: BodyPath) -> tuple[float, Array] | None:
+    """Return what share of a path its rows of places (M, 3) leave, and the three stretches of the map between both.
+
+    None where they do not go with it, or other rows of them do as well, as those of a smooth way may.
     """
+    seen = points[path.time.astype(int)]
+    known = np.isfinite(seen).all(axis=1)
+    seen, path = seen[known], path[known]
+    if len(seen) < _FEWEST_PLACES or not np.ptp(seen, axis=0).all():
+        return None
+    found, left = _affine(seen, path)
+    others = [_affine(np.roll(seen, share * len(seen) // 4, axis=0), path)[1] for share in (1, 2, 3)]
+    if left > _LEFT or min(others) < _SHARP * _LEFT:
+        return None
+    return left, np.asarray(np.linalg.svd(found[:9].reshape(3, 3), compute_uv=False), float)
+
+
+def _in_the_same_rows(draft: Draft, home: Stream, axes: Sequence[Line], points: Array, frame: str) -> None:
+    """Note whether places that stand beside the joints in one table prove the joints, and from where they were seen."""
     path = _path(draft, home, np.arange(len(home), dtype=float), frame)
-    if path is None:
+    if path is None or goes_with(points, path) is None:
         return
+    _prove(draft.joints)
     at = path.time.astype(int)
     seen, following = points[at], points[np.minimum(at + 1, len(points) - 1)]
     known = np.isfinite(seen + following).all(axis=1)
-    seen, following, path = seen[known], following[known], path[known]
-    if len(seen) < _FEWEST_PLACES:
-        return
-    left = _affine(seen, path)[1]
-    others = [_affine(np.roll(seen, share * len(seen) // 4, axis=0), path)[1] for share in (1, 2, 3)]
-    if left > _LEFT or min(others) < _SHARP * _LEFT:
-        return
-    _prove(draft.joints)
-    if draft.clocks[home.name][0] == "" and _affine(following, path)[1] > _LEFT:  # no motion: any rate will do
+    seen, path = seen[known], path[known]
+    if draft.clocks[home.name][0] == "" and _affine(following[known], path)[1] > _LEFT:  # no motion: any rate will do
         draft.clocks[home.name] = "", "s", ""
     placed, way = seen - path.position, path.position - path.position.mean(axis=0)
     rows = np.concatenate(path.rotation)  # of a marker anywhere on the body, in base axes

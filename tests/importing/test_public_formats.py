@@ -362,6 +362,23 @@ def test_two_runs_are_not_two_sensors(tmp_path, time):
         read_logs(paths)
 
 
+def test_joints_and_places_of_a_table_without_names_are_found_by_the_robot(tmp_path, ur5):
+    """Number of the pose, places in mm, joints in degrees: there is no other way round."""
+    rows = np.random.default_rng(0).permutation(len(T))[:60]
+    np.savetxt(
+        tmp_path / "poses.txt", np.column_stack([np.arange(60), 1e3 * seen()[rows], np.degrees(Q[rows])]), "%.6f"
+    )
+    recording = imported(tmp_path, ur5, tmp_path / "poses.txt", doubts=1).recording
+    assert np.abs(recording.position - seen()[rows]).max() < 1e-8
+    assert np.abs(np.column_stack([recording.positions[name] for name in logs.JOINTS]) - Q[rows]).max() < 1e-7
+    np.savetxt(tmp_path / "joints.txt", np.degrees(Q[rows]), "%.6f")
+    np.savetxt(tmp_path / "tracker.txt", seen()[rows], "%.6f")
+    again = imported(tmp_path, ur5, tmp_path / "joints.txt", tmp_path / "tracker.txt", doubts=1).recording
+    assert np.abs(again.position - seen()[rows]).max() < 1e-6
+    np.savetxt(tmp_path / "others.txt", np.column_stack([np.degrees(Q[rows]), seen()[np.roll(rows, 7)]]), "%.6f")
+    assert "p.x" not in guess(read_logs([tmp_path / "others.txt"]), ur5).text
+
+
 @pytest.mark.parametrize("form", ["{}_run7.csv", "{}/log.csv"])
 def test_files_of_one_joint_each_that_share_their_stamps_are_one_motion(tmp_path, ur5, form):
     """Their columns are the same; two runs never come at the same jittering times."""
