@@ -252,11 +252,14 @@ def rigid_motion(points: Array, measured: Array, weights: Array) -> tuple[Array,
     The motion of least squares, of weights (n,), from the singular values of sum (b - mean b)(a - mean a)^T (Arun,
     Huang and Blostein, IEEE Trans. Pattern Anal. Mach. Intell. 9, 1987).
     """
-    middle, aim = np.average(points, axis=0, weights=weights), np.average(measured, axis=0, weights=weights)
+    shares = weights / weights.sum()
+    middle, aim = shares @ points, shares @ measured
     left, sizes, right = np.linalg.svd((weights[:, None] * (measured - aim)).T @ (points - middle))
     if sizes[1] < 1e-6 * max(float(sizes[0]), 1e-300):
         return None
-    turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    if np.linalg.det(left) * np.linalg.det(right) < 0:
+        left[:, 2] = -left[:, 2]
+    turn = left @ right
     return turn, aim - turn @ middle
 
 

@@ -122,15 +122,14 @@ def matrix(structure: Structure, state: State, at: Evaluation, conditions: Condi
     nq, nd, ne, nc = structure.sizes
     n, columns = len(at.screws), nq + nd + ne
     observers, motions = _observers(structure, at), coordinate_motions(structure, at)
-    seen = _seen(structure, at, conditions, observers, motions)
-    by_force = np.zeros((n, columns, nc))
+    loads = np.zeros((n, columns, columns + nc))
+    _add_seen(structure, at, conditions, observers, motions, loads[:, :, :columns])
     start = 0
     for index, loop in enumerate(structure.loops):
         rows = slice(start, start + loop.size)
         weight = motions.second[:, index] - motions.first[:, index]
-        by_force[:, :, rows] = (weight[:, None] * observers) @ at.gaps.wrenches[:, rows].mT
+        loads[:, :, columns:][:, :, rows] = (weight[:, None] * observers) @ at.gaps.wrenches[:, rows].mT
         start += loop.size
-    loads = np.concatenate((seen, by_force), axis=-1)
     turned = _turned_loads(structure, state, at, loads[:, nq + nd :]) if ne else None
     out = np.zeros((n, columns + nc, columns + nc))
     _write_laws(structure, at, loads, turned, out)
@@ -153,8 +152,11 @@ def motion_columns(structure: Structure, at: Evaluation, conditions: Conditions,
     A weight that is spread along a beam keeps its direction in the beam's axes, as in `matrix`.
     """
     columns = at.screws.shape[1]
+    observers = _observers(structure, at)
     out = np.zeros((len(at.screws), sum(structure.sizes), motions.screws.shape[1]))
-    _write_held_laws(structure, at, _seen(structure, at, conditions, _observers(structure, at), motions), out)
+    seen = np.zeros((*observers.shape[:2], out.shape[2]))
+    _add_seen(structure, at, conditions, observers, motions, seen)
+    _write_held_laws(structure, at, seen, out)
     out[:, columns:] = _opened(structure, at, motions)
     return out
 
@@ -227,8 +229,10 @@ def _observers(structure: Structure, at: Evaluation) -> Array:
     return observers
 
 
-def _seen(structure: Structure, at: Evaluation, conditions: Conditions, observers: Array, motions: Motions) -> Array:
-    """Return the change of what all observers see by motions, closure forces held, (N, k, c)."""
+def _add_seen(
+    structure: Structure, at: Evaluation, conditions: Conditions, observers: Array, motions: Motions, seen: Array
+) -> None:
+    """Add to seen (N, k, c) the change of what all observers see by motions, closure forces held."""
     carries, screws = structure.carries, motions.screws
     carried = at.carried[:, structure.column_joint]
     # what observers see as their frame turns
@@ -255,18 +259,16 @@ def _seen(structure: Structure, at: Evaluation, conditions: Conditions, observer
         masked += _weight_seen(structure, at, observers, conditions, motions)
     masked = [each for each in masked if each[2].any()]
     # by few samples at a time: large products wait for memory
-    seen = np.zeros((len(screws), observers.shape[1], screws.shape[1]))
     factors = [np.concatenate(each, axis=-1) for each in zip(*plain, strict=True)]
     for begin in range(0, len(seen), TOGETHER):
         some = slice(begin, begin + TOGETHER)
         own = seen[some]
         if factors:
-            np.matmul(factors[0][some], factors[1][some].mT, out=own)
+            own += factors[0][some] @ factors[1][some].mT
         for observed, moved, mask in masked:
             part = observed[some] @ moved[some].mT
             part *= mask
             own += part
-    return seen
 
 
 def _opened(structure: Structure, at: Evaluation, motions: Motions) -> Array:
@@ -327,35 +329,33 @@ def _spring(stiffness: Array, point: Array) -> Array:
 # ---------------------------------------------------------------------------------------------------------- module rows
 
 
-def _in_law_axes(structure: Structure, at: Evaluation, loads: Array) -> Array:
-    """Return changes of loads (N, n, 6, c), in the axes of the inboard frames, in the axes of the modules' laws."""
-    turned = loads.copy()
+def _turn_into_law_axes(structure: Structure, at: Evaluation, loads: Array) -> None:
+    """Turn changes of loads (N, n, 6, c) from the axes of the inboard frames into those of the modules' laws."""
     plain, tips = ~structure.is_beam, structure.at_outer
     if plain.any():
-        turned[:, plain, 3:] = at.frames.tangent[:, plain].mT @ loads[:, plain, 3:]
+        loads[:, plain, 3:] = at.frames.tangent[:, plain].mT @ loads[:, plain, 3:]
     if tips.any():
         back = at.frames.turn[:, tips].mT
-        turned[:, tips, :3] = back @ loads[:, tips, :3]
-        turned[:, tips, 3:] = back @ loads[:, tips, 3:]
-    return turned
+        loads[:, tips, :3] = back @ loads[:, tips, :3]
+        loads[:, tips, 3:] = back @ loads[:, tips, 3:]
 
 
 def _turned_loads(structure: Structure, state: State, at: Evaluation, rows: Array) -> Array:
     """Return the change of the modules' loads in the axes of their laws by all unknowns, (N, n, 6, m).
 
-    `rows` (N, 6 n, m): the change of what their observers see.
+    `rows` (N, 6 n, m): the change of what their observers see; what is returned takes its place in memory.
     """
     nq, nd, _, _ = structure.sizes
     n, count = len(rows), len(structure.modules)
-    rows = rows.reshape(n, count, 6, -1).copy()
+    turned = rows.reshape(n, count, 6, -1)
     index = np.arange(count)
     own = nq + nd + 6 * index[:, None] + np.arange(6)
     seen: ModuleLoads = at.seen
     # A load's point moves with the module's own translation: dm = f x dt.
     cross = skew(seen.force)
     for slot in index[~structure.at_inner]:
-        rows[:, slot, 3:, own[slot, :3]] += cross[:, slot].transpose(2, 0, 1)
-    turned = _in_law_axes(structure, at, rows)
+        turned[:, slot, 3:, own[slot, :3]] += cross[:, slot].transpose(2, 0, 1)
+    _turn_into_law_axes(structure, at, turned)
     plain = ~structure.is_beam
     if plain.any():
         bent = conjugate_moment_slope(state.strain[..., 3:], seen.moment)
@@ -376,7 +376,7 @@ def _write_laws(structure: Structure, at: Evaluation, loads: Array, turned: Arra
     nq, nd, ne, _ = structure.sizes
     slopes, along = at.modules.slopes, loads[:, : nq + nd]
     if turned is not None:
-        out[:, nq + nd : nq + nd + ne] = -(slopes.by_load @ turned).reshape(len(out), ne, -1)
+        np.matmul(-slopes.by_load, turned, out=out[:, nq + nd : nq + nd + ne].reshape(turned.shape))
         along = along.copy() if structure.sliding_beams else along
         for slot, place, rate, _ in structure.sliding_beams:
             rod, column = slopes.rods[slot]
@@ -391,8 +391,8 @@ def _write_held_laws(structure: Structure, at: Evaluation, loads: Array, out: Ar
     nq, nd, ne, _ = structure.sizes
     turned = None
     if ne:
-        by_module = loads[:, nq + nd :].reshape(len(loads), len(structure.modules), 6, -1)
-        turned = _in_law_axes(structure, at, by_module)
+        turned = loads[:, nq + nd :].reshape(len(loads), len(structure.modules), 6, -1)
+        _turn_into_law_axes(structure, at, turned)
     _write_laws(structure, at, loads, turned, out)
 
 

@@ -69,6 +69,7 @@ def test_gears_that_yield_and_encoders_that_are_late_are_told_apart(tmp_path):
     assert np.sqrt(np.mean(apart**2)) < 1.2 * device["noise"]["position"]
 
 
+@pytest.mark.slow
 def test_a_robot_at_rest_has_no_delay(tmp_path):
     _, robot, recording, _ = drawn(tmp_path, 3, "ur5", rows=16, moving=False)
     for moves in (False, True):

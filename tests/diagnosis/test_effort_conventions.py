@@ -443,7 +443,7 @@ def five_bar(tmp_path_factory):
         (),
         ("q=deg",),
         ("q=gear:50",),
-        ("q=order:{1},{0}", "tau=order:{1},{0}"),
+        pytest.param(("q=order:{1},{0}", "tau=order:{1},{0}"), marks=pytest.mark.slow),
         ("q.{1}=reversed", "tau.{1}=reversed"),
     ],
 )

@@ -463,7 +463,7 @@ def test_a_drive_without_a_column_of_efforts_is_left_out():
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("value", [0.0, 1.7])
+@pytest.mark.parametrize("value", [0.0, pytest.param(1.7, marks=pytest.mark.slow)])
 def test_an_effort_that_was_never_logged_is_told_first_and_left_out(value):
     robot, whole = load("ur5"), swung()
     recording = replace(whole, efforts=whole.efforts | {"wrist_2_joint": np.full(len(whole), value)})

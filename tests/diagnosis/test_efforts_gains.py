@@ -119,12 +119,14 @@ def logged(robot, moving):
     return recording, diagnose(robot, recording)
 
 
+@pytest.mark.slow
 def test_gains_that_are_told_leave_none_that_are_declared_to_be_anything(moving, logged):
     """Two gains of one drive were solved for, and the corrected model predicted its own log 14 times too large."""
     gains = [effect.place.name for effect in logged[1].effects if "gain" in effect.values]
     assert sorted(gains) == sorted(moving.motion.driven)
 
 
+@pytest.mark.slow
 def test_a_gain_is_told_in_one_form_and_no_effort_of_a_drive_in_its_own_unit_in_newtons(moving, logged):
     _, found = logged
     (told,) = (finding for finding in found.findings if finding.conventions)

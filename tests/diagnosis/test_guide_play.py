@@ -60,6 +60,7 @@ def test_a_column_that_yields_is_not_said_to_have_play(seed, scattered):
     assert found.after["heldout"] < 1.2
 
 
+@pytest.mark.slow
 def test_what_a_few_places_could_explain_as_well_is_off_all_over_where_no_law_names_them():
     draw = np.random.default_rng([7, 7])
     joints = ("rise", "rise_top", *JOINTS[1:])

@@ -58,6 +58,7 @@ def test_a_drive_that_hardens_is_named(robot, tmp_path):
     assert low < 2 * stiffness * truth["parameters"]["doubling"] < high < 2 * low
 
 
+@pytest.mark.slow
 def test_a_contact_is_not_taken_for_one_that_hardens(robot, tmp_path):
     truth, (finding,) = found_in(3, "hertzian_contact", robot, tmp_path)
     assert (finding.physics, finding.location) == ("hertzian_contact", truth["location"])

@@ -114,6 +114,7 @@ def test_a_few_joints_that_yield_are_named_and_not_all_of_them():
     assert sorted(named(found)) == [("joint_compliance", joint) for joint in soft]
 
 
+@pytest.mark.slow
 def test_gears_that_all_yield_are_one_finding_with_a_value_for_each_joint():
     soft = dict(zip(JOINTS, (1e-4, 2e-4, *(4e-4, 3e-4, 5e-4, 6e-4) * 2), strict=True))
     found = diagnose(prup_pin.load(TORSO), bench(PosedTree(TORSO, about=soft), 80))

@@ -39,6 +39,7 @@ def test_steps_that_lead_astray_are_shortened(tmp_path):
     assert given.problem.noise.position < 20 * device["noise"]["position"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["xarm7", pytest.param("kinova", marks=pytest.mark.slow)])
 def test_what_no_sensor_scatters_is_no_noise(robot, tmp_path):
     _, loaded, recording = drawn(tmp_path, 31, robot, moving=False, rows=40, yields=False, wavy=0.1)

@@ -112,7 +112,7 @@ def test_what_a_base_does_that_yields_is_left_to_no_unit_of_forces(robot):
         ("forces in kN", "force=as_written"),
         ("forces in kN", "wrench=as_written"),
         ("positions in mm", "p=as_written"),
-        ("inverse rotation", "r=as_written"),
+        pytest.param("inverse rotation", "r=as_written", marks=pytest.mark.slow),
         ("all joints in mm", "q=as_written"),
         ("two joints exchanged", f"q.{SLIDES[0]}=as_written"),
     ],
@@ -133,7 +133,7 @@ def test_what_is_declared_to_be_as_written_is_read_in_no_other_way(robot, bench,
     [
         "positions in mm",
         "base mirrored",
-        "inverse rotation",
+        pytest.param("inverse rotation", marks=pytest.mark.slow),
         "angles about turned X Y Z",
         "yaw, pitch, roll in deg",
         "vector part of a quaternion",
@@ -184,7 +184,9 @@ def test_joints_positions_and_orientations_in_other_units_at_once_are_all_told(r
 
 
 @pytest.mark.parametrize("tracker", [False, True])
-@pytest.mark.parametrize("said", [("q=deg", "r=deg"), ("p=mm", "q=deg", "r=deg")], ids=" ".join)
+@pytest.mark.parametrize(
+    "said", [pytest.param(("q=deg", "r=deg"), marks=pytest.mark.slow), ("p=mm", "q=deg", "r=deg")], ids=" ".join
+)
 def test_an_arm_in_other_units_throughout_is_read_as_it_is_meant(said, tracker):
     arm, rng = load("ur5"), np.random.default_rng(5)
     q = rng.uniform(-1.2, 1.2, (12, 6))
@@ -303,7 +305,7 @@ def test_what_nobody_recorded_of_one_joint_is_no_unit_of_the_others():
     assert read_logs(arm, log).conventions == ((),)
 
 
-@pytest.mark.parametrize("near", [True, False], ids=["base", "tracker"])
+@pytest.mark.parametrize("near", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["base", "tracker"])
 def test_zeros_of_another_table_are_told_in_quarter_turns(near):
     """Two joints of an arm count as its table of Denavit and Hartenberg does, one of them the other way round."""
     arm, rng = load("ur5"), np.random.default_rng(3)
@@ -350,7 +352,7 @@ def planar(turn=0.0, columns=2):
     return bars, Recording(time=np.arange(50.0), positions=positions, wrench=np.array(wrench), position=position)
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.5], ids=["base", "tracker"])
+@pytest.mark.parametrize("turn", [0.0, pytest.param(0.5, marks=pytest.mark.slow)], ids=["base", "tracker"])
 @pytest.mark.parametrize("said", ["p=mm", "wrench=reaction", "force=kN", "p=axes:y,-x,z"])
 def test_a_planar_bench_that_measured_no_z_is_read_as_it_is_meant(said, turn):
     bars, true = planar(turn)
@@ -372,7 +374,9 @@ def test_what_no_reading_brings_near_is_refused_where_z_was_not_measured():
     assert "nan" not in str(caught.value)
 
 
-@pytest.mark.parametrize("missing", [0, 1, 2], ids=["x", "y", "z"])
+@pytest.mark.parametrize(
+    "missing", [*(pytest.param(k, marks=pytest.mark.slow) for k in (0, 1)), 2], ids=["x", "y", "z"]
+)
 def test_two_components_of_a_robot_in_space_tell_their_unit(robot, bench, missing):
     """Wherever the tracker stands, which is told from what was measured too."""
     log = read_recording(bench)

@@ -47,6 +47,7 @@ def test_a_declared_tracker_stands_anywhere_and_is_no_finding(recorded):
     assert max(item.in_noise for item in again) < 1.15
 
 
+@pytest.mark.slow
 def test_an_undeclared_one_is_found_with_its_numbers_and_what_to_declare(undeclared):
     assert named(undeclared) == [("pose_sensor_misalignment", "pose_sensor"), ("joint_compliance", "bend")]
     values = {name: item.value for name, item in undeclared.findings[0].parameters.items()}
@@ -59,12 +60,14 @@ def test_an_undeclared_one_is_found_with_its_numbers_and_what_to_declare(undecla
     assert undeclared.after["fit"] < 1.15
 
 
+@pytest.mark.slow
 def test_what_it_found_predicts_another_recording_in_the_trackers_frame(undeclared):
     other = bench(PosedTree(TORSO, about={"bend": 4e-4}, tracker=SOMEWHERE), 30, seed=9)
     again = compare(other, simulate(prup_pin.load(TORSO), other, undeclared.effects))
     assert max(item.in_noise for item in again) < 1.3
 
 
+@pytest.mark.slow
 def test_another_robot_is_no_tracker_that_stands_somewhere(recorded):
     draw = np.random.default_rng(0)
     strange = {name: draw.uniform(-2, 2, values.shape) for name, values in recorded.markers.items()}

@@ -102,6 +102,7 @@ def test_what_is_told_stands_in_the_json(found):
     assert {"physics", "location", "parameter", "unit", "smallest", "neutral", "strong"} == set(document["seen"][0])
 
 
+@pytest.mark.slow
 def test_a_tracker_that_was_moved_is_told_and_one_that_was_set_up_again_is_not(moved, arm):
     told = diagnose(arm, moved.now, against=moved.model)
     (finding,) = named(told)

@@ -139,7 +139,7 @@ def turns_then(turns: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     return (Rotation.from_rotvec(turns) * Rotation.from_rotvec(rotation)).as_rotvec()
 
 
-@pytest.mark.parametrize("rotation", [False, True])
+@pytest.mark.parametrize("rotation", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_repeats_that_loads_have_moved_are_no_noise(rotation):
     """Their scatter was taken for the noise, and an elbow for soft that is as drawn."""
     found = diagnose(*repeated(pushed=60.0, rotation=rotation))

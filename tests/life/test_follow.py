@@ -63,6 +63,7 @@ def grown(arm, tmp_path_factory):
     return life
 
 
+@pytest.mark.slow
 def test_play_that_came_is_told_with_its_moment_and_size(grown):
     (change,) = grown.all.changes
     assert (change.physics, change.location) == ("backlash", grown.truth["places"][0])
