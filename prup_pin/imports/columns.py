@@ -228,12 +228,23 @@ def _spoken(draft: Draft, stream: Stream) -> _Groups:
     orders = {tuple(called[name] for _, name, _ in group) for group in whole.values()}
     if len(orders) != 1 or len(set(*orders)) != len(draft.driven):
         return whole
-    joint_of = dict(zip(*orders, draft.driven, strict=True))
+    joint_of = _by_words(draft, *orders) or dict(zip(*orders, draft.driven, strict=True))
     for key, group in groups.items():
         named = [(place, name, joint_of.get(called[name], "")) for place, name, _ in group]
-        if key not in whole and all(joint for _, _, joint in named):
+        if (key not in whole or _by_words(draft, *orders)) and all(joint for _, _, joint in named):
             whole[key] = named
     return whole
+
+
+def _by_words(draft: Draft, called: Sequence[tuple[str, ...]]) -> dict[tuple[str, ...], str]:
+    """Return the joints that names of their own mean, by words that are in no other joint's; none unless all are told.
+
+    'shoulder pan' and 'wrist 1' are shoulder_pan_joint and wrist_1_joint; a lone 'shoulder' may be two of them.
+    """
+    words = {joint: set(words_of(joint)) for joint in draft.driven}
+    fits = {own: [joint for joint in draft.driven if own and set(own) <= words[joint]] for own in called}
+    found = {own: joints[0] for own, joints in fits.items() if len(joints) == 1}
+    return found if len(set(found.values())) == len(draft.driven) else {}
 
 
 def _blocks(draft: Draft, stream: Stream) -> list[Line]:

@@ -29,6 +29,7 @@ class Line:
     unit: str | None
     sign: int = 1
     unwrap: bool = False
+    scale: float = 1.0
     offset: float = 0.0
     reason: str = ""
     doubt: str = ""
@@ -48,6 +49,7 @@ class Draft:
     alike: stream without a time -> the stream that it goes with, row by row.
     rests: how often the joints stood, where only these rows should be kept.
     delays: stream -> how far its clock is ahead of the joints' [s], how that is known, and what is not sure of it.
+    elsewhere: whether places in the joints' own rows were seen by what stands elsewhere than the base.
     """
 
     log: Log
@@ -60,6 +62,7 @@ class Draft:
     delays: dict[str, tuple[float, str, str]] = field(default_factory=dict)
     rests: int = 0
     alike: dict[str, str] = field(default_factory=dict)
+    elsewhere: bool = False
 
     @property
     def targets(self) -> dict[str, Line]:
@@ -108,7 +111,7 @@ class Draft:
 
     def in_si(self, line: Line) -> Array:
         """Return the column (N,) that a line takes in SI, by the unit that it has so far."""
-        return self.values_of(line) * factor_of(line.unit) + line.offset
+        return self.values_of(line) * factor_of(line.unit) * line.scale + line.offset
 
     def configurations(self, joints: Mapping[str, Array], rows: Iterable[int]) -> Iterator[Array]:
         """Yield the robot's configuration in some rows of its joints' positions (N,) [m, rad]; others stand at home."""

@@ -29,6 +29,7 @@ from .draft import Draft, Line
 from .log import Log
 from .map import CHECK
 from .motion import set_beside
+from .nameless import add_nameless
 from .unit_by_numbers import settle_units
 from .units import DRIVING, UNSCALED, WISHED, dimension_of, words_of
 
@@ -52,6 +53,7 @@ def guess(log: Log, mechanism: Mechanism | None = None, robot: str | None = None
     draft.clocks |= {stream.name: time_column(stream) for stream in log.streams}
     for stream in log.streams:
         add_joints(draft, stream)
+    add_nameless(draft)
     draft.lines += wrench_lines(log, {line.source for line in draft.lines})
     add_poses(draft)
     if mechanism is not None:
@@ -142,6 +144,7 @@ class _Page:
         for line in self.draft.lines:
             parts = [f"from: {_text(line.source)}", f"unit: {_text(line.unit or 'SI')}"]
             parts += [f"sign: {line.sign}"] * (line.sign != 1) + ["unwrap: true"] * line.unwrap
+            parts += [f"scale: {line.scale:.3g}"] * (line.scale != 1)
             parts += [f"offset: {line.offset:.12g}"] * (line.offset != 0)
             doubt = "; ".join(filter(None, (line.doubt, line.rival)))
             yield self.told(f"  {_text(line.target)}: {{{', '.join(parts)}}}", doubt, line.target, line.reason)
@@ -227,7 +230,8 @@ class _Page:
         if any(line.unit in UNSCALED for line in self.draft.of("tau.")):
             yield from ("", f"# Where nobody knows the scale of the efforts, {_FOUND_BY_MASSES}")
             yield "# tolerances: {effort_gain: 1, mass: 0.1, inertia: 0.1}"
-        if any(self.draft.stream_of(line).name in self.draft.delays for line in self.draft.of("p.")):
+        beside = any(self.draft.stream_of(line).name in self.draft.delays for line in self.draft.of("p."))
+        if beside or self.draft.elsewhere:
             yield ""
             yield "# The camera may stand anywhere; the point it saw may be 5 cm away from its frame:"
             yield "tolerances: {frame_position: 10, frame_rotation: 3, target_position: 0.05}"

@@ -23,7 +23,7 @@ from ..plugins import Plugin, brought
 from ..recordings.problems import MAX_NAMES, shown
 from ..spatial import Array
 from .headings import unique_names
-from .units import spelled, unit_in_name
+from .units import TIME, dimension_of, spelled, unit_in_name, without_unit, words_of
 
 #: Longer vectors in one message are pictures or clouds, not signals.
 MAX_VECTOR = 64
@@ -35,6 +35,8 @@ _AGAIN = "Is the file damaged or cut off? Copy or export it again"
 _NAME = 200
 #: Larger numbers stand for none, as the largest float does in messages of ROS.
 _LARGEST = 1e60
+#: Stamps are uneven where steps differ by that share of the usual one, in as many steps at least.
+_JITTER, _FEW_ROWS = 0.01, 20
 #: What the numbers of one log may take in memory, as its file declares them [bytes].
 MAX_NUMBERS = 2 * 2**30
 
@@ -58,9 +60,10 @@ class Stream:
         return (spelled(self.units[column]) if column in self.units else None) or unit_in_name(column)
 
     def renamed(self, name: str, names: Mapping[str, str]) -> Stream:
-        """Return the stream and its columns by other names."""
+        """Return the stream and its columns by other names, with the units that the old ones said."""
         columns = {names.get(key, key): values for key, values in self.columns.items()}
-        units, labels = ({names.get(key, key): x for key, x in of.items()} for of in (self.units, self.labels))
+        said = {key: unit for key in names if key in self.columns and (unit := unit_in_name(key))} | dict(self.units)
+        units, labels = ({names.get(key, key): x for key, x in of.items()} for of in (said, self.labels))
         return replace(self, name=name, columns=MappingProxyType(columns), units=units, labels=labels)
 
     def __len__(self) -> int:
@@ -244,17 +247,20 @@ def read_logs(paths: Sequence[str | Path]) -> Log:
 
     Streams are called like their files, but for words that all begin or end with: run3_position.csv and
     run3_velocity.csv are position and velocity, so that a map of one run does for the next.
-    A column that stands in several of them is called `name (file)`. Raises RecordingFileError for several logs of the
-    same columns: those are several recordings.
+    A column that stands in several of them is called `name (file)`. Files of one joint each hold the same columns and
+    the same stamps. Raises RecordingFileError for other logs of the same columns: those are several recordings.
     """
     logs = [read_log(path) for path in paths]
     if len(logs) == 1:
         return logs[0]
+    if stamps := _same_stamps(logs):
+        return _side_by_side(logs, stamps)
     shared = {name for name, count in Counter(name for log in logs for name in log.names).items() if count > 1}
     for log in logs[1:]:
         if set(log.names) == set(logs[0].names):
             message = (
-                f"holds the same columns as '{logs[0].path}': these are two recordings; import each by the same map"
+                f"holds the same columns as '{logs[0].path}': these are two recordings; import each by the same map. "
+                "Where each is of another joint, call its columns after the joint"
             )
             raise refuse(Path(log.path), message)
     stems = told_apart([Path(log.path).stem for log in logs])
@@ -266,6 +272,55 @@ def read_logs(paths: Sequence[str | Path]) -> Log:
         streams += [stream.renamed(called if alone else f"{called}: {stream.name}", names) for stream in log.streams]
     left_out = tuple(name for log in logs for name in log.left_out)
     return Log(logs[0].path, tuple(streams), left_out, tuple(text for log in logs for text in log.remarks))
+
+
+def _same_stamps(logs: Sequence[Log]) -> list[str]:
+    """Return the columns of time that tables of the same columns share row by row; none where two runs may share them.
+
+    No two runs come at the same uneven times; rows that are counted or come at a rate tell nothing, rounded or not.
+    """
+    tables = [stream for log in logs for stream in log.streams if stream.clock is None]
+    if not len(tables) == len(logs) == sum(len(log.streams) for log in logs):
+        return []
+    first = tables[0]
+    if any(set(table.columns) != set(first.columns) for table in tables):
+        return []
+    return [
+        name
+        for name, at in first.columns.items()
+        if (set(words_of(name)) & set(TIME) or dimension_of(first.unit_of(name) or "") == "time")
+        and all(np.array_equal(at, table.columns[name]) for table in tables)
+        and _uneven(at)
+    ]
+
+
+def _uneven(stamps: Array) -> bool:
+    """Return whether stamps (N,) rise, and stray from a rate by more than they are rounded."""
+    steps = np.diff(stamps)
+    if len(steps) < _FEW_ROWS or not (steps > 0).all() or np.ptp(steps) < _JITTER * np.median(steps):
+        return False
+    rows = np.arange(len(stamps))
+    strays = np.ptp(stamps - np.polyval(np.polyfit(rows, stamps, 1), rows))
+    return bool(strays > 2.0 * np.diff(np.unique(steps)).min())
+
+
+def _side_by_side(logs: Sequence[Log], stamps: Sequence[str]) -> Log:
+    """Return tables that share their stamps as one; what else they hold is called `name (file)`, or by the folder."""
+    stems = told_apart([Path(log.path).stem for log in logs])
+    if len(set(stems)) < len(stems):
+        stems = unique_names(told_apart([Path(log.path).resolve().parent.name for log in logs]))
+    plain = {name: without_unit(name) for name in logs[0].names if name not in stamps}
+    plain = plain if len(set(plain.values())) == len(plain) else {name: name for name in plain}
+    streams = [
+        log.streams[0].renamed("table", {name: f"{short} ({stem})" for name, short in plain.items()})
+        for stem, log in zip(stems, logs, strict=True)
+    ]
+    columns = MappingProxyType({name: values for stream in streams for name, values in stream.columns.items()})
+    units = {name: unit for stream in streams for name, unit in stream.units.items()}
+    labels = {name: label for stream in streams for name, label in stream.labels.items()}
+    left_out = tuple(name for log in logs for name in log.left_out)
+    remarks = tuple(text for log in logs for text in log.remarks)
+    return Log(logs[0].path, (replace(streams[0], columns=columns, units=units, labels=labels),), left_out, remarks)
 
 
 def told_apart(stems: Sequence[str]) -> list[str]:

@@ -7,7 +7,7 @@ where B may be any matrix.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,11 +101,14 @@ def set_beside(draft: Draft) -> None:
     for stream in draft.log.streams:
         places = {line.target: line for line in draft.of("p") if draft.stream_of(line) is stream}
         place = next(iter(places), "").rpartition(".")[0]
-        axes = [places.get(f"{place}.{axis}") for axis in "xyz"]
-        if stream is home or None in axes:
+        axes = [line for axis in "xyz" if (line := places.get(f"{place}.{axis}")) is not None]
+        if len(axes) < 3:
             continue
-        points = np.column_stack([draft.in_si(line) for line in axes if line is not None])
+        points = np.column_stack([draft.in_si(line) for line in axes])
         frame = place.removeprefix("p").removeprefix(".")
+        if stream is home:
+            _in_the_same_rows(draft, home, axes, points, frame)
+            continue
         theirs, told = _time_of(draft, stream)
         if not (told and timed):
             path = _path(draft, home, np.arange(len(home), dtype=float), frame)
@@ -178,6 +181,49 @@ def _row_by_row(draft: Draft, home: Stream, stream: Stream, path: BodyPath | Non
         _prove(draft.joints)
         if draft.clocks[home.name][0] == "":
             draft.clocks[home.name] = "", "s", ""
+
+
+def path_of(draft: Draft) -> BodyPath | None:
+    """Return the path of the robot's tip by the joints' rows, which count as its time; None where one is not known."""
+    home = draft.stream_of(next(iter(draft.joints.values())))
+    return _path(draft, home, np.arange(len(home), dtype=float), "")
+
+
+def goes_with(points: Array, path: BodyPath) -> tuple[float, Array] | None:
+    """Return what share of a path its rows of places (M, 3) leave, and the three stretches of the map between both.
+
+    None where they do not go with it, or other rows of them do as well, as those of a smooth way may.
+    """
+    seen = points[path.time.astype(int)]
+    known = np.isfinite(seen).all(axis=1)
+    seen, path = seen[known], path[known]
+    if len(seen) < _FEWEST_PLACES or not np.ptp(seen, axis=0).all():
+        return None
+    found, left = _affine(seen, path)
+    others = [_affine(np.roll(seen, share * len(seen) // 4, axis=0), path)[1] for share in (1, 2, 3)]
+    if left > _LEFT or min(others) < _SHARP * _LEFT:
+        return None
+    return left, np.asarray(np.linalg.svd(found[:9].reshape(3, 3), compute_uv=False), float)
+
+
+def _in_the_same_rows(draft: Draft, home: Stream, axes: Sequence[Line], points: Array, frame: str) -> None:
+    """Note whether places that stand beside the joints in one table prove the joints, and from where they were seen."""
+    path = _path(draft, home, np.arange(len(home), dtype=float), frame)
+    if path is None or goes_with(points, path) is None:
+        return
+    _prove(draft.joints)
+    at = path.time.astype(int)
+    seen, following = points[at], points[np.minimum(at + 1, len(points) - 1)]
+    known = np.isfinite(seen + following).all(axis=1)
+    seen, path = seen[known], path[known]
+    if draft.clocks[home.name][0] == "" and _affine(following[known], path)[1] > _LEFT:  # no motion: any rate will do
+        draft.clocks[home.name] = "", "s", ""
+    placed, way = seen - path.position, path.position - path.position.mean(axis=0)
+    rows = np.concatenate(path.rotation)  # of a marker anywhere on the body, in base axes
+    marker = np.linalg.lstsq(rows, placed.ravel(), rcond=None)[0]
+    draft.elsewhere = bool(np.linalg.norm(placed.ravel() - rows @ marker) > _LEFT * np.linalg.norm(way))
+    if draft.elsewhere and axes[0].doubt:
+        axes[0].doubt = "goes with the joints, seen from elsewhere than the base: is it the tool point? Else p.<frame>"
 
 
 def delay_of(path: BodyPath, time: Array, seen: Array) -> float | None:

@@ -23,6 +23,8 @@ _FAR, _LONG = 4.2 * np.pi, 20.0
 _NEAR = 0.1
 #: Positions are the integral of velocities that differ from it by no larger share.
 _AGREE = 0.04
+#: A speed follows the position where both are so alike, and comes so many rows late at most.
+_FOLLOWS, _LATE = 0.98, 10
 #: Units that positions and velocities are tried in, of joints that turn and of those that slide; the likeliest first.
 _POSITIONS = (("rad", "deg", "rev"), ("m", "mm"))
 _SPEEDS = (("rad/s", "deg/s", "rpm", "rev/s"), ("m/s", "mm/s"))
@@ -117,6 +119,7 @@ def _settle_alike(draft: Draft, lines: Mapping[str, Line], sliding: bool) -> Non
         if draft.stream_of(line) is stream
     }
     known = [slope for slope in slopes.values() if slope is not None and np.isfinite(slope)]
+    fits: list[tuple[str, str, str]] = []
     unit, speed_unit, doubt = possible[0], next((speeds[j].unit for j in slopes), None), ""
     if not first.unit:
         if not fitting:
@@ -129,7 +132,7 @@ def _settle_alike(draft: Draft, lines: Mapping[str, Line], sliding: bool) -> Non
         slope = float(np.median(np.abs(known)))
         said = clock is None or unit_in_name(clock) is not None or not clock_doubt
         times, rates = [time_unit] if said else _TIMES, [speed_unit] if speed_unit else _SPEEDS[sliding]
-        fits = [
+        fits += [
             (t, q, v)
             for t, q, v in product(times, possible, rates)
             if abs(slope * factor_of(q) / (factor_of(v) * UNITS["time"][t]) - 1) < _AGREE
@@ -138,23 +141,38 @@ def _settle_alike(draft: Draft, lines: Mapping[str, Line], sliding: bool) -> Non
             time_unit, unit, speed_unit = fits[0]
             draft.clocks[stream.name] = clock, time_unit, "" if not said else clock_doubt
         else:
-            doubt = doubt or "the velocities are not the rate of the positions in any usual unit"
+            doubt = doubt or "the velocities are not the rate of the positions in any usual unit" * (len(possible) > 1)
+    geared = bool(known) and not fits
     for joint, line in lines.items():
         line.unit, line.doubt = line.unit or unit, line.doubt or doubt
-        line.because("the velocities are its rate" if known and not doubt else "")
+        line.because("the velocities are its rate" if fits and not doubt else "")
         speed, found = speeds.get(joint), slopes.get(joint)
         if speed is not None:
-            speed.unit = speed.unit or speed_unit or f"{unit}/s"
+            told, speed.unit = bool(speed.unit), speed.unit or speed_unit or f"{unit}/s"
             if found is not None and np.isnan(found):
                 speed.doubt = "is not the rate of the position; is it the same joint's?"
             elif found is not None and found < 0:
                 speed.sign, speed.doubt = -1, "falls where the position rises: which of the two has the wrong sign?"
+            if geared and found is not None and np.isfinite(found):
+                speed.unit = speed.unit if told else "m/s" if sliding else "rad/s"
+                _as_of_a_motor(speed, abs(found) * factor_of(line.unit) / UNITS["time"][time_unit])
+
+
+def _as_of_a_motor(speed: Line, rate: float) -> None:
+    """Give a velocity the scale that makes it the rate of its position, and ask. rate: of that, in SI per unit of it.
+
+    A motor turns so many times while its joint turns once.
+    """
+    speed.scale = float(f"{rate / factor_of(speed.unit):.3g}")
+    times = f"{1 / speed.scale:.3g} times the rate of the position in {speed.unit}"
+    speed.doubt = "; ".join(filter(None, (speed.doubt, f"{times}: of the motor, before its gear?")))
 
 
 def _slope(time: Array | None, q: Array, qd: Array) -> float | None:
     """Return by how much positions change for each unit of the velocities' integral.
 
-    None where nothing moves, nan where the one has nothing to do with the other.
+    None where nothing moves, nan where the one has nothing to do with the other. A speed that passed a filter comes a
+    few rows late.
     """
     if time is None:
         return None
@@ -163,13 +181,20 @@ def _slope(time: Array | None, q: Array, qd: Array) -> float | None:
     if len(t) < 20 or np.ptp(x) == 0 or np.ptp(v) == 0:
         return None
     steps, gains = np.diff(x), 0.5 * (v[1:] + v[:-1]) * np.diff(t)
+    alike, found = _regressed(steps, gains)
+    for late in range(1, min(_LATE, len(steps) // 20) + 1) if alike < _FOLLOWS else ():
+        alike, found = max((alike, found), _regressed(steps[:-late], gains[late:]))
+    if alike < _FOLLOWS:
+        return None if alike > 0.9 or not alike else float("nan")
+    return found
+
+
+def _regressed(steps: Array, gains: Array) -> tuple[float, float]:
+    """Return how alike steps of a position and what speeds make of them are, and their ratio; 0 where nothing moves."""
     smooth = np.abs(steps) < 20 * np.quantile(np.abs(steps), 0.9) + 1e-12  # whole turns are no motion
     parts = max(10, min(200, len(steps) // 10))
     share = np.array_split(np.flatnonzero(smooth), parts)
     moved, driven = (np.array([values[rows].sum() for rows in share]) for values in (steps, gains))
     if not (np.std(moved) and np.std(driven)):
-        return None
-    alike = abs(np.corrcoef(moved, driven)[0, 1])
-    if alike < 0.98:
-        return None if alike > 0.9 else float("nan")
-    return float(moved @ driven / (driven @ driven))
+        return 0.0, 0.0
+    return abs(float(np.corrcoef(moved, driven)[0, 1])), float(moved @ driven / (driven @ driven))

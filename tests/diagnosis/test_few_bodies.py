@@ -1,12 +1,19 @@
 """One body or two take the place of all links where held-out blocks are foretold as well, and only there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from prup_pin import load
+from prup_pin.diagnosis.efforts.band import band_of, in_motion
 from prup_pin.diagnosis.efforts.few_bodies import nearest_body, with_few_bodies
 from prup_pin.diagnosis.efforts.prepare import PreparedEfforts
 from prup_pin.diagnosis.efforts.problem import fit
+from prup_pin.diagnosis.efforts.search import without_needless_kinds
+from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.laws.efforts import Body
+from prup_pin.recordings import Recording
 
 
 def scaled(at, *factors):
@@ -53,3 +60,45 @@ def test_no_body_does_a_share_of_what_all_links_do_not(at):
         nearest = nearest_body(model.with_term(links), links)
     assert 0 <= nearest.share < 1
     assert nearest.times < 1.01
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    def link(name, mass, centre, inertia):
+        moments = f'ixx="{inertia}" iyy="{inertia}" izz="{inertia / 15}" ixy="0" ixz="0" iyz="0"'
+        body = f'<origin xyz="0 0 {centre}"/><mass value="{mass}"/><inertia {moments}/>'
+        return f'<link name="{name}"><inertial>{body}</inertial></link>'
+
+    def hinge(name, parent, child, height):
+        place = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="0 0 {height}"/><axis xyz="0 -1 0"/>'
+        return f'<joint name="{name}" type="continuous">{place}</joint>'
+
+    path = tmp_path_factory.mktemp("arm") / "arm.urdf"
+    links = link("upper_arm", 1.4, -0.085, 0.02), link("forearm", 0.3, -0.053, 0.001)
+    joints = hinge("shoulder", "base", "upper_arm", 0), hinge("elbow", "upper_arm", "forearm", -0.33)
+    path.write_text(f'<robot name="arm"><link name="base"/>{"".join((*links, *joints))}</robot>')
+    return load(path)
+
+
+@pytest.mark.parametrize("seed", [5, 15, 20])
+def test_rotors_that_are_needless_beside_bodies_stand_in_the_place_of_bodies_that_are_not_needed(arm, seed):
+    """Of three periods of a swing, with harmonics in its efforts that no law knows, bodies imitated the rotors, which
+    went; in other postures they foretold more than the effort itself.
+    """
+    rng, time = np.random.default_rng(seed), np.arange(0, 3, 0.01)
+    swing = 2 * np.pi * time
+    q = {"shoulder": 1.42 + 0.14 * np.sin(swing), "elbow": 0.72 + 0.32 * np.sin(swing + 0.4)}
+    motion = motion_of(Recording(time=time, positions=q), arm.mechanism, list(q))
+    tau = InMotion.of(arm.mechanism, motion).rigid + [0.9, 0.6] * np.tanh(motion.speed / 0.05)
+    tau += [1.5, 0.4] * motion.speed + [0.2, 0.05] * motion.acceleration
+    for harmonic in (1, 2, 3):
+        size = rng.normal(size=2) * [0.3, 0.15]
+        tau += size * np.sin(2 * np.pi * harmonic * motion.time[:, None] + rng.uniform(0, 6, 2))
+    tau += 0.05 * rng.normal(size=tau.shape)
+    coarse = Recording(time=time, positions={name: np.round(at / 0.005) * 0.005 for name, at in q.items()})
+    recording = replace(coarse.select(motion.rows), efforts=dict(zip(q, tau.T, strict=True)))
+    at = in_motion(arm.mechanism, recording, band_of(arm.mechanism, recording)[0], [])
+    efforts = PreparedEfforts(at, {})
+    _, start = efforts.with_learned_variances(efforts.start_with_nuisances())
+    kinds = {term.law.physics for term in without_needless_kinds(start).terms}
+    assert kinds == {"viscous_friction", "coulomb_friction", "rotor_inertia"}

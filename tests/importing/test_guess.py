@@ -63,6 +63,17 @@ def test_joints_by_their_names_in_any_order(tmp_path, ur5):
     assert list(recording.positions) == list(logs.JOINTS)
 
 
+def test_joints_by_words_of_their_names_in_any_order(tmp_path, ur5):
+    """By the alphabet, as many programs write them, without the word that all end with."""
+    names = {name.removesuffix("_joint"): k for k, name in enumerate(logs.JOINTS)}
+    q, tau = (
+        {f"{what}_{name}": of[:, names[name]] for name in sorted(names)} for what, of in (("pos", Q), ("torque", TAU))
+    )
+    made, recording = imported(tmp_path, log_of({"time": logs.T} | q | tau), ur5)
+    assert made.doubts == ()
+    assert_motion(recording, "q", "tau")
+
+
 def test_an_arm_with_a_hand_and_a_controller_that_logs_much_besides(tmp_path):
     panda = prup_pin.load("panda").mechanism
     q = np.column_stack([Q, Q[:, 0]]) * 0.5 + np.array([0, 0, 0, -1.5, 0, 1.5, 0])
@@ -128,6 +139,19 @@ def test_turns_of_an_endless_joint_are_seen(ur5):
     wrapped[:, 5] = (3 * logs.T + np.pi) % (2 * np.pi) - np.pi
     lines = yaml.safe_load(guess(log_of({"t": logs.T} | logs.numbered("q{}", wrapped)), ur5).text)["columns"]
     assert [line.get("unwrap", False) for line in lines.values()] == [False] * 5 + [True]
+
+
+def test_speeds_of_motors_before_their_gears_are_scaled_and_asked_about(tmp_path, ur5):
+    """They come 30 ms late, through a filter."""
+    late = 50 * logs.motion(logs.T - 0.03)[1]
+    log = log_of({"t": logs.T} | logs.numbered("q{} [rad]", Q) | logs.numbered("vel_{} [deg/s]", np.degrees(late)))
+    made, recording = imported(tmp_path, log, ur5)
+    assert len(made.doubts) == 6
+    assert all(doubt.endswith("times the rate of the position in deg/s: of the motor, before its gear?") for doubt in
+               made.doubts)  # fmt: skip
+    assert_motion(recording, "q")
+    for k, name in enumerate(logs.JOINTS):
+        assert np.abs(recording.velocities[name] - late[:, k] / 50).max() < 0.03 * np.abs(QD[:, k]).max()
 
 
 @pytest.mark.parametrize("velocities", [True, False])

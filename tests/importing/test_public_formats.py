@@ -332,10 +332,72 @@ def test_points_of_a_tracker_beside_a_list_of_joints_go_row_by_row(tmp_path, ur5
     assert any("9 rows, but 400 of the joints" in text for text in made.doubts)
 
 
-def test_two_runs_are_not_two_sensors(tmp_path):
-    paths = [logs.csv(tmp_path / f"{name}.csv", {"t": T} | logs.numbered("q{}", Q)) for name in ("first", "second")]
+def test_places_beside_the_joints_in_one_table_prove_these_and_where_they_were_seen_from(ur5):
+    """Poses of a calibration, in any order: no other rows' places go with them."""
+    rows = np.random.default_rng(0).permutation(len(T))[:60]
+    joints = logs.numbered("J{}", np.degrees(Q))
+    places = dict(zip(("x", "y", "z"), seen().T, strict=True))
+    at_base = dict(zip(("x", "y", "z"), HALL.inv().apply(seen() - np.array([0.3, 1.2, -0.4])).T, strict=True))
+
+    def made(columns, rows):
+        return guess(logs.log_of({name: values[rows] for name, values in columns.items()}), ur5)
+
+    first = made(joints | places, rows)
+    assert first.doubts == (
+        "p.x: goes with the joints, seen from elsewhere than the base: is it the tool point? Else p.<frame>",
+    )
+    assert "tolerances: {frame_position: 10, frame_rotation: 3, target_position: 0.05}" in first.text
+    assert "frame_position" not in made(joints | at_base, rows).text
+    exchanged = {name: np.roll(values, 40) for name, values in places.items()}
+    assert sum("so not rad" in doubt for doubt in made(joints | exchanged, rows).doubts) == 6
+    motion = made(joints | places, slice(None)).doubts
+    assert len(motion) == 2
+    assert "no column is a time" in motion[0]  # at which rate it was logged, places do not tell
+
+
+@pytest.mark.parametrize("time", [T, np.round(1e3 * np.arange(len(T)) / 30)], ids=["even", "rounded"])
+def test_two_runs_are_not_two_sensors(tmp_path, time):
+    paths = [logs.csv(tmp_path / f"{name}.csv", {"t": time} | logs.numbered("q{}", Q)) for name in ("first", "second")]
     with pytest.raises(RecordingFileError, match=r"these are two recordings; import each by the same map"):
         read_logs(paths)
+
+
+def test_joints_and_places_of_a_table_without_names_are_found_by_the_robot(tmp_path, ur5):
+    """Number of the pose, places in mm, joints in degrees: there is no other way round."""
+    rows = np.random.default_rng(0).permutation(len(T))[:60]
+    np.savetxt(
+        tmp_path / "poses.txt", np.column_stack([np.arange(60), 1e3 * seen()[rows], np.degrees(Q[rows])]), "%.6f"
+    )
+    recording = imported(tmp_path, ur5, tmp_path / "poses.txt", doubts=1).recording
+    assert np.abs(recording.position - seen()[rows]).max() < 1e-8
+    assert np.abs(np.column_stack([recording.positions[name] for name in logs.JOINTS]) - Q[rows]).max() < 1e-7
+    np.savetxt(tmp_path / "joints.txt", np.degrees(Q[rows]), "%.6f")
+    np.savetxt(tmp_path / "tracker.txt", seen()[rows], "%.6f")
+    again = imported(tmp_path, ur5, tmp_path / "joints.txt", tmp_path / "tracker.txt", doubts=1).recording
+    assert np.abs(again.position - seen()[rows]).max() < 1e-6
+    np.savetxt(tmp_path / "others.txt", np.column_stack([np.degrees(Q[rows]), seen()[np.roll(rows, 7)]]), "%.6f")
+    assert "p.x" not in guess(read_logs([tmp_path / "others.txt"]), ur5).text
+
+
+@pytest.mark.parametrize("form", ["{}_run7.csv", "{}/log.csv"])
+def test_files_of_one_joint_each_that_share_their_stamps_are_one_motion(tmp_path, ur5, form):
+    """Their columns are the same; two runs never come at the same jittering times."""
+    stamps = np.cumsum(np.random.default_rng(0).integers(3, 6, len(T)))
+    q, _, tau = logs.motion(1e-3 * stamps)
+    paths = [tmp_path / form.format(name.removesuffix("_joint")) for name in logs.JOINTS]
+    for k, path in enumerate(paths):
+        path.parent.mkdir(exist_ok=True)
+        logs.csv(path, {"time_ms": stamps, "angle [deg]": np.degrees(q[:, k]), "torque [Nm]": tau[:, k]})
+    log = read_logs(paths[::-1])
+    assert len(log.streams) == 1
+    assert "angle (wrist_3)" in log.names
+    first = guess(log, ur5)
+    assert first.doubts == ()
+    (tmp_path / "map.yaml").write_text(first.text)
+    recording = convert(log, read_map(tmp_path / "map.yaml", log, ur5), ur5).recording
+    for k, name in enumerate(logs.JOINTS):
+        assert np.abs(recording.positions[name] - q[:, k]).max() < 1e-6
+        assert np.abs(recording.efforts[name] - tau[:, k]).max() < 1e-6
 
 
 def test_bodies_that_no_frame_is_called_like_are_asked_about(tmp_path, ur5):

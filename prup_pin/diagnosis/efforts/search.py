@@ -269,17 +269,44 @@ def without_needless_kinds(model: EffortModel) -> EffortModel:
     """Return the model without kinds of nuisances that held-out blocks do not ask for, at whatever joints.
 
     A short motion may tell of no joint alone what it tells of all together. Friction goes last: of a joint that turns
-    one way it looks like an offset, which drives have little of.
+    one way it looks like an offset, which drives have little of. What is needless beside another kind may serve in its
+    place: rotors beside bodies, which have more numbers.
     """
+    gone: list[list[EffortCandidate]] = []
     while True:
         now, needless = held_out(model), []
         for own in _kinds_of_nuisances(model):
-            share, sure = relative_gain(held_out(model.without(*own)), now)
-            if share <= NO_MATTER or sure <= SURE:
-                needless.append((bool(own[0].law.resists), share, own))
+            without = held_out(model.without(*own))
+            if not _asked_for(without, now):
+                needless.append((bool(own[0].law.resists), float(without.sum()), own))
         if not needless:
+            return _with_plainer_kinds(model, gone)
+        gone.append(min(needless, key=lambda item: item[:2])[-1])
+        model = model.without(*gone[-1])
+
+
+def _with_plainer_kinds(model: EffortModel, gone: Sequence[list[EffortCandidate]]) -> EffortModel:
+    """Return the model with kinds of nuisances that went in the place of those with more numbers that may go."""
+    while True:
+        now = held_out(model)
+        swapped = [
+            (float(left.sum()), beside)
+            for kept in _kinds_of_nuisances(model)
+            for kind in gone
+            if sum(term.size for term in kind) < sum(term.size for term in kept)
+            for beside in [model.without(*kept).with_term(*kind)]
+            for left in [held_out(beside)]
+            if not _asked_for(left, now)
+        ]
+        if not swapped:
             return model
-        model = model.without(*min(needless, key=lambda item: item[:2])[-1])
+        model = min(swapped, key=lambda item: item[0])[1]
+
+
+def _asked_for(without: Array, now: Array) -> bool:
+    """Return whether held-out blocks (B,) ask for a kind of nuisances: they are left less with it, and surely."""
+    share, sure = relative_gain(without, now)
+    return share > NO_MATTER and sure > SURE
 
 
 def _kinds_of_nuisances(model: EffortModel) -> Iterable[list[EffortCandidate]]:
