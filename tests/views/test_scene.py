@@ -351,7 +351,7 @@ def test_a_robot_without_a_tool_is_drawn_without_one(stiffness):
     assert {label.text for label in scene.labels} >= {"base"}
     assert "tool" not in {label.text for label in scene.labels}
     assert not scene.ellipsoids
-    with pytest.raises(PrupPinError, match="no tool frame|no module .* is compliant"):
+    with pytest.raises(PrupPinError, match=r"no tool frame|no module .* is compliant"):
         pose_scene(robot, None, [1, 0, 0, 0, 0, 0])
 
 
