@@ -20,7 +20,7 @@ from ..numbers import number, some
 from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
 from ..recordings.table import ROBOT
 from ..robot import Robot
-from ..simulation import CorrectedModel, foreign_joints, misspelt_joints
+from ..simulation import CorrectedModel, foreign_joints, misspelt_joints, read_model
 from ..simulation.model_file import law_named, place_named
 from ..views.text import terminal
 from .options import ConventionOption, Reading, RecordingFiles, RobotOption, SetParameters, TolerancesOption, changes_of
@@ -64,6 +64,14 @@ def refuse_unanswered(count: int, what: str, reasons: Mapping[str, str]) -> None
     """Raise PrupPinError, with the reasons, where no row has what was asked for: an empty table helps nobody."""
     told = "\n".join(f"  {word}: {text}" for word, text in reasons.items())
     raise PrupPinError(f"none of {count} rows has {what}\n{told}")
+
+
+def model_typed(path: Path) -> CorrectedModel:
+    """Return the corrected model of a file; on stderr it is told what whoever uses it must know."""
+    model = read_model(path)
+    if model.caution:
+        _note(f"'{path.name}': {model.caution}")
+    return model
 
 
 def robot_beside(named: str | None, source: Path) -> str:

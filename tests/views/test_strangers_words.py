@@ -11,6 +11,7 @@ from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.calibrate import CalibratedParameter
 from prup_pin.diagnosis.candidates import Candidate
 from prup_pin.diagnosis.diagnosis import Finding, FittedParameter
+from prup_pin.diagnosis.efforts.final_state import FinalState
 from prup_pin.diagnosis.next_experiment import _apart
 from prup_pin.diagnosis.prepare import _not_simulated
 from prup_pin.diagnosis.prospects import prospects
@@ -352,6 +353,21 @@ def test_laws_that_a_motion_cannot_tell_apart_are_told_once_for_all_their_places
     assert _alike(pairs) == ["effort delay and effort filter: at j0, j1, j2", "payload at hand and effort gain at j1"]
 
 
+def test_efforts_of_each_drive_are_told_in_the_unit_in_which_they_are():
+    robot = prup_pin.load("ur5")
+    drives = robot.mechanism.actuated[:2]
+    state = SimpleNamespace(mechanism=robot.mechanism, at=SimpleNamespace(driven=drives), scale=np.array([0.12, 1.02]))
+    assert FinalState.units.fget(state) == ("as logged", "N m")
+
+
+def test_what_other_values_would_make_up_for_beyond_their_tolerances_says_so(diagnosed):
+    _, _, diagnosis = diagnosed
+    body = replace(diagnosis.findings[0], times=1.0028, strained=14.3)
+    told = cost_text(body)
+    assert told.endswith("0.28 % larger, and a value of the robot file 14 of its tolerances off")
+    assert "tolerances" not in cost_text(replace(body, strained=0.0))
+
+
 def test_many_effects_of_a_model_are_counted_and_few_are_typed(capsys):
     robot = prup_pin.load("ur5")
     friction = [
@@ -376,6 +392,10 @@ def test_many_effects_of_a_model_are_counted_and_few_are_typed(capsys):
     )
     assert "as logged" in said([*friction, *gains])
     assert "N m" not in said([*friction, *gains])
+    # one drive is enough, and a gain of nearly one is still of newtons
+    assert said(gains[:1]).count("as logged") == 1
+    near = effect_named("effort_gain", gains[0].place.name, gains[0].place.aspect, {"gain": 0.05}, robot.mechanism)
+    assert "as logged" not in said([near])
     assert "viscous_friction@elbow_joint:effort damping=2" in said(friction)
     assert "N m" in said(friction)
 

@@ -437,7 +437,10 @@ def cost_text(finding: Finding, joints: Sequence[str] = ()) -> str:
         size = f"{number(100 * (finding.cost - 1), 2)} % larger"
     else:
         size = f"{number(finding.cost, 3)} times as large"
-    return f"without it the residual{of if finding.is_fault else ' of a simulation'} would be {size}"
+    text = f"without it the residual{of if finding.is_fault else ' of a simulation'} would be {size}"
+    if finding.strained:  # what makes up for it then
+        text += f", and a value of the robot file {number(finding.strained, 2)} of its tolerances off"
+    return text
 
 
 def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str, str, str]]:
