@@ -20,7 +20,7 @@ from ..numbers import number, some
 from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
 from ..recordings.table import ROBOT
 from ..robot import Robot
-from ..simulation import CorrectedModel, foreign_joints, misspelt_joints, read_model
+from ..simulation import CorrectedModel, foreign_joints, misspelt_joints, read_model, unnamed_positions
 from ..simulation.model_file import law_named, place_named
 from ..views.text import terminal
 from .options import ConventionOption, Reading, RecordingFiles, RobotOption, SetParameters, TolerancesOption, changes_of
@@ -107,9 +107,13 @@ def note_foreign_joints(recordings: Sequence[Recording], robot: Robot) -> None:
         refused = dict(misspelt_joints(recording, robot.mechanism))  # of which more will be said
         foreign = [name for name in foreign_joints(recording, robot.mechanism) if name not in refused]
         if foreign and len(foreign) < len({*recording.positions, *recording.efforts}):
+            own, lacking = unnamed_positions(recording, robot.mechanism)
+            renamed = f"rename {', '.join(own)}, where that is {', '.join(lacking)}, which has no column"
             _note(
                 f"'{recording.path}' has columns of {', '.join(some(foreign))}, which '{robot.name}' has no "
                 f"joint{'s' if len(foreign) > 1 else ''} of: not used. Is it a log of another robot?"
+                + f" Else {renamed}"
+                * bool(own)
             )
 
 

@@ -13,7 +13,7 @@ from prup_pin.diagnosis.candidates import Candidate
 from prup_pin.diagnosis.diagnosis import Finding, FittedParameter
 from prup_pin.diagnosis.efforts.final_state import FinalState
 from prup_pin.diagnosis.next_experiment import _apart
-from prup_pin.diagnosis.prepare import _not_simulated
+from prup_pin.diagnosis.prepare import _not_simulated, _positions_apart
 from prup_pin.diagnosis.prospects import prospects
 from prup_pin.errors import InputError
 from prup_pin.imports.columns import wrench_lines
@@ -102,8 +102,14 @@ def test_a_vector_is_told_in_one_unit():
 
 
 def test_a_sample_that_cannot_be_simulated_is_told_by_its_row():
-    assert _not_simulated(np.array([7]), 210).startswith("1 of 210 samples could not be simulated (line 9)")
-    assert "(lines 2, 3, 4, 5, 6, …)" in _not_simulated(np.arange(9), 210)
+    whole = Recording(np.arange(210.0), positions={"elbow": np.zeros(210)}, wrench=np.zeros((210, 6)))
+    assert _not_simulated(np.array([7]), 210, whole).startswith("1 of 210 samples could not be simulated (line 9),")
+    assert "(lines 2, 3, 4, 5, 6, …)" in _not_simulated(np.arange(9), 210, whole)
+    load = np.zeros((210, 6))
+    load[7, 0] = np.nan
+    lacking = replace(whole, wrench=load)
+    assert "could not be simulated (line 9; no number in w.fx), and" in _not_simulated(np.array([7]), 210, lacking)
+    assert "(line 10)" in _not_simulated(np.array([8]), 210, lacking)
 
 
 def test_a_force_is_one_in_other_languages():
@@ -267,8 +273,22 @@ def test_poses_far_off_are_told_with_the_joint_whose_column_is_missing():
         tolerances=Tolerances(),
     )
     for ask in (prospects, diagnose):
-        with pytest.raises(InputError, match=r"^1 joint without a column q: elbow_joint"):
+        with pytest.raises(InputError, match=r"^1 joint without a column q: elbow_joint. Held") as caught:
             ask(robot, recording)
+    assert "with the sensor put where it fits" not in str(caught.value)
+    # a column of no joint beside a joint of no column may be the same by another name
+    renamed = replace(recording, positions=recording.positions | {"J3": q[:, names.index("elbow_joint")]})
+    with pytest.raises(
+        InputError, match=r"elbow_joint. There is q.J3 of no joint: rename it, where it is q.elbow_joint"
+    ):
+        diagnose(robot, renamed)
+
+
+def test_a_place_far_off_is_told_as_the_table_has_it():
+    logged, placed, rigid = (np.full((3, 3), value) for value in (1.5, 0.25, 2.0))
+    said = str(_positions_apart(placed, logged, rigid, np.arange(3), " of the tool", ""))
+    assert "in line 2 it was measured at 1.5 1.5 1.5, which is 0.25 0.25 0.25 with the sensor put where it fits" in said
+    assert "with the sensor" not in str(_positions_apart(logged, logged, rigid, np.arange(3), "", ""))
 
 
 def test_a_residual_that_rises_does_not_fall():
