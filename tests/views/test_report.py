@@ -15,7 +15,7 @@ import prup_pin
 from prup_pin.errors import InputError
 from prup_pin.numbers import number, quantity
 from prup_pin.views.report.pose_report import report_html
-from prup_pin.views.text.answer import STIFFENED, Answer, compliance_table, stiffness_table
+from prup_pin.views.text.answer import STIFFENED, Answer, _cells, compliance_table, stiffness_table
 from prup_pin.views.text.values import workshop_text
 
 from . import chromium
@@ -422,3 +422,12 @@ def test_a_hostile_robot_runs_nothing(hostile_page, tmp_path):
         assert tab.evaluate("window.alerted === undefined")
     finally:
         tab.close()
+
+
+def test_a_stiff_direction_has_three_digits_in_tables_too():
+    """Beside soft ones it was told with one digit, 0.02 for 0.0227."""
+    size = np.array([75.57, 75.57, 0.02274, 581.1, 581.1, 50.4])
+    cells = _cells(np.diag(size), np.arange(6) > 2)
+    assert [cells[k][k] for k in range(6)] == ["75.57", "75.57", "0.0227", "581.1", "581.1", "50.4"]
+    rounding = _cells(np.diag([*size[:2], 1e-18, *size[3:]]), np.arange(6) > 2)
+    assert rounding[2][2] == "0"

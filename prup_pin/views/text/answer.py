@@ -40,6 +40,8 @@ _LOADS = {False: "N", True: "N m"}
 _SHARE_DIGITS = 9
 #: What of a displacement is rounding, as a share of it.
 _ROUNDING = 1e-10
+#: Digits that a table shows of each direction at least.
+_LEAST_DIGITS = 3
 #: Share of a deflection by which another one has to differ from it to be told beside it.
 _NOTICED = 0.02
 
@@ -398,14 +400,26 @@ def _of_compliances(sizes: Array, unit: str) -> tuple[str, float]:
 
 
 def _cells(matrix: Array, turns: NDArray[np.bool_]) -> tuple[tuple[str, ...], ...]:
-    """Return a matrix as text, each block of equal units with its own number of decimals; rounding is zero."""
+    """Return a matrix as text, each block of equal units with its own number of decimals; rounding is zero.
+
+    A row that is small beside the others of its block, as of a stiff direction, has as many as show three digits of it.
+    """
     size = np.sqrt(np.abs(np.diagonal(matrix)))
     matrix = np.where(np.abs(matrix * matrix.T) < 1e-18 * np.outer(size, size) ** 2, 0.0, matrix)
     cells = np.full(matrix.shape, "", object)
     for rows in (~turns, turns):
         for columns in (~turns, turns):
             block = np.ix_(rows, columns)
-            cells[block] = np.reshape(np.array(fixed(matrix[block].ravel()), object), matrix[block].shape)
+            values = matrix[block]
+            texts = np.reshape(np.array(fixed(values.ravel()), object), values.shape)
+            decimals = max((len(text.partition(".")[2]) for text in texts.ravel()), default=0)
+            reach = np.abs(values).max(axis=1, initial=0.0)
+            own = np.abs(np.diagonal(values)) if (rows == columns).all() else reach
+            for row in np.flatnonzero(own > 1e-9 * reach.max(initial=0.0)):
+                wanted, whole = (int(np.floor(np.log10(each))) for each in (own[row], reach[row]))
+                if _LEAST_DIGITS - 1 - wanted > decimals:
+                    texts[row] = fixed(values[row], _LEAST_DIGITS + whole - wanted)
+            cells[block] = texts
     return tuple(map(tuple, cells))
 
 
