@@ -142,11 +142,16 @@ class Finding:
         return tuple(place for place in self.candidates if place != "robot")
 
 
+#: Why an effect is not seen that shows at no size that its law can have.
+NOT_AT_ANY_SIZE = "not visible at any size"
+
+
 @dataclass(frozen=True)
 class Detectable:
     """An effect that these data could not have shown, with the smallest size that they could.
 
     None where they show no size that the law can have. `below`: the smaller its parameter, the larger the effect.
+    `strong`: the value of a strong one, which stays hidden; NaN where the law lacks something else.
     """
 
     physics: str
@@ -156,6 +161,7 @@ class Detectable:
     unit: str
     reason: str
     below: bool = False
+    strong: float = float("nan")
 
 
 class Seen(NamedTuple):

@@ -261,9 +261,12 @@ def print_diagnosis(
 
 
 def print_hidden(out: Console, hidden: Sequence[Detectable]) -> None:
-    """Print what data could not show, and the size from which they would."""
-    rows = words.hidden_rows(hidden)
+    """Print what data could not show and another test might, and the size from which they would; the rest by name."""
+    near, far = words.within_reach(hidden)
+    rows = words.hidden_rows(near)
     texts = [f"{physics}: {needed}{f', at {where}' if where else ''}" for physics, where, needed in rows]
+    if far:
+        texts.append(f"{', '.join(far)}: at no usual size")
     bullets(out, "What these data could not show", texts, "(and from which size they would)")
 
 
