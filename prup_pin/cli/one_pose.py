@@ -88,10 +88,8 @@ def view(
         raise InputError(f"{' and '.join(given)} exclude each other; give one of them")
     check_folder(html, "--html")
     case = question.understood()
-    # a robot on which nothing yields, or without a tool, can still be looked at
-    mechanism = case.robot.mechanism
-    yields = bool(mechanism.modules) and mechanism.tool is not None
-    compliance = case.compliance() if yields or case.wrench is not None else None
+    # a robot on which nothing yields can still be looked at
+    compliance = case.compliance() if case.robot.mechanism.modules or case.wrench is not None else None
     shown: View | Explorer
     if live:
         shown = Explorer(case.robot, case.pose, case.wrench, scale)
