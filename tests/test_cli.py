@@ -146,6 +146,30 @@ def test_actuators_and_task_coordinates_agree(run):
     np.testing.assert_allclose(answer_as_json(run, "--actuators", named)["C"], by_task["C"], rtol=1e-7, atol=1e-14)
 
 
+def test_what_a_load_does_in_the_deformed_position_is_told_where_it_is_another_answer(run):
+    robot = prup_pin.load("3prup")
+    pose = robot.pose(z=0.4, theta=np.radians(25), phi=np.radians(15))
+    want = robot.equilibrium(pose, WRENCH).displacement
+    text = run("stiffness", "--at", POSE, "--wrench", "fx=300,mz=100").stdout
+    row = next(line for line in text.splitlines() if line.startswith("  deformed "))
+    np.testing.assert_allclose([float(word) for word in row.split()[1:4]], want[:3] * 1e3, atol=0.0051)
+    assert "off the linear deflection. All else here is linear" in " ".join(text.split())
+    assert "deformed" not in run("stiffness", "--at", POSE, "--wrench", "fx=3").stdout
+    assert "deformed" not in run("stiffness", "--at", POSE).stdout
+    told = answer_as_json(run, "--at", POSE, "--wrench", "fx=300,mz=100")
+    np.testing.assert_allclose(told["deformed"]["tool"], want, rtol=1e-6, atol=1e-12)
+    # a load under which it gives way has an answer all the same, which says so
+    beyond = ("--at", POSE, "--wrench", "fz=-1e5")
+    done = run("stiffness", *beyond, "--sensitivity")
+    text = " ".join(done.stdout.split())
+    assert done.exit_code == 0
+    assert "In the deformed position no equilibrium was found" in text
+    assert "Stiffen this first: not told, as no equilibrium was found under the load" in text
+    told = answer_as_json(run, *beyond, "--sensitivity")
+    assert told["deformed"] is told["sensitivity"] is None
+    assert "could be followed to" in told["no_equilibrium"]
+
+
 def test_another_frame(run, compliance):
     done = run("stiffness", "--at", POSE, "--wrench", "fx=300,mz=100", "--frame", "leg1_rod_tip")
     row = next(line for line in done.stdout.splitlines() if line.strip().startswith("leg1_rod_tip"))

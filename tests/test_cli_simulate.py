@@ -417,3 +417,12 @@ def test_an_effect_that_changes_nothing_is_refused_with_the_one_that_does(run, b
     done = run(*words, "payload@tool0 mass=1.5")
     assert done.exit_code == 2
     assert "payload@tool0:effort" in done.stderr.replace("\n ", "")
+
+
+def test_a_model_of_which_something_is_unexplained_is_valid_near_its_data_alone(run, tmp_path, bench):
+    """The report said so, and the command that uses the model did not."""
+    for verdict, said in (("unexplained", 1), ("explained", 0)):
+        write_model(CorrectedModel("3prup", verdict=verdict), tmp_path / "m.json")
+        done = run("predict", "m.json", bench, "--out", "pred.csv")
+        assert done.exit_code == 0, done.output
+        assert " ".join(done.stderr.split()).count("valid only near the data of that diagnosis") == said

@@ -42,6 +42,7 @@ from .options import (
 from .progress import processes
 from .recorded import (
     Bench,
+    model_typed,
     modelled,
     note_foreign_joints,
     of_the_robot,
@@ -84,7 +85,7 @@ def simulate(
     assert source is not None
     read = recording_typed(recording, robot, convention) if recording is not None else None
     programme = read_plan(source) if read is None else None
-    corrected = read_model(model) if model is not None else None
+    corrected = model_typed(model) if model is not None else None
     named = read.robot if read is not None else programme.robot if programme is not None else None
     name, loaded, effects = modelled(
         reading, corrected, robot, lambda: robot_beside(named, source), effect, set_parameters
@@ -123,7 +124,7 @@ def predict(
     if model.suffix.lower() == ".csv" and recording.suffix.lower() == ".json":
         raise InputError(f"the model comes first: prup-pin predict {recording} {model} --out {out}")
     check_csv(out, recording, "recording")
-    corrected = read_model(model)
+    corrected = model_typed(model)
     read = recording_typed(recording, None, convention)
     notes = []
     if corrected.conventions and not read.conventions:
@@ -154,7 +155,7 @@ def export(
 ) -> None:
     """A corrected model as a robot file that other simulators load, and what of it that file cannot say."""
     check_folder(to, "--to", whole=True)
-    corrected = read_model(model)
+    corrected = model_typed(model)
     with blamed("--to", to):
         made = export_model(corrected, to)
     print_exported(terminal.console(), made)

@@ -20,7 +20,6 @@ from ..numbers import number
 from ..recordings import robot_named_beside
 from ..review import yielding_beside
 from ..robot import Robot
-from ..simulation import read_model
 from ..spatial import as_wrench
 from ..sweep import QUANTITIES
 from ..sweep.places import MAX_DRAWS
@@ -32,7 +31,7 @@ from . import progress
 from .files import check_csv, check_folder, folder_for, list_written, write_figures
 from .options import Effects, ModelOption, Reading, RobotName, RobotOption, SetParameters, Workers
 from .progress import processes
-from .recorded import modelled, refuse_unanswered, robot_beside
+from .recorded import model_typed, modelled, refuse_unanswered, robot_beside
 from .typed import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
 
 #: Units of the half sides of the box of wrenches.
@@ -234,7 +233,7 @@ def compensate(
     """Commands that put the loaded tool where it was wanted, along a path with its loads."""
     check_csv(out, path, "path")
     folder_for(plots, "--plots")
-    corrected = read_model(model) if model is not None else None
+    corrected = model_typed(model) if model is not None else None
     name, loaded, effects = modelled(
         reading, corrected, robot, lambda: robot_beside(robot_named_beside(path), path), effect, set_parameters
     )

@@ -37,10 +37,9 @@ def stiffness(
     folder_for(pictures, "--pictures")
     check_folder(None if as_json in (None, "-") else Path(as_json), "--json")
     case = question.understood(frame)
-    answer = Answer(case.compliance(), case.wrench, frame)
-    slopes = case.robot.sensitivity(case.pose, answer.load.wrench) if sensitivity else None
+    answer = Answer(case.compliance(), case.wrench, frame, case.robot)
     written = [] if pictures is None else _draw(pictures, case.robot, answer)
-    document = answer_as_json(case.robot, answer, case.source, case.changes, case.notes, __version__, slopes)
+    document = answer_as_json(case.robot, answer, case.source, case.changes, case.notes, __version__, sensitivity)
     if as_json == "-":
         typer.echo(dump(document))
         return
@@ -48,8 +47,8 @@ def stiffness(
         write(Path(as_json), dump(document) + "\n", "--json")
         written.append(Path(as_json))
     print_answer(terminal.console(), case.robot, answer, case.source, case.changes, case.notes)
-    if slopes is not None:
-        print_stiffen_first(terminal.console(), slopes)
+    if sensitivity:
+        print_stiffen_first(terminal.console(), answer)
     if written:
         list_written(written)
 

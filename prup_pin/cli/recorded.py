@@ -20,7 +20,7 @@ from ..numbers import number, some
 from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
 from ..recordings.table import ROBOT
 from ..robot import Robot
-from ..simulation import CorrectedModel, foreign_joints, misspelt_joints
+from ..simulation import CorrectedModel, foreign_joints, misspelt_joints, read_model, unnamed_positions
 from ..simulation.model_file import law_named, place_named
 from ..views.text import terminal
 from .options import ConventionOption, Reading, RecordingFiles, RobotOption, SetParameters, TolerancesOption, changes_of
@@ -66,6 +66,14 @@ def refuse_unanswered(count: int, what: str, reasons: Mapping[str, str]) -> None
     raise PrupPinError(f"none of {count} rows has {what}\n{told}")
 
 
+def model_typed(path: Path) -> CorrectedModel:
+    """Return the corrected model of a file; on stderr it is told what whoever uses it must know."""
+    model = read_model(path)
+    if model.caution:
+        _note(f"'{path.name}': {model.caution}")
+    return model
+
+
 def robot_beside(named: str | None, source: Path) -> str:
     """Return the robot that a file names, as it was read: a path is beside that file, or in the working folder."""
     if named is None:
@@ -99,9 +107,13 @@ def note_foreign_joints(recordings: Sequence[Recording], robot: Robot) -> None:
         refused = dict(misspelt_joints(recording, robot.mechanism))  # of which more will be said
         foreign = [name for name in foreign_joints(recording, robot.mechanism) if name not in refused]
         if foreign and len(foreign) < len({*recording.positions, *recording.efforts}):
+            own, lacking = unnamed_positions(recording, robot.mechanism)
+            renamed = f"rename {', '.join(own)}, where that is {', '.join(lacking)}, which has no column"
             _note(
                 f"'{recording.path}' has columns of {', '.join(some(foreign))}, which '{robot.name}' has no "
                 f"joint{'s' if len(foreign) > 1 else ''} of: not used. Is it a log of another robot?"
+                + f" Else {renamed}"
+                * bool(own)
             )
 
 

@@ -54,6 +54,7 @@ def corrected_model(
         _effort_noise(diagnosis),
         tuple(_known(effect, diagnosis) for effect in effects),
         _posterior(diagnosis, effects, was),
+        diagnosis.verdict,
     )
 
 

@@ -78,8 +78,9 @@ class Finding:
     without one effect; `advice`: what to do about it, where its physics does not say. `approached`: of what is unknown,
     the joint from whose side of approach it follows. `untold`: whether too little was recorded to say anything.
     `times`: of efforts, how many times as large their held-out residual (RMS) would be without it, in their own unit.
-    `one_body`: of the candidates those that are one rigid body with the place, its link first. `when`: of what is
-    unknown in one interval of time, 'between t = 3 s and 4 s'; that was left out of everything else.
+    `strained`: of efforts, by how many of its tolerances a value of the robot file would be off without it, where that
+    is beyond them, else 0. `one_body`: of the candidates those that are one rigid body with the place, its link first.
+    `when`: of what is unknown in one interval of time, 'between t = 3 s and 4 s'; that was left out of everything else.
     """
 
     physics: str
@@ -99,6 +100,7 @@ class Finding:
     approached: str = ""
     untold: bool = False
     times: float = float("nan")
+    strained: float = 0.0
     one_body: tuple[str, ...] = ()
     when: str = ""
 
@@ -140,11 +142,16 @@ class Finding:
         return tuple(place for place in self.candidates if place != "robot")
 
 
+#: Why an effect is not seen that shows at no size that its law can have.
+NOT_AT_ANY_SIZE = "not visible at any size"
+
+
 @dataclass(frozen=True)
 class Detectable:
     """An effect that these data could not have shown, with the smallest size that they could.
 
     None where they show no size that the law can have. `below`: the smaller its parameter, the larger the effect.
+    `strong`: the value of a strong one, which stays hidden; NaN where the law lacks something else.
     """
 
     physics: str
@@ -154,6 +161,7 @@ class Detectable:
     unit: str
     reason: str
     below: bool = False
+    strong: float = float("nan")
 
 
 class Seen(NamedTuple):

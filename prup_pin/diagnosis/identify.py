@@ -39,7 +39,7 @@ from .criteria import (
     MOST_PARAMETERS_TOLD,
     WIDER,
 )
-from .diagnosis import Detectable, Seen
+from .diagnosis import NOT_AT_ANY_SIZE, Detectable, Seen
 from .nuisance import without
 from .problem import Fit, Problem, Term
 from .search import Selection
@@ -116,9 +116,10 @@ def _not_seen(
     if seen > 0:
         needed = _smallest_seen(candidate, strong, seen, share)
         small = hidden or "too small an effect on the measured pose under these loads"
-        reason = "not visible at any size" if needed is None else small
+        reason = NOT_AT_ANY_SIZE if needed is None else small
     below = law.magnified(value, 2.0) < value
-    return Detectable(law.physics, str(candidate.place), quantity.name, needed, quantity.unit, reason, below)
+    place = str(candidate.place)
+    return Detectable(law.physics, place, quantity.name, needed, quantity.unit, reason, below, value)
 
 
 def _smallest_seen(candidate: Candidate, at: Array, seen: float, share: Callable[[Array], float]) -> float | None:

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..laws import Effect, Inputs, Trajectory
 from ..laws.deviations import without_effect
 from ..mechanism import Mechanism
-from ..numbers import number, quantity
+from ..numbers import number, quantity, some
 from ..recordings import Recording, Together, Tolerances, suspicions
 from ..recordings.columns import AXES, MARKER_GROUPS
 from ..robot import Robot
@@ -269,7 +269,7 @@ def _check_each(seen: Measured) -> None:
         try:
             actuators, path = seen.simulator.robot.mechanism.actuated, source.recording.path
             check_complete(seen.inputs, here, actuators, "" if seen.together.several else path)
-            check_belongs(seen.placed.stack, seen.linear, here, seen.together.rows, seen.allowed)
+            check_belongs(seen.placed.stack, seen.linear, here, seen.together.rows, seen.allowed, seen.measured)
         except InputError as error:
             raise InputError(seen.together.told(source, str(error))) from error
 
@@ -280,7 +280,7 @@ def _noise_of_each(seen: Measured, nominal: Run, remarks: list[str]) -> Noise:
     for source, here in together.each():
         lost = together.rows[here & stack.exists.any(axis=1) & ~nominal.solved]
         if len(lost):
-            remarks.append(together.told(source, _not_simulated(lost, int(here.sum()))))
+            remarks.append(together.told(source, _not_simulated(lost, int(here.sum()), source.recording)))
     for source, here in together.each():
         noises.append(estimate_noise(source.recording, stack, seen.linear, seen.inputs, here))
         told = _noise_declared_too_large(source.recording, stack, seen.linear, seen.inputs, here)
@@ -352,11 +352,18 @@ def _noise_declared_too_large(
     return remarks
 
 
-def _not_simulated(rows: np.ndarray, count: int) -> str:
-    """Return that samples of a table, by their places from 0, could not be simulated; line 1 holds its names."""
+def _not_simulated(rows: np.ndarray, count: int, recording: Recording) -> str:
+    """Return that samples of a table, by their places from 0, could not be simulated; line 1 holds its names.
+
+    With the columns of what was put in that have no number there, where that is why.
+    """
     listed = ", ".join(str(row + 2) for row in rows[:MOST_LISTED]) + (", …" if len(rows) > MOST_LISTED else "")
     which = f"line{'s' if len(rows) > 1 else ''} {listed}"
-    return f"{len(rows)} of {count} samples could not be simulated ({which}), and say nothing here"
+    put_in = {f"q.{name}": values for name, values in recording.positions.items()}
+    put_in |= {f"w.{name}": recording.wrench[:, k] for k, name in enumerate(WRENCH_NAMES)}
+    empty = [name for name, values in put_in.items() if np.isnan(values[rows]).any()]
+    why = f"; no number in {', '.join(some(empty, MOST_LISTED))}" if empty else ""
+    return f"{len(rows)} of {count} samples could not be simulated ({which}{why}), and say nothing here"
 
 
 # -- does the recording belong to the robot, and what does it lack? ----------------------------------------------------
@@ -484,11 +491,12 @@ def check_belongs(
     here: np.ndarray,
     rows: np.ndarray,
     allowed: tuple[float, float],
+    logged: Stack,
 ) -> None:
     """Raise InputError where recording and robot are worlds apart, with the likely reason.
 
     here (N,): the samples of the recording that is asked; rows (N,): where each stands in its table, from 0; `allowed`:
-    what `allowed_of_markers` says.
+    what `allowed_of_markers` says; logged: what was measured before sensors were put where they stand.
     """
     if not linear.samples[here].any():
         lost = next(((rows[row], text) for row, text in sorted(linear.geometry.reasons.items()) if here[row]), None)
@@ -500,11 +508,18 @@ def check_belongs(
         )
     for measured in stack.channels:
         if isinstance(measured, PoseChannel):
-            _check_channel(measured, linear, here, rows, allowed)
+            own = next(channel for channel in logged.channels if channel.name == measured.name)
+            assert isinstance(own, PoseChannel)  # the same one
+            _check_channel(measured, own, linear, here, rows, allowed)
 
 
 def _check_channel(
-    measured: PoseChannel, linear: Linear, here: np.ndarray, rows: np.ndarray, allowed: tuple[float, float]
+    measured: PoseChannel,
+    logged: PoseChannel,
+    linear: Linear,
+    here: np.ndarray,
+    rows: np.ndarray,
+    allowed: tuple[float, float],
 ) -> None:
     """Raise InputError where a frame is measured worlds apart from where it is simulated."""
     elsewhere, askew = worlds_apart(measured, linear, here, allowed)
@@ -514,7 +529,9 @@ def _check_channel(
     of, column = ("", "") if measured.name == "pose" else (f" of {measured.name}", f".{measured.frame.name}")
     if elsewhere:
         seen = np.where(measured.exists[placed, :3], measured.position[placed], np.nan)
-        raise _positions_apart(seen, position[placed], rows[placed], of or " of the tool", column)
+        raise _positions_apart(
+            seen, logged.position[placed], position[placed], rows[placed], of or " of the tool", column
+        )
     if askew:
         raise _rotations_apart(measured.rotation[turned], rotation[turned], of, column, bool(placed.any()))
 
@@ -534,13 +551,18 @@ def _rotations_apart(measured: Array, rigid: Array, of: str, column: str, placed
     )
 
 
-def _positions_apart(measured: Array, rigid: Array, rows: np.ndarray, of: str, column: str) -> InputError:
+def _positions_apart(
+    measured: Array, logged: Array, rigid: Array, rows: np.ndarray, of: str, column: str
+) -> InputError:
+    """logged: as the table has them, where the sensor was then put where it fits best."""
     told = np.isfinite(measured)
     some = told.any(axis=0)
     apart = np.linalg.norm(np.where(told, measured - rigid, 0.0), axis=1)
     distance = float(np.median(apart))
     usual = int(np.argmin(np.abs(apart - distance)))
-    seen, drawn = (" ".join(number(float(v), 3) for v in values[usual, some]) for values in (measured, rigid))
+    each = (measured, logged, rigid)
+    seen, written, drawn = (" ".join(number(float(v), 3) for v in values[usual, some]) for values in each)
+    seen = seen if seen == written else f"{written}, which is {seen} with the sensor put where it fits best"
     columns = " ".join(f"p{column}.{axis}" for k, axis in enumerate(AXES) if told[:, k].any())
     return InputError(
         f"measured and simulated positions{of} are {number(distance, 3)} m apart, in the median: in line "

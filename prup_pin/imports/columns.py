@@ -194,13 +194,14 @@ def measured_by(draft: Draft, unit: str | None) -> str | None:
 
 
 def _doubt_rivals(lines: Sequence[Line], rivals: Sequence[Sequence[_Member]], stream: Stream) -> None:
-    """Note on the first of a group's lines that another group is as good, where its numbers are others."""
+    """Note on the first of a group's lines that another of its joints' is as good, where its numbers are others."""
     own = {line.source for line in lines}
+    joints = {"", *(line.target.partition(".")[2] for line in lines)}
     for group in rivals:
         other = [
             name
-            for _, name, _ in group
-            if not any(np.array_equal(stream.columns[name], stream.columns[mine]) for mine in own)
+            for _, name, joint in group
+            if joint in joints and not any(np.array_equal(stream.columns[name], stream.columns[mine]) for mine in own)
         ]
         if lines and len(other) == len(lines):
             lines[0].rival = lines[0].rival or f"or {other[0]} and those like it: which were measured?"
@@ -443,6 +444,13 @@ def add_poses(draft: Draft) -> None:
             draft.turns[f"r{place}"] = body
 
 
+#: What is asked of a place that the log does not say is the tool's.
+_THE_TOOL = (
+    "is it the tool point, measured from outside, in base axes? Else p.<frame>; where the axes are those of a tracker "
+    "that stands anywhere, declare that, as below"
+)
+
+
 def place_lines(target: str, body: Body, framed: bool) -> list[Line]:
     """Return the lines of a body's place: of a frame of the robot (`framed`), or of who knows what.
 
@@ -450,7 +458,7 @@ def place_lines(target: str, body: Body, framed: bool) -> list[Line]:
     """
     # the recording's own name says what it is
     own = framed or body.place.get("x") == f"{target}.x"
-    doubt = "" if own else "is it the tool point, measured from outside, in base axes? Else p.<frame>"
+    doubt = "" if own else _THE_TOOL
     sizes = [float(np.nanmax(np.abs(body.stream.columns[name]), initial=0.0)) for name in body.place.values()]
     reach = max(sizes, default=0.0)
     taken, lines = "mm" if reach > 20 else "m", list[Line]()

@@ -235,6 +235,9 @@ class _Page:
             yield ""
             yield "# The camera may stand anywhere; the point it saw may be 5 cm away from its frame:"
             yield "tolerances: {frame_position: 10, frame_rotation: 3, target_position: 0.05}"
+        elif any(line.doubt for line in self.draft.of("p")):
+            yield from ("", "# Where the sensor of p stands anywhere, diagnose finds where that is [m, rad]:")
+            yield "# tolerances: {frame_position: 10, frame_rotation: 3}"
 
     def unused(self) -> Iterator[str]:
         """Yield the columns of which nothing is made, with doubts where something might be."""

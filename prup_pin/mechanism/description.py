@@ -79,7 +79,8 @@ class TaskDescription:
 class ModuleDescription:
     """A compliant module: its kind, the joint whose load it carries, its frame, and its given values.
 
-    `seated`: it stands where the joint does, but on the body before it, and does not turn with the joint.
+    `seated`: it stands where the joint does, but on the body before it, and does not turn with the joint. `unread`:
+    values that were given and could not be read; `whole`: whether everything else that its element says was understood.
     """
 
     name: str
@@ -95,6 +96,8 @@ class ModuleDescription:
     line: int | None = None
     lines: Mapping[str, int | None] = field(default_factory=dict)  # of the values
     seated: bool = False
+    unread: tuple[str, ...] = ()
+    whole: bool = True
 
 
 @dataclass(frozen=True)
@@ -256,18 +259,10 @@ def check_references(
 def check_modules(robot: RobotDescription, told: Sequence[Problem] = ()) -> list[Problem]:
     """Return a problem for every module whose kind, frames or values do not fit together, in any variant.
 
-    told: problems found before. Modules in whose lines one of them is say no more; variants are looked at without any.
+    told: problems found before. Variants are looked at without any; of what is not understood of a module nothing
+    follows.
     """
-    lines = [problem.line for problem in told if problem.line is not None]
-    starts = [item.line for item in robot.modules] + [item.line for item in robot.loops]
-    ends = sorted({line for line in (*starts, *(item.line for item in robot.variants.values())) if line})
-    following = dict(zip(ends, [*ends[1:], np.inf], strict=False))
-    quiet = [
-        module
-        for module in robot.modules
-        if not any((module.line or 0) <= line < following.get(module.line or 0, np.inf) for line in lines)
-    ]
-    problems = _check_kinds(replace(robot, modules=tuple(quiet)))
+    problems = _check_kinds(replace(robot, modules=tuple(module for module in robot.modules if module.whole)))
     if not told and not problems:
         for variant in robot.variants.values():
             found = _check_kinds(robot.with_variant(variant.name))
@@ -368,9 +363,9 @@ def resolve_values(module: ModuleDescription, kind: CompliantModule | None = Non
     """
     kind = kinds_by_name()[module.kind] if kind is None else kind
     problems: list[tuple[str, str]] = []
-    failed: set[str] = set()
+    failed = {*module.unread}
     known = {quantity.name for quantity in kind.quantities}
-    for name in module.values:
+    for name in (*module.values, *module.unread):
         if name not in known:
             near = nearest_names(name, sorted(known))
             failed.update(close_names(name, sorted(known - module.values.keys()), 1))  # what it was meant to be

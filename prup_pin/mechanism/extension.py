@@ -176,7 +176,9 @@ class ExtensionDocument(Document):
             fields["lengths"].append(LengthDescription(parameter, value[0], tuple(moves), element.sourceline))
 
     def _module(self, element, fields) -> None:
+        before = len(self.problems)
         self.only(element, ("name", "type", "joint", "frame", "root", "tip", "axis", "body", "anchor"), "<module>")
+        whole = len(self.problems) == before and not any(item.tag != "parameter" for item in element)
         name = self.attribute(element, "name", "<module>")
         kind = self.attribute(element, "type", f"module '{name}'")
         joint = self.attribute(element, "joint", f"module '{name}'")
@@ -186,6 +188,7 @@ class ExtensionDocument(Document):
             self.problem(element, f"module '{name}': anchor=\"{anchor}\"; expected root or tip")
         values: dict[str, Parameter] = {}
         lines: dict[str, int | None] = {}
+        unread: list[str] = []
         quantities = quantities_of(kind or "")
         for item in element:
             if item.tag != "parameter":
@@ -197,8 +200,10 @@ class ExtensionDocument(Document):
             quantity = quantities.get(short)
             shape = quantity.shape if quantity else None
             count = 1 if shape == () else None if shape in (None, (-1,)) else int(np.prod(shape))
+            lines[short] = item.sourceline
             number = self._parameter_numbers(item, name, short, count)
             if number is None:
+                unread.append(short)
                 continue
             if short in values:
                 self.problem(item, f"module '{name}': parameter '{short}' is given twice")
@@ -212,8 +217,9 @@ class ExtensionDocument(Document):
                         f"module '{name}': parameter '{short}' has unit=\"{unit[:60]}\"; expected "
                         f"{self._unit_at(joint, quantity.unit)}",
                     )
+                    unread.append(short)
+                    continue
             value = number[0] if shape in (None, ()) else np.array(number).reshape(shape)
-            lines[short] = item.sourceline
             values[short] = Parameter(
                 f"{name}.{short}",
                 value,
@@ -227,7 +233,20 @@ class ExtensionDocument(Document):
             frame, root, tip, body = (element.get(key) for key in ("frame", "root", "tip", "body"))
             fields["modules"].append(
                 ModuleDescription(
-                    name, kind, joint, frame, root, tip, axis, body, anchor, values, element.sourceline, lines
+                    name,
+                    kind,
+                    joint,
+                    frame,
+                    root,
+                    tip,
+                    axis,
+                    body,
+                    anchor,
+                    values,
+                    element.sourceline,
+                    lines,
+                    unread=tuple(unread),
+                    whole=whole,
                 )
             )
 

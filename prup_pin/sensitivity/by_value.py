@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, UnknownNameError
+from ..errors import UnknownNameError
 from ..loaded.other_values import values_of_one
 from ..mechanism import Mechanism, Module
 from ..modules import DriveModule, ModuleGeometry
@@ -31,20 +30,6 @@ def is_chosen(parameter: Parameter, others: Mapping[str, Parameter]) -> bool:
     """Return whether somebody chose a value: it follows from no other one that is given, as an area from a diameter."""
     sources = () if parameter.quantity is None else parameter.quantity.derived_from
     return parameter.source != "derived" and not any(f"{parameter.owner}.{source}" in others for source in sources)
-
-
-def slopes_along(statics: Statics, wrench: Array) -> dict[str, float]:
-    """Return by name, most first, how many per cent a per cent of each chosen value changes a load's work at rest."""
-    mechanism = statics.pose.mechanism
-    work = float(wrench @ statics.compliance(statics.deformations[0]) @ wrench)
-    values = {name: parameter for name, parameter in mechanism.parameters.items() if has_slope(parameter)}
-    found = {}
-    for name, parameter in values.items():
-        if is_chosen(parameter, values):
-            with suppress(InputError):  # what follows from it would not be known any more
-                change = ValueStep.of(mechanism, parameter).compliance(statics)
-                found[name] = float(wrench @ change @ wrench) * parameter.value / work
-    return dict(sorted(found.items(), key=lambda item: -abs(item[1])))
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,14 @@
 """A robot under the inputs of a recording, with any laws switched on."""
 
-from .as_recorded import AsRecorded, as_recorded, drawn_for, foreign_joints, in_format, misspelt_joints
+from .as_recorded import (
+    AsRecorded,
+    as_recorded,
+    drawn_for,
+    foreign_joints,
+    in_format,
+    misspelt_joints,
+    unnamed_positions,
+)
 from .model_file import CorrectedModel, Known, effect_named, read_model, write_model
 from .posterior import Posterior, PosteriorValue
 from .prediction import Agreement, Prediction, compare, idle_effects, inputs_of, simulate, trajectory_of
@@ -31,5 +39,6 @@ __all__ = [
     "seen_from_stations",
     "simulate",
     "trajectory_of",
+    "unnamed_positions",
     "write_model",
 ]

@@ -81,7 +81,7 @@ def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> As
             f"no tool frame was given: taken at '{tool}', where the robot ends (--tool FRAME says another one)"
         )
     held = _held(robot.mechanism, given, frames)
-    remarks += _told(robot.mechanism, held)
+    remarks += _told(robot.mechanism, held, given)
     unknown = {name for name in held if name in robot.mechanism.actuated}
     on_the_way = bool(unknown & set(_on_the_way(robot.mechanism, given, frames)))
     return AsRecorded(robot.with_held_joints(held), tuple(given), tool, held, tuple(remarks), on_the_way)
@@ -257,7 +257,18 @@ def _is_base(joint: Joint, mechanism: Mechanism) -> bool:
     return int(mechanism.model.parents[joint.id]) == 0
 
 
-def _told(mechanism: Mechanism, held: Mapping[str, float]) -> Iterator[str]:
+def unnamed_positions(recording: Recording, mechanism: Mechanism) -> tuple[list[str], list[str]]:
+    """Return columns of positions that are of no joint, and driven joints without one, where these are as many.
+
+    They may be the same by another name; else nothing.
+    """
+    known = {*(joint.name for joint in mechanism.joints), *mechanism.description.held, *mechanism.locked}
+    foreign = [f"q.{name}" for name in recording.positions if name not in known]
+    lacking = [f"q.{name}" for name in mechanism.actuated if name not in recording.positions]
+    return (foreign, lacking) if len(foreign) == len(lacking) else ([], [])
+
+
+def _told(mechanism: Mechanism, held: Mapping[str, float], recordings: Sequence[Recording]) -> Iterator[str]:
     floating = [name for name in held if mechanism.joint(name).nv > 1 and _is_base(mechanism.joint(name), mechanism)]
     if floating:
         yield (
@@ -270,7 +281,13 @@ def _told(mechanism: Mechanism, held: Mapping[str, float]) -> Iterator[str]:
         away = [f"{name} = {number(held[name], 4)}" for name in still if not np.isclose(held[name], 0.0)]
         where = f" ({', '.join(away[:_MOST_LISTED])}; the others at 0)" if away else ", at 0"
         joints, them = ("joints", "them") if len(still) > 1 else ("joint", "it")
+        pairs = [unnamed_positions(recording, mechanism) for recording in recordings]
+        foreign, lacking = next((pair for pair in pairs if pair[0]), ([], []))
+        renamed = (
+            f" There {'are' if foreign[1:] else 'is'} {', '.join(foreign)} of no joint: rename it, where it is "
+            f"{', '.join(lacking)}."
+        )
         yield (
-            f"{len(still)} {joints} without a column q: {listed}. Held where the robot file has {them}{where}; "
-            "--home J=VALUE says where else"
+            f"{len(still)} {joints} without a column q: {listed}.{renamed if foreign else ''} Held where the robot "
+            f"file has {them}{where}; --home J=VALUE says where else"
         )

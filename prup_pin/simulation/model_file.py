@@ -48,8 +48,11 @@ _KEYS = (
     "conventions",
     "own_sensors",
     "posterior",
+    "verdict",
     "notes",
 )
+#: What a verdict is that leaves something without a law.
+UNEXPLAINED = "unexplained"
 _READING_KEYS = tuple(item.name for item in fields(Reading) if item.name != "variant")
 _EFFECT_KEYS = ("physics", "location", "aspect", "parameters", "share")
 
@@ -75,7 +78,8 @@ class CorrectedModel:
     conventions: how logs of this device are written, which declare none themselves. own_by_run: sensors that are set up
     anew for each run of a recording. effort_noise: by driven joint, the noise [N or N m] of its effort, where a
     diagnosis estimated it. known: of each effect in their order, how well, where a diagnosis said it. posterior: how
-    well all their values are known together; None of a model that no diagnosis of poses wrote.
+    well all their values are known together; None of a model that no diagnosis of poses wrote. verdict: that of the
+    diagnosis which wrote it, if one did.
     """
 
     robot: str
@@ -90,6 +94,17 @@ class CorrectedModel:
     effort_noise: Mapping[str, float] = field(default_factory=dict)
     known: tuple[Known, ...] = ()
     posterior: Posterior | None = None
+    verdict: str = ""
+
+    @property
+    def caution(self) -> str:
+        """What whoever uses the model must know, a sentence; or ''."""
+        if self.verdict != UNEXPLAINED:
+            return ""
+        return (
+            "the diagnosis that wrote this model left something unexplained. Laws in it may only imitate what is "
+            "missing, and it is valid only near the data of that diagnosis."
+        )
 
     def known_of(self, effect: int) -> Known:
         """Return how well an effect is known, by its place among the effects."""
@@ -222,6 +237,8 @@ def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
         value["conventions"] = as_json(model.conventions)
     if model.own_by_run:
         value["own_sensors"] = {"by_run": list(model.own_by_run)}
+    if model.verdict:
+        value["verdict"] = model.verdict
     if model.notes:
         value["notes"] = model.notes
     if model.posterior is not None:
@@ -335,6 +352,7 @@ class _Reader(KeyReader):
             effort_noise,
             tuple(known) if any(item != Known() for item in known) else (),
             read_posterior(values["posterior"], effects, self) if "posterior" in values and all_read else None,
+            self.text(values, "verdict", "verdict"),
         )
 
     def needs(self, value: object) -> bool:

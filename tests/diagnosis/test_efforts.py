@@ -70,6 +70,9 @@ def test_an_axis_as_drawn_misses_nothing(carriage):
     assert found.verdict == "nothing_missing"
     assert not found.findings
     assert found.efforts.shares["carriage"]["heldout"] < 0.05
+    # efforts need no tool, nor does the page about them
+    assert carriage.mechanism.tool is None
+    assert "Nothing is missing" in diagnosis_html(found, carriage, axis())
 
 
 @pytest.mark.parametrize(("physics", "named_here"), [("viscous_friction", "damping"), ("coulomb_friction", "limit")])

@@ -422,6 +422,15 @@ def test_units_and_the_robot_say_what_columns_are_whatever_they_are_called(tmp_p
     assert {doubt.partition(".")[0] for doubt in made.doubts} <= {"q", "tau", "w", "p"}
 
 
+def test_columns_of_other_joints_are_no_rivals_of_one(scara):
+    """Joints that log and robot file spell with other capitals: each has its column, and nothing is asked."""
+    mechanism, t, _, table = scara
+    columns = {"Timestamp [s]": t}
+    for k, joint in enumerate(mechanism.actuated):
+        columns[f"{joint.capitalize()} Pos [{'mm' if joint == 'lift' else 'deg'}]"] = table["q"][:, k]
+    assert not [doubt for doubt in guess(log_of(columns), mechanism).doubts if "those like it" in doubt]
+
+
 def test_what_nothing_is_made_of_and_what_is_told_twice_is_asked(scara):
     mechanism, t, _, table = scara
     columns = {name: values for name, values in scara_columns(scara, "Japanese").items() if "昇降" not in name}
@@ -448,7 +457,9 @@ def test_three_columns_x_y_z_beside_joints_are_asked_about_as_the_tool(scara):
     mechanism, t, q, table = scara
     columns = {"time": t} | dict(zip(AXES, q.T, strict=True)) | dict(zip("xyz", 1e-3 * table["p"].T, strict=True))
     made = guess(log_of(columns), mechanism)
-    assert made.doubts == ("p.x: is it the tool point, measured from outside, in base axes? Else p.<frame>",)
+    (doubt,) = made.doubts
+    assert doubt.startswith("p.x: is it the tool point, measured from outside, in base axes? Else p.<frame>; where")
+    assert "# tolerances: {frame_position: 10, frame_rotation: 3}" in made.text.splitlines()
     assert "p.x: {from: x, unit: m}" in made.text
 
 

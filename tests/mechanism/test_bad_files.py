@@ -588,3 +588,17 @@ def test_a_misspelt_parameter_is_one_problem(tmp_path, right, wrong, told):
     path.write_text(ARM.replace('name="stiffness"', 'name="colour"'), encoding="utf-8")
     with pytest.raises(RobotFileError, match=r"parameter 'stiffness' .* is missing"):
         prup_pin.load(path)
+
+
+def test_all_that_is_wrong_in_one_module_is_told_at_once(write):
+    """A name that nobody has hid a misspelt parameter of the same module; of what was not read nothing follows."""
+    found = problems(
+        write(
+            ('<module name="rod" type="beam" joint="elbow"', '<module name="rod" type="beam" joint="elbov"'),
+            ('name="youngs_modulus"', 'name="young_modulus"'),
+            ('name="diameter" value="0.02"', 'name="diameter" value="O.02"'),
+        )
+    )
+    assert len(found) == 3, found
+    for part in ("no movable joint named 'elbov'", "no parameter 'young_modulus'", 'diameter="O.02"'):
+        assert sum(part in text for text in found) == 1, (part, found)

@@ -242,3 +242,11 @@ def test_the_noise_of_efforts_is_kept_by_joint_in_its_unit(tmp_path):
     with pytest.raises(RecordingFileError, match=r"effort_noise\.leg1_slide\.unit") as caught:
         read_model(path)
     assert "expected a number above 0" in str(caught.value)
+
+
+def test_a_model_of_which_something_is_unexplained_says_so(tmp_path):
+    path = tmp_path / "corrected_model.json"
+    for verdict, warned in (("unexplained", True), ("explained", False), ("", False)):
+        write_model(CorrectedModel("3prup", verdict=verdict), path)
+        assert read_model(path).verdict == verdict
+        assert ("valid only near the data of that diagnosis" in read_model(path).caution) is warned

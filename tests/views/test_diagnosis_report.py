@@ -356,13 +356,16 @@ def test_no_table_is_cut_off_on_a_screen(diagnosed, tmp_path):
 def test_what_no_law_takes_away_is_not_drawn_with_a_laws_curve():
     """A joint that has a law and something unknown beside it: the law's curve is the law's."""
     x = np.linspace(-1, 1, 5)
-    drawn = EffortCurve("elbow", "speed", x, x, np.ones(5), x, "rad/s", "N m")
+    drawn = EffortCurve("elbow", "speed", x, x, np.ones(5), x, "rad/s", "N m", "coulomb_friction")
+    other = EffortCurve("elbow", "speed", x, 2 * x, np.ones(5), 2 * x, "rad/s", "N m", "viscous_friction")
     own = EffortCurve("elbow", "position", x, x, np.ones(5), None, "rad", "N m")
     unknown = Finding("unknown", "elbow", ("elbow",), {}, 0.0, "something is left")
     assert effort_curve_of(unknown, SimpleNamespace(curves=(drawn,))) is None
     assert effort_curve_of(unknown, SimpleNamespace(curves=(drawn, own))) is own
-    here = SimpleNamespace(curves=(own, drawn))
-    assert effort_curve_of(dataclasses.replace(unknown, physics="coulomb_friction"), here) is drawn
+    here = SimpleNamespace(curves=(own, drawn, other))
+    # of two laws that one variable drives each has its own
+    for curve in (drawn, other):
+        assert effort_curve_of(dataclasses.replace(unknown, physics=curve.physics), here) is curve
 
 
 def test_rows_of_a_marker_are_named_in_short_lines():

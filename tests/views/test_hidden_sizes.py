@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from prup_pin.diagnosis.diagnosis import Detectable, Seen
+from prup_pin.views.text.bench_tests import print_hidden
 from prup_pin.views.text.diagnosis_words import hidden_rows, seen_rows, visible_rows
+from prup_pin.views.text.terminal import console
 
 
 @pytest.mark.parametrize(
@@ -61,3 +63,26 @@ def test_what_could_not_show_has_its_ends_in_units_of_their_own_with_their_place
         for place, size in zip("ab", (0.003, 0.18), strict=True)
     ]
     assert hidden_rows(soft)[0][2] == "factor below 0.18 at b to 0.003 at a"
+
+
+def test_the_terminal_tells_what_another_test_may_show_and_the_rest_by_name(capsys):
+    """Fifteen lines of sizes such as 'above 136 MN' told nobody what to do."""
+    hidden = [
+        Detectable("backlash", "a", "half_gap", 3e-4, "m", "", strong=2e-4),
+        Detectable("hertzian_contact", "a", "reference_load", 1.36e8, "N", "", strong=1e3),
+        Detectable("stiffness_changed", "a", "factor", 0.18, "1", "", below=True, strong=0.5),
+        Detectable("stiffness_changed", "b", "factor", 0.003, "1", "", below=True, strong=0.5),
+        Detectable("creep", "a", "share", None, "1", "not visible at any size", strong=0.1),
+        Detectable("self_weight", "robot", "scale", None, "1", "these loads do not reach it", strong=1.0),
+        Detectable("thermal_growth", "", "expansion", None, "1/K", "no temperature was recorded"),
+    ]
+    print_hidden(console(), hidden)
+    lines = [line.strip() for line in capsys.readouterr().out.splitlines() if line.strip().startswith("-")]
+    assert lines == [
+        "- backlash: half gap above 300 µm, at a",
+        "- self weight: these loads do not reach it, at robot",
+        "- stiffness changed: factor below 0.18, at a",
+        "- thermal growth: no temperature was recorded",
+        "- creep, hertzian contact: at no usual size",
+    ]
+    assert len(hidden_rows(hidden)) == 6  # the report tells all

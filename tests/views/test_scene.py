@@ -10,6 +10,7 @@ import pytest
 import umsgpack
 
 import prup_pin
+from prup_pin.errors import PrupPinError
 from prup_pin.spatial import skew
 from prup_pin.views.meshcat.commands import scene_commands
 from prup_pin.views.meshcat.view import View, view
@@ -340,6 +341,18 @@ def test_a_robot_without_geometry_has_a_skeleton():
     )
     ends = np.concatenate([part.shape.points for part in bones if isinstance(part.shape, Tube)])
     assert np.linalg.norm(ends - tool, axis=1).min() < 1e-9
+
+
+@pytest.mark.parametrize("stiffness", [None, 1e6])
+def test_a_robot_without_a_tool_is_drawn_without_one(stiffness):
+    robot = prup_pin.load(ROBOTS.parents[1] / "urdf/ball_screw_axis.urdf", joint_stiffness=stiffness)
+    assert robot.mechanism.tool is None
+    scene = pose_scene(robot)
+    assert {label.text for label in scene.labels} >= {"base"}
+    assert "tool" not in {label.text for label in scene.labels}
+    assert not scene.ellipsoids
+    with pytest.raises(PrupPinError, match=r"no tool frame|no module .* is compliant"):
+        pose_scene(robot, None, [1, 0, 0, 0, 0, 0])
 
 
 def test_a_robot_of_mujoco_has_a_skeleton():

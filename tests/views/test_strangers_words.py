@@ -11,8 +11,9 @@ from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.calibrate import CalibratedParameter
 from prup_pin.diagnosis.candidates import Candidate
 from prup_pin.diagnosis.diagnosis import Finding, FittedParameter
+from prup_pin.diagnosis.efforts.final_state import FinalState
 from prup_pin.diagnosis.next_experiment import _apart
-from prup_pin.diagnosis.prepare import _not_simulated
+from prup_pin.diagnosis.prepare import _not_simulated, _positions_apart
 from prup_pin.diagnosis.prospects import prospects
 from prup_pin.errors import InputError
 from prup_pin.imports.columns import wrench_lines
@@ -101,8 +102,14 @@ def test_a_vector_is_told_in_one_unit():
 
 
 def test_a_sample_that_cannot_be_simulated_is_told_by_its_row():
-    assert _not_simulated(np.array([7]), 210).startswith("1 of 210 samples could not be simulated (line 9)")
-    assert "(lines 2, 3, 4, 5, 6, …)" in _not_simulated(np.arange(9), 210)
+    whole = Recording(np.arange(210.0), positions={"elbow": np.zeros(210)}, wrench=np.zeros((210, 6)))
+    assert _not_simulated(np.array([7]), 210, whole).startswith("1 of 210 samples could not be simulated (line 9),")
+    assert "(lines 2, 3, 4, 5, 6, …)" in _not_simulated(np.arange(9), 210, whole)
+    load = np.zeros((210, 6))
+    load[7, 0] = np.nan
+    lacking = replace(whole, wrench=load)
+    assert "could not be simulated (line 9; no number in w.fx), and" in _not_simulated(np.array([7]), 210, lacking)
+    assert "(line 10)" in _not_simulated(np.array([8]), 210, lacking)
 
 
 def test_a_force_is_one_in_other_languages():
@@ -266,8 +273,22 @@ def test_poses_far_off_are_told_with_the_joint_whose_column_is_missing():
         tolerances=Tolerances(),
     )
     for ask in (prospects, diagnose):
-        with pytest.raises(InputError, match=r"^1 joint without a column q: elbow_joint"):
+        with pytest.raises(InputError, match=r"^1 joint without a column q: elbow_joint. Held") as caught:
             ask(robot, recording)
+    assert "with the sensor put where it fits" not in str(caught.value)
+    # a column of no joint beside a joint of no column may be the same by another name
+    renamed = replace(recording, positions=recording.positions | {"J3": q[:, names.index("elbow_joint")]})
+    with pytest.raises(
+        InputError, match=r"elbow_joint. There is q.J3 of no joint: rename it, where it is q.elbow_joint"
+    ):
+        diagnose(robot, renamed)
+
+
+def test_a_place_far_off_is_told_as_the_table_has_it():
+    logged, placed, rigid = (np.full((3, 3), value) for value in (1.5, 0.25, 2.0))
+    said = str(_positions_apart(placed, logged, rigid, np.arange(3), " of the tool", ""))
+    assert "in line 2 it was measured at 1.5 1.5 1.5, which is 0.25 0.25 0.25 with the sensor put where it fits" in said
+    assert "with the sensor" not in str(_positions_apart(logged, logged, rigid, np.arange(3), "", ""))
 
 
 def test_a_residual_that_rises_does_not_fall():
@@ -352,6 +373,21 @@ def test_laws_that_a_motion_cannot_tell_apart_are_told_once_for_all_their_places
     assert _alike(pairs) == ["effort delay and effort filter: at j0, j1, j2", "payload at hand and effort gain at j1"]
 
 
+def test_efforts_of_each_drive_are_told_in_the_unit_in_which_they_are():
+    robot = prup_pin.load("ur5")
+    drives = robot.mechanism.actuated[:2]
+    state = SimpleNamespace(mechanism=robot.mechanism, at=SimpleNamespace(driven=drives), scale=np.array([0.12, 1.02]))
+    assert FinalState.units.fget(state) == ("as logged", "N m")
+
+
+def test_what_other_values_would_make_up_for_beyond_their_tolerances_says_so(diagnosed):
+    _, _, diagnosis = diagnosed
+    body = replace(diagnosis.findings[0], times=1.0028, strained=14.3)
+    told = cost_text(body)
+    assert told.endswith("0.28 % larger, and a value of the robot file 14 of its tolerances off")
+    assert "tolerances" not in cost_text(replace(body, strained=0.0))
+
+
 def test_many_effects_of_a_model_are_counted_and_few_are_typed(capsys):
     robot = prup_pin.load("ur5")
     friction = [
@@ -376,6 +412,10 @@ def test_many_effects_of_a_model_are_counted_and_few_are_typed(capsys):
     )
     assert "as logged" in said([*friction, *gains])
     assert "N m" not in said([*friction, *gains])
+    # one drive is enough, and a gain of nearly one is still of newtons
+    assert said(gains[:1]).count("as logged") == 1
+    near = effect_named("effort_gain", gains[0].place.name, gains[0].place.aspect, {"gain": 0.05}, robot.mechanism)
+    assert "as logged" not in said([near])
     assert "viscous_friction@elbow_joint:effort damping=2" in said(friction)
     assert "N m" in said(friction)
 

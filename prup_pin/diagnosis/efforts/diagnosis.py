@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...laws import Effect
-from ...laws.efforts import EFFORT_LAWS, EffortLaw
+from ...laws.efforts import EffortLaw
 from ...spatial import Array
 from ..diagnosis import Detectable, Finding, Seen, named_in
 from ..proposal import Judged, Proposal
@@ -29,6 +29,7 @@ class EffortCurve:
     law: Array | None
     x_unit: str
     y_unit: str
+    physics: str = ""  # of the finding; of what no law gives ''
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,10 +89,6 @@ def effort_curve_of(finding: Finding, efforts: EffortDiagnosis | None) -> Effort
     """Return the curve of a finding at its joint; None where it has none."""
     if efforts is None or (finding.effect is not None and not isinstance(finding.effect.law, EffortLaw)):
         return None
-    against = {law.against for law in EFFORT_LAWS if law.physics == finding.physics and law.against}
-    unknown = finding.physics == "unknown"
-    if not against and not unknown:
-        return None
-    # beside what no law gives, a joint may have a law of its own, whose curve is another finding's
-    here = [curve for curve in efforts.curves if curve.joint == finding.location and (curve.law is None) == unknown]
-    return next((curve for curve in here if not against or curve.against in against), None)
+    physics = "" if finding.physics == "unknown" else finding.physics
+    here = (curve for curve in efforts.curves if (curve.joint, curve.physics) == (finding.location, physics))
+    return next(here, None)

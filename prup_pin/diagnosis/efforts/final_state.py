@@ -28,7 +28,7 @@ from .outliers import OutlierInterval
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, block_squares, fit
 from .search import squared_strain, without_needless_nuisances
-from .shares import gains_apart
+from .shares import gains_apart, in_another_unit
 
 
 def shows(sizes: Array | float, noise: Array | float) -> bool:
@@ -162,9 +162,9 @@ class FinalState:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """The units of the recorded efforts (k)."""
-        joints = map(self.mechanism.joint, self.at.driven)
-        return tuple(AS_LOGGED if self.in_own_units else joint.effort_unit for joint in joints)
+        """The units of the recorded efforts (k): of a drive whose gain makes them others, as they are logged."""
+        joints = zip(map(self.mechanism.joint, self.at.driven), map(float, self.scale), strict=True)
+        return tuple(AS_LOGGED if in_another_unit(gain) else joint.effort_unit for joint, gain in joints)
 
     @cached_property
     def covariances(self) -> tuple[Array, Array, int]:

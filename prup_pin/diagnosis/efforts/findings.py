@@ -24,8 +24,8 @@ from .gains import law_of_gains
 from .identify import alternatives_to
 from .noise import encoder_step
 from .nonlinear import profile_intervals
-from .problem import EffortCandidate, fit
-from .search import cost_of, kinds_of_most_drives, squared_strain
+from .problem import EffortCandidate, EffortModel, fit
+from .search import cost_of, kinds_of_most_drives, squared_strain, strain
 
 #: What is said of masses where every drive's gain is free.
 _IN_PROPORTION = "; that is so in proportion to all masses, which with all gains are one unknown"
@@ -71,6 +71,12 @@ def _of_kind(final: FinalState, terms: Sequence[EffortCandidate]) -> Finding:
     )
 
 
+def _strained(model: EffortModel) -> float:
+    """Return by how many of its tolerances the parameter of a model is off that is most so; 0 within them."""
+    most = float(strain(model).max(initial=0.0))
+    return most if most > beyond_tolerance(len(model.toleranced)) else 0.0
+
+
 def _of_law(final: FinalState, term: EffortCandidate) -> Finding:
     """Return the finding of a law: what it saves, its parameters, and what would explain as much."""
     values = term.law.fitted(term.place, final.x[final.model.slice_of(term)], term.values)
@@ -93,6 +99,7 @@ def _of_law(final: FinalState, term: EffortCandidate) -> Finding:
         effect=effect,
         alternatives=tuple(dict.fromkeys(laws)),
         times=final.times_without(term.place.name, term),
+        strained=_strained(rest),
         one_body=tuple(term.law.same_places(term.place, final.mechanism)) if term.is_body else (),
     )
 

@@ -69,7 +69,8 @@ def efforts_not_detectable(final: FinalState) -> Iterator[Detectable]:
     for item in efforts_visible(final):
         if item.smallest > item.strong:
             reason = "smaller ones are hidden by the residual"
-            yield Detectable(item.physics, item.location, item.parameter, item.smallest, item.unit, reason)
+            what = item.physics, item.location, item.parameter, item.smallest, item.unit, reason
+            yield Detectable(*what, strong=item.strong)
 
 
 def efforts_visible(final: FinalState) -> Iterator[Seen]:

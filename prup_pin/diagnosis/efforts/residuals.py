@@ -104,18 +104,14 @@ def curves_of(final: FinalState) -> Iterator[EffortCurve]:
             continue
         column = final.at.driven.index(joint)
         good = efforts.good[:, column]
-        same = [] if term.is_of_time else [term]
-        if not curve:
-            same = [other for other in final.laws if other.place.name == joint and other.law.against == variable]
-            if same[0] is not term:
-                continue  # drawn once, together
         own = np.zeros(len(left))
-        for other in same:
-            own = own + _effort_of(final, other)[:, column] * final.scale[column]
+        if not term.is_of_time:
+            own = _effort_of(final, term)[:, column] * final.scale[column]
         x = variable_of(final.at, joint, variable)[efforts.kept]
         drawn = _means(x[good], (left[:, column] + own)[good], None if curve or not own.any() else own[good])
         unit = joint_unit(VARIABLES[variable], joint, final.mechanism)
-        yield EffortCurve(joint, variable, *drawn, unit, final.units[column])
+        physics = "" if curve else term.law.physics
+        yield EffortCurve(joint, variable, *drawn, unit, final.units[column], physics)
 
 
 def _effort_of(final: FinalState, term: EffortCandidate) -> Array:

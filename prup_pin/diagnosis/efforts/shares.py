@@ -64,6 +64,11 @@ def gains_apart(gains: dict[str, float]) -> bool:
     return not (len(gains) < FEWEST_OF_KIND or np.median(apart) < np.log(AS_GOOD) or apart.min() < np.log(NEARLY))
 
 
+def in_another_unit(gain: float) -> bool:
+    """Return whether a drive reports in another unit than the rigid robot's; gain: reported per true effort."""
+    return bool(abs(np.log(abs(gain))) >= np.log(NEARLY))
+
+
 def left_at_any_gain(motion: Motion, efforts: Array, rigid: Array) -> float:
     """Return what is left where each joint's effort may be any multiple above 0 of the rigid robot's: a share."""
     shares = [

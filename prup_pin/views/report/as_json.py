@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import PrupPinError
+from ...errors import NotConvergedError, PrupPinError
 from ...mechanism.tolerances import value_tolerances
 from ...review import number_remarks
 from ...robot import Robot
@@ -38,9 +38,12 @@ def answer_as_json(
     changes: Mapping[str, float],
     notes: Sequence[str],
     version: str,
-    sensitivity: Sensitivity | None = None,
+    sensitivity: bool = False,
 ) -> dict[str, Any]:
-    """Return the document of `prup-pin stiffness --json`. Arrays are lists, numbers that do not exist are None."""
+    """Return the document of `prup-pin stiffness --json`. Arrays are lists, numbers that do not exist are None.
+
+    sensitivity: with what each parameter does.
+    """
     compliance, mechanism = answer.compliance, robot.mechanism
     pose, tool = compliance.pose, answer.tool
     frames = {} if answer.frame is None else {answer.frame: answer.frame_deflection}
@@ -81,6 +84,8 @@ def answer_as_json(
         "load": {"wrench": answer.load.wrench, "source": "given" if answer.load.given else "softest direction"},
         "linearised_at": compliance.load,
         "deflection": deflection,
+        "deformed": answer.deformed or None,
+        "no_equilibrium": str(found) if isinstance(found := answer.equilibrium, NotConvergedError) else None,
         "stiffness_along_load": {kind: answer.stiffness_along.get(kind) for kind in ("force", "moment")},
         "legs": {leg: {"share": answer.share_of(part), "C": part} for leg, part in compliance.legs.items()},
         "bodies": {"share": answer.share_of(compliance.bodies), "C": compliance.bodies},
@@ -90,8 +95,9 @@ def answer_as_json(
         "assumptions": list(robot.assumptions),
         "notes": list(notes),
     }
-    if sensitivity is not None:
-        document["sensitivity"] = _sensitivity(sensitivity)
+    if sensitivity:
+        slopes = answer.sensitivity
+        document["sensitivity"] = None if isinstance(slopes, NotConvergedError) else _sensitivity(slopes)
     return plain(document)
 
 

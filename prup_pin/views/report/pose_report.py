@@ -20,7 +20,7 @@ from ...numbers import fixed, number, quantity, readable_unit, some
 from ...review import number_remarks
 from ...robot import Robot
 from ...spatial import Array, as_wrench
-from ...statics import Compliance, StaticsLayout, solve_statics
+from ...statics import Compliance
 from ..scene.colours import share_colours
 from ..text import answer as words
 from ..text.answer import Answer
@@ -78,7 +78,7 @@ def report_html(
         compliance = robot.compliance(pose)
     elif compliance.pose is not pose:
         raise InputError("this compliance belongs to another pose; ask for robot.compliance(pose)")
-    answer = Answer(compliance, None if wrench is None else as_wrench(wrench), frame)
+    answer = Answer(compliance, None if wrench is None else as_wrench(wrench), frame, robot)
     scene, scene_note = _scene(robot, answer, scale)
     load = answer.load.wrench if answer.load.wrench.any() else None
     softest = [name for name in words.ranked(answer.shares or {}) if (answer.shares or {})[name] > 1e-6][:SOFTEST]
@@ -110,7 +110,7 @@ def report_html(
         softest=_softest(robot, answer, softest, adds_up),
         exact_without=adds_up,
         moved=_moved(answer, answer.deflection),
-        stiffen_first=_stiffen_first(robot, answer),
+        stiffen_first=_stiffen_first(answer),
         mobility=mobility_rows(robot.mechanism, robot.mobility(pose)),
         notes=list(notes),
     )
@@ -201,23 +201,18 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _stiffen_first(robot: Robot, answer: Answer) -> list[dict[str, str]]:
+def _stiffen_first(answer: Answer) -> list[dict[str, str]]:
     """Return the values that change the deflection along the load most; none of a robot whose modules bear a load."""
-    from ...sensitivity.by_value import slopes_along  # `prup-pin stiffness` begins without it
-
-    if answer.compliance.load is not None or not answer.amount > 0:
+    if answer.compliance.load is not None:
         return []
-    statics = solve_statics(StaticsLayout(robot.mechanism), answer.compliance.pose)
-    slopes = slopes_along(statics, answer.load.wrench)
     return [
         {
-            "module": robot.parameters[name].owner,
-            "value": f"{_words(robot.parameters[name].short)} "
-            f"{workshop_text(robot.parameters[name].value, robot.parameters[name].unit)}",
-            "percent": number(slope, 3).replace("-", _MINUS),
+            "module": line.parameter.owner,
+            "value": f"{_words(line.parameter.short)} {workshop_text(line.parameter.value, line.parameter.unit)}",
+            "percent": number(line.percent, 3).replace("-", _MINUS),
         }
-        for name, slope in list(slopes.items())[:VALUES]
-        if abs(slope) > LITTLE
+        for line in answer.stiffen_first[:VALUES]
+        if abs(line.percent) > LITTLE
     ]
 
 

@@ -271,12 +271,12 @@ class Painter:
                 shares = compliance.shares(wrench)
         colours, top = share_colours(shares)
         drawn = (scale or 0.0) * factor
-        tool = there = pose.base_from_tool
+        end = pose.mechanism.tip
+        tool = there = pose.placement(end.name)
         if moved is None:
             parts = self.bodies(pose, None, 0.0, "robot", None)
         else:
-            assert pose.mechanism.tool is not None  # there is a compliance
-            there = moved.place(pose.mechanism.tool.joint, tool, drawn)
+            there = moved.place(end.joint, tool, drawn)
             parts = [
                 replace(part, path=part.path.replace("robot/deformed/base", "robot/base", 1))
                 for part in self.bodies(pose, moved, drawn, "robot/deformed", colours or None)
@@ -287,7 +287,9 @@ class Painter:
             colour = symbol.colour if symbol.module is None else colours.get(symbol.module, SYMBOL)
             folder = "modules" if symbol.module is not None else "drives"
             parts.append(Part(f"{folder}/{symbol.name}", symbol.shape, at, colour))
-        signs = [self._triad("base", np.eye(4)), self._triad("tool", there)]
+        signs = [self._triad("base", np.eye(4))]
+        if pose.mechanism.tool is not None:
+            signs.append(self._triad("tool", there))
         if wrench is not None and moved is not None and not headline:
             signs += [self._wrench(there, wrench, factor), self._deflection(tool, there, moved, factor)]
         balls: dict[str, ComplianceEllipsoid] = {}
@@ -476,7 +478,7 @@ def pose_scene(
     load = None if wrench is None else as_wrench(wrench)
     if scale is not None and not (np.isfinite(scale) and scale >= 0):
         raise InputError(f"scale {scale!r}: expected a factor >= 0, or None for one that fits")
-    if compliance is None and robot.mechanism.modules:
+    if compliance is None and robot.mechanism.modules and (robot.mechanism.tool is not None or load is not None):
         compliance = robot.compliance(pose)
     if compliance is None and load is not None:
         raise InputError(

@@ -9,18 +9,23 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, NoStiffnessError
+from ...errors import InputError, NoStiffnessError, NotConvergedError
 from ...kernel import NEGLIGIBLE_ENERGY
-from ...numbers import finer_units, fixed, number, quantity, readable_unit
+from ...numbers import finer_units, fixed, number, percent, quantity, readable_unit
 from ...review import yielding_beside
 from ...robot import Robot
-from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, wrench_text
+from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, motion_between, wrench_text
 from ...statics import Compliance
 from .values import direction_text, percent_text
+
+if TYPE_CHECKING:
+    from ...loaded import LoadedPose
+    from ...sensitivity import Sensitivity, Stiffening
 
 #: Units of translations and of rotations, each with how many of them one SI unit is.
 Units = tuple[tuple[str, float], tuple[str, float]]
@@ -35,6 +40,10 @@ _LOADS = {False: "N", True: "N m"}
 _SHARE_DIGITS = 9
 #: What of a displacement is rounding, as a share of it.
 _ROUNDING = 1e-10
+#: Digits that a table shows of each direction at least.
+_LEAST_DIGITS = 3
+#: Share of a deflection by which another one has to differ from it to be told beside it.
+_NOTICED = 0.02
 
 
 @dataclass(frozen=True)
@@ -91,10 +100,11 @@ def _rounded(displacement: Array) -> Array:
 
 
 class Answer:
-    """All numbers of one question, computed once. SI throughout."""
+    """All numbers of one question, computed once. SI throughout. Of a `robot` it also knows the deformed position."""
 
-    def __init__(self, compliance: Compliance, wrench=None, frame: str | None = None):
+    def __init__(self, compliance: Compliance, wrench=None, frame: str | None = None, robot: Robot | None = None):
         self.compliance = compliance
+        self.robot = robot
         self.mechanism = compliance.pose.mechanism
         self.load = softest_load(compliance) if wrench is None else Load(as_wrench(wrench), given=True)
         self.frame = frame
@@ -158,6 +168,53 @@ class Answer:
         if self.frame is None:
             return None
         return _rounded(self.compliance.deflection(self.load.wrench, frame=self.frame))
+
+    @cached_property
+    def equilibrium(self) -> LoadedPose | NotConvergedError | None:
+        """The robot in its deformed position under a load that was given, or why it finds no equilibrium; else None."""
+        if self.robot is None or not self.load.given:
+            return None
+        try:
+            return self.robot.equilibrium(self.compliance.pose, self.load.wrench)
+        except NotConvergedError as error:
+            return error
+
+    @cached_property
+    def deformed(self) -> dict[str, Array]:
+        """Displacement (6,) of the tool, and of the other frame asked for, at the equilibrium; without one empty."""
+        found, pose = self.equilibrium, self.compliance.pose
+        if found is None or isinstance(found, NotConvergedError):
+            return {}
+        names = [self.tool, *([] if self.frame is None else [self.frame])]
+        return {name: _rounded(motion_between(pose.placement(name), found.placement(name))) for name in names}
+
+    @cached_property
+    def bent(self) -> float:
+        """How far the equilibrium is from the linear deflection, as a share of that; rotations count as arcs."""
+        if not self.deformed:
+            return 0.0
+        arcs = np.repeat([1.0, self.compliance.characteristic_length], 3)
+        linear, apart = (arcs * each for each in (self.deflection, self.deformed[self.tool] - self.deflection))
+        size = float(np.linalg.norm(linear))
+        return float(np.linalg.norm(apart)) / size if size > 0 else 0.0
+
+    @cached_property
+    def sensitivity(self) -> Sensitivity | NotConvergedError:
+        """What each parameter does to the tool at the equilibrium, or why there is none."""
+        assert self.robot is not None  # who asks for it has one
+        try:
+            return self.robot.sensitivity(self.compliance.pose, self.load.wrench)
+        except NotConvergedError as error:
+            return error
+
+    @property
+    def stiffen_first(self) -> tuple[Stiffening, ...]:
+        """The lines of 'stiffen this first'; none where the load deflects nothing along itself, or cannot be borne."""
+        if not self.amount > 0 or isinstance(self.sensitivity, NotConvergedError):
+            return ()
+        with suppress(InputError):
+            return self.sensitivity.stiffen_first
+        return ()
 
     @cached_property
     def sag(self) -> Array:
@@ -343,14 +400,26 @@ def _of_compliances(sizes: Array, unit: str) -> tuple[str, float]:
 
 
 def _cells(matrix: Array, turns: NDArray[np.bool_]) -> tuple[tuple[str, ...], ...]:
-    """Return a matrix as text, each block of equal units with its own number of decimals; rounding is zero."""
+    """Return a matrix as text, each block of equal units with its own number of decimals; rounding is zero.
+
+    A row that is small beside the others of its block, as of a stiff direction, has as many as show three digits of it.
+    """
     size = np.sqrt(np.abs(np.diagonal(matrix)))
     matrix = np.where(np.abs(matrix * matrix.T) < 1e-18 * np.outer(size, size) ** 2, 0.0, matrix)
     cells = np.full(matrix.shape, "", object)
     for rows in (~turns, turns):
         for columns in (~turns, turns):
             block = np.ix_(rows, columns)
-            cells[block] = np.reshape(np.array(fixed(matrix[block].ravel()), object), matrix[block].shape)
+            values = matrix[block]
+            texts = np.reshape(np.array(fixed(values.ravel()), object), values.shape)
+            decimals = max((len(text.partition(".")[2]) for text in texts.ravel()), default=0)
+            reach = np.abs(values).max(axis=1, initial=0.0)
+            own = np.abs(np.diagonal(values)) if (rows == columns).all() else reach
+            for row in np.flatnonzero(own > 1e-9 * reach.max(initial=0.0)):
+                wanted, whole = (int(np.floor(np.log10(each))) for each in (own[row], reach[row]))
+                if _LEAST_DIGITS - 1 - wanted > decimals:
+                    texts[row] = fixed(values[row], _LEAST_DIGITS + whole - wanted)
+            cells[block] = texts
     return tuple(map(tuple, cells))
 
 
@@ -412,11 +481,36 @@ def along_texts(answer: Answer) -> dict[str, str]:
     return found
 
 
+#: What the row of the tool's equilibrium is called.
+DEFORMED = "deformed"
+#: Which question 'stiffen this first' answers.
+STIFFENED = "at the equilibrium in the deformed position, the actuators held"
+
+
+def deformed_text(answer: Answer) -> str:
+    """Return what the deformed position says of a load that was given, where that differs from the deflection."""
+    found = answer.equilibrium
+    if isinstance(found, NotConvergedError):
+        return (
+            "In the deformed position no equilibrium was found: raised from zero, this load could be followed to "
+            f"{percent(found.reached)} of itself. Expect the robot to give way; what is told here is linear about the "
+            "unloaded pose."
+        )
+    if not answer.bent > _NOTICED:
+        return ""
+    return (
+        f"'{DEFORMED}' is where the tool finds its equilibrium in the deformed position, the actuators held: "
+        f"{percent(answer.bent, 2)} off the linear deflection. All else here is linear about the unloaded pose."
+    )
+
+
 def displacements(answer: Answer) -> tuple[tuple[str, ...], dict[str, list[str]], Units]:
     """Return the table of the tool's displacement and that of the other frame asked for: columns, rows, their units."""
     rows = {answer.tool: answer.deflection}
     if answer.frame is not None and answer.frame_deflection is not None:
         rows[answer.frame] = answer.frame_deflection
+    if answer.bent > _NOTICED:
+        rows[DEFORMED] = answer.deformed[answer.tool]
     moved = max(float(np.linalg.norm(value[:3])) for value in rows.values())
     turned = max(float(np.abs(value[3:]).max()) for value in rows.values())
     (far, _), (arc, _) = units = readable_unit(moved, "m"), readable_unit(turned, "rad")

@@ -145,11 +145,11 @@ def _effects_told(effects: Sequence[Effect], source: str) -> list[str]:
 
 
 def _in_own_units(effects: Sequence[Effect]) -> frozenset[str]:
-    """Return the joints whose drives report efforts in a unit of their own, where none does in N m or N."""
-    from ...diagnosis.efforts.shares import gains_apart
+    """Return the joints whose drives report efforts in a unit of their own."""
+    from ...diagnosis.efforts.shares import in_another_unit
 
-    gains = {e.place.name: 1 + e.values["gain"] for e in effects if isinstance(e.law, EffortUnit)}
-    return frozenset(gains) if gains_apart(gains) else frozenset()
+    units = (effect for effect in effects if isinstance(effect.law, EffortUnit))
+    return frozenset(effect.place.name for effect in units if in_another_unit(1 + effect.values["gain"]))
 
 
 def print_failures(out: Console, failures: Mapping[str, np.ndarray], reasons: Mapping[str, str]) -> None:
@@ -261,9 +261,12 @@ def print_diagnosis(
 
 
 def print_hidden(out: Console, hidden: Sequence[Detectable]) -> None:
-    """Print what data could not show, and the size from which they would."""
-    rows = words.hidden_rows(hidden)
+    """Print what data could not show and another test might, and the size from which they would; the rest by name."""
+    near, far = words.within_reach(hidden)
+    rows = words.hidden_rows(near)
     texts = [f"{physics}: {needed}{f', at {where}' if where else ''}" for physics, where, needed in rows]
+    if far:
+        texts.append(f"{', '.join(far)}: at no usual size")
     bullets(out, "What these data could not show", texts, "(and from which size they would)")
 
 

@@ -437,7 +437,10 @@ def cost_text(finding: Finding, joints: Sequence[str] = ()) -> str:
         size = f"{number(100 * (finding.cost - 1), 2)} % larger"
     else:
         size = f"{number(finding.cost, 3)} times as large"
-    return f"without it the residual{of if finding.is_fault else ' of a simulation'} would be {size}"
+    text = f"without it the residual{of if finding.is_fault else ' of a simulation'} would be {size}"
+    if finding.strained:  # what makes up for it then
+        text += f", and a value of the robot file {number(finding.strained, 2)} of its tolerances off"
+    return text
 
 
 def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str, str, str]]:
@@ -699,6 +702,10 @@ def places_text(names: Iterable[str]) -> str:
     return ("; " if any(": " in text for text in texts) else ", ").join(texts)
 
 
+#: What would show beyond so many times a strong effect is none that one looks for.
+_OUT_OF_REACH = 10.0
+
+
 def hidden_rows(hidden: Sequence[Detectable]) -> list[tuple[str, str, str]]:
     """Return (physics, where, what it would have taken) of effects that stayed hidden, grouped by physics."""
     groups: dict[tuple[str, str, str, str], list[Detectable]] = {}
@@ -711,6 +718,26 @@ def hidden_rows(hidden: Sequence[Detectable]) -> list[tuple[str, str, str]]:
         where = places_text(sorted(item.location for item in items if item.location))
         rows.append((physics.replace("_", " "), where, reason or _needed(parameter, unit, items)))
     return sorted(rows, key=lambda row: row[0])
+
+
+def within_reach(hidden: Sequence[Detectable]) -> tuple[list[Detectable], list[str]]:
+    """Return effects that another test may show, and kinds of which only sizes that hardly any part has would show.
+
+    Another test shows what these loads do not reach, what was not recorded, and what shows at up to `_OUT_OF_REACH`
+    times a strong one.
+    """
+    near = [item for item in hidden if not _is_out_of_reach(item)]
+    told = {item.physics for item in near}
+    return near, sorted({item.physics.replace("_", " ") for item in hidden if item.physics not in told})
+
+
+def _is_out_of_reach(item: Detectable) -> bool:
+    from ...diagnosis.diagnosis import NOT_AT_ANY_SIZE
+
+    if item.smallest is None:
+        return item.reason == NOT_AT_ANY_SIZE
+    less, more = sorted((abs(item.smallest), abs(item.strong)))
+    return more > _OUT_OF_REACH * less  # of what has no strong size False
 
 
 def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:

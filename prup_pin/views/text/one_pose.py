@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from ...errors import NotConvergedError
 from ...numbers import fixed, number, readable_unit, some
 from ...review import number_remarks
 from ...robot import Robot
@@ -18,9 +18,6 @@ from . import answer as words
 from .answer import Answer, MatrixTable, ranked
 from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, print_table, show_table, title
 from .values import direction_text, percent_text, pose_text, position_text, value_text, workshop_text
-
-if TYPE_CHECKING:
-    from ...sensitivity import Sensitivity
 
 #: Width of a full bar.
 _BAR = 20
@@ -95,12 +92,14 @@ def _print_deflection(out: Console, answer: Answer) -> None:
     table = make_table(["frame", *(f">{name}" for name in columns)], [(name, *own) for name, own in cells.items()])
     if fits(out, table):
         print_table(out, table)
-        return
-    for name, own in cells.items():
-        paragraph(out, f"'{name}'")
-        shown = [column.replace(" ", f" {cell} ", 1) for column, cell in zip(columns, own, strict=True)]
-        listed(out, "moves", shown[:4])
-        listed(out, "turns", shown[4:])
+    else:
+        for name, own in cells.items():
+            paragraph(out, name if name == words.DEFORMED else f"'{name}'")
+            shown = [column.replace(" ", f" {cell} ", 1) for column, cell in zip(columns, own, strict=True)]
+            listed(out, "moves", shown[:4])
+            listed(out, "turns", shown[4:])
+    if said := words.deformed_text(answer):
+        paragraph(out, said)
 
 
 def _print_shares(out: Console, answer: Answer) -> None:
@@ -193,11 +192,15 @@ def _matrix_table(matrix: MatrixTable, *blocks: slice) -> Table:
 _MOST = 12
 
 
-def print_stiffen_first(out: Console, sensitivity: Sensitivity) -> None:
+def print_stiffen_first(out: Console, answer: Answer) -> None:
     """Print the values that change the deflection along the load the most. Raises InputError where there is none."""
-    lines = sensitivity.stiffen_first
-    load = wrench_text(sensitivity.loaded.wrench)
-    heading(out, "Stiffen this first:", f"% of the deflection along the load ({load}) per % of the value")
+    if isinstance(answer.sensitivity, NotConvergedError):
+        heading(out, "Stiffen this first:", "not told, as no equilibrium was found under the load")
+        return
+    lines = answer.sensitivity.stiffen_first
+    load = wrench_text(answer.load.wrench)
+    what = f"% of the deflection along the load ({load}) per % of the value, {words.STIFFENED}"
+    heading(out, "Stiffen this first:", what)
     shown = lines[:_MOST]
     columns = [
         [line.parameter.name for line in shown],
