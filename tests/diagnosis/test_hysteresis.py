@@ -18,15 +18,14 @@ from prup_pin.views.text.diagnosis_words import cost_text, diagnosis_text
 JOINT = "elbow_joint"
 
 
-@pytest.fixture(scope="module")
-def found():
-    """The diagnosis of an arm in postures, whose elbow stops half a milliradian short of where it was sent."""
+def short_of(size):
+    """The diagnosis of an arm in postures, whose elbow stops short of where it was sent, by size(elbow) [rad]."""
     robot = prup_pin.load("ur5", joint_stiffness=2e4)
     rng, names = np.random.default_rng(4), robot.mechanism.actuated
     q = dict(zip(names, rng.uniform(-1, 1, (len(names), 50)), strict=True))
     load = np.column_stack((rng.uniform(-50, 50, (50, 3)), rng.uniform(-5, 5, (50, 3))))
     recording = Recording(np.arange(50.0), positions=q, wrench=load)
-    short = {**q, JOINT: q[JOINT] - 5e-4 * np.sign(np.diff(q[JOINT], prepend=0.0))}
+    short = {**q, JOINT: q[JOINT] - size(q[JOINT]) * np.sign(np.diff(q[JOINT], prepend=0.0))}
     weight = effect_named("self_weight", "robot", "", {"scale": 1.0}, robot.mechanism)
     seen = simulate(robot, replace(recording, positions=short), [weight])
     return diagnose(
@@ -38,6 +37,18 @@ def found():
             noise=Noise(position=1e-5, rotation=3e-5),
         ),
     )
+
+
+@pytest.fixture(scope="module")
+def found():
+    """By another amount from place to place: no play."""
+    return short_of(lambda elbow: 5e-4 * (1 + np.sin(6 * elbow)))
+
+
+def test_what_a_drive_lacks_by_the_same_amount_on_either_side_is_its_play():
+    (play,) = (item for item in short_of(lambda elbow: 5e-4).findings if item.physics != "self_weight")
+    assert (play.physics, play.location) == ("backlash", JOINT)
+    assert play.parameters["half_gap"].value == pytest.approx(5e-4, rel=0.02)
 
 
 def test_hysteresis_of_a_drive_is_told_as_such(found):
