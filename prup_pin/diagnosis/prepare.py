@@ -271,7 +271,16 @@ def _check_each(seen: Measured) -> None:
             check_complete(seen.inputs, here, actuators, "" if seen.together.several else path)
             check_belongs(seen.placed.stack, seen.linear, here, seen.together.rows, seen.allowed, seen.measured)
         except InputError as error:
-            raise InputError(seen.together.told(source, str(error))) from error
+            still = _stand_still(seen.inputs.actuators[here], seen.simulator.robot.mechanism.actuated)
+            raise InputError(seen.together.told(source, f"{error}{still}")) from error
+
+
+def _stand_still(positions: Array, actuators: Sequence[str]) -> str:
+    """Return which joints stand where others move, positions (n, a): an encoder may be dead, '' where none does."""
+    moves = np.ptp(positions, axis=0) > 0
+    names = ", ".join(f"q.{name}" for name, moving in zip(actuators, moves, strict=True) if not moving)
+    dead = bool(names) and moves.any()
+    return f". The same in every row: {names}; did it not move, or was it not recorded?" if dead else ""
 
 
 def _noise_of_each(seen: Measured, nominal: Run, remarks: list[str]) -> Noise:
