@@ -107,6 +107,9 @@ class EffortLikelihood:
         prior = np.where(np.arange(whole.shape[2]) < known.shape[2] + more[0].shape[2], 1.0, ROUNDING)
         target = (efforts - (columns.drawn if drawn else 0.0)) * scale
         left, strain = self._least(whole, target, prior, taking.shape[2])
+        if known.shape[2]:  # noise of positions may make more of a light joint's body than all that it gives
+            still = whole[..., known.shape[2] :], efforts * scale, prior[known.shape[2] :]
+            left = np.minimum(left, self._least(*still, taking.shape[2])[0])
         floor = UNSEEN**2 + (np.broadcast_to(noise, size.shape) * scale) ** 2 * len(efforts)
         shares = np.where(seen, left, np.nan)
         nats = 0.5 * self.count * float(np.log(np.maximum(left, floor)[seen]).sum()) + 0.5 * strain
@@ -164,7 +167,8 @@ class EffortLikelihood:
         n, k = every.shape[:2]
         first = [at.mechanism.joint(name).first_v for name in names]
         speed, acceleration = trajectory.v[:, first], trajectory.a[:, first]
-        slow = np.array([at.slow(name) for name in names])
+        own = dict(zip(motion.names, motion.slow, strict=True))
+        slow = np.array([own[name] if name in own else at.slow(name) for name in names])
         taking = []
 
         def beside(ways: Array, least: float) -> None:
