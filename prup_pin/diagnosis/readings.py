@@ -2,8 +2,8 @@
 
 A reading is one convention, or some that are taken together because none of them alone brings a log nearer. What a
 convention does to a recording, how it is declared and how it is told stands with its word, in
-`recordings/conventions.py: WORDS`; with which columns and arguments it is tried stands here, one function for each kind,
-in `READINGS`. What else a channel adds is how unlikely a log is as it is read, and no more: by poses, loads or efforts.
+`recordings/conventions.py: WORDS`; with which columns and arguments it is tried stands here, one function for each
+kind, in `READINGS`. What else a channel adds is how unlikely a log is as it is read: by poses, by loads, by efforts.
 """
 
 from __future__ import annotations
@@ -268,7 +268,9 @@ def likeliest(
     taken: Reading = ()
     others: list[Reading] = []
     read = written
-    while len(taken) < _MOST and (tried := better(read, score, taken)):
+    for _ in range(_MOST):
+        if not (tried := better(read, score, taken)):
+            break
         best = min(tried, key=lambda item: round(item.cost, 2))
         alike = [
             (*item.beside, *taken, *item.reading)

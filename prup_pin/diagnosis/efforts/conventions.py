@@ -1,7 +1,7 @@
-"""Is a log of efforts written as it says? Signs, units, orders of columns and coupled axes compete before any law does.
+"""Is a log of efforts written as it says? Signs, units, orders, coupled axes compete before any law does.
 
-How unlikely a log is, by bodies near the drawing and by what drives need besides, is asked of it as it is written and as
-it would be if columns were written otherwise: turned round, in degrees, another joint's, counted together with a
+How unlikely a log is, by bodies near the drawing and by what drives need besides, is asked of it as it is written and
+as it would be if columns were written otherwise: turned round, in degrees, another joint's, counted together with a
 neighbour. What makes it far likelier is told, and no law is to be made of it.
 """
 
@@ -14,25 +14,37 @@ from itertools import chain, product
 
 import numpy as np
 
-from ...dynamics import InMotion, InverseDynamics, Motion, motion_of
+from ...dynamics import InMotion, InverseDynamics, Motion, could_be_gravity, motion_of
 from ...errors import InputError, PrupPinError
 from ...mechanism import Mechanism
 from ...recordings import WORDS, Convention, Drawn, Recording, read_as
 from ...recordings.conventions import Evidence, may_be_read, merged
 from ...spatial import Array
-from ..criteria import AS_GOOD, FAR_LESS, FEWEST_NUMBERS, FEWEST_OF_KIND, GAIN, LITTLE, NEARLY, ROUNDING
+from ..criteria import (
+    AS_GOOD,
+    FAR_LESS,
+    FEWEST_NUMBERS,
+    FEWEST_OF_KIND,
+    GAIN,
+    LITTLE,
+    MOST,
+    MOSTLY,
+    NEARLY,
+    ROUGHLY,
+    ROUNDING,
+)
 from ..readings import Columns, Found, Reading, Tried, likeliest, readings
 from ..thinning import evenly_spaced
 from .gains import gains_of
 from .noise import noise_of
 from .problem import kept_samples
-from .shares import gains_of_efforts, rms, sampled, shares_of_efforts
-from .unlikely import EffortLikelihood, Unlikely
+from .shares import gains_of_efforts, sampled, shares_of_efforts, stacked, tool_load_would_do
+from .unlikely import SURELY, EffortLikelihood, Unlikely
 
 #: Samples by which readings compete, and by which loops are closed.
-_COMPARED, _CLOSED = 200, 16
-#: What a word costs, what one costs besides that stands among many, and by how much a reading must be likelier, in nats.
-_WORD, _AMONG_MANY, _SURELY = 3.0, 9.0, 25.0
+_COMPARED, _CLOSED = 120, 16
+#: What a word costs, and what one costs besides that stands among many, in nats.
+_WORD, _AMONG_MANY = 3.0, 9.0
 #: Words for units of efforts.
 _OF_UNIT = ("gain", *(word.name for word in WORDS if "tau" in word.groups and word.factor not in (None, 1.0, -1.0)))
 #: Units of a clock by its median step: s below the first, then ms, us, ns.
@@ -170,10 +182,7 @@ def _closing(mechanism: Mechanism, recording: Recording, motion: Motion) -> Read
             rigid = dynamics.efforts(dynamics.trajectory(moved), moved.wrench, moved.gravity)
         except InputError:
             return np.inf
-        gains = gains_of_efforts(moved, tau, rigid, follows=0.0).values()
-        usual = float(np.median(list(gains))) if gains else 1.0
-        one, other = (rms(shares_of_efforts(moved, tau, gain * rigid)) for gain in (1.0, usual))
-        return min(one, AS_GOOD * other)
+        return _left_as_drawn(moved, tau, rigid)
 
     columns = Columns.of(mechanism, written, list(written.positions), list(written.efforts))
     tiers = list(readings(written, replace(columns, chain=True), "joints"))
@@ -189,11 +198,23 @@ def _closing(mechanism: Mechanism, recording: Recording, motion: Motion) -> Read
     return ()
 
 
+def _left_as_drawn(motion: Motion, efforts: Array, rigid: Array) -> float:
+    """Return the share that the robot as drawn leaves of most efforts (n, k), in its unit or all in another one.
+
+    The geometric mean: what nothing explains of one joint hides no other.
+    """
+    gains = gains_of_efforts(motion, efforts, rigid, follows=0.0).values()
+    usual = float(np.median(list(gains))) if gains else 1.0
+    shares = (shares_of_efforts(motion, efforts, gain * rigid) for gain in (1.0, usual))
+    one, other = (float(np.exp(np.nanmean(np.log(np.maximum(each, LITTLE**2))) / 2)) for each in shares)
+    return min(one, AS_GOOD * other)
+
+
 class EffortReadings:
     """Samples of a motion, written as a recording, so that conventions read them like any other.
 
-    Its last rows are none of them: each is one effort's noise, which is read like it; what several add up to in a
-    column adds in squares. `written`: how unlikely the log is as it is written, or as it is read so that loops close.
+    Its last rows are none of them: each is one effort alone, which is read like it, so that they say what the efforts
+    that are read are made of. `written`: how unlikely the log is as written, or as it is read so that loops close.
     """
 
     def __init__(self, at: InMotion, recording: Recording, closing: Reading = ()):
@@ -201,7 +222,7 @@ class EffortReadings:
         self.rows, self.motion, efforts = sampled(at, _COMPARED)
         self.drawn = _drawn(self.mechanism, at.motion)
         self._tolerances = {key: float(value) for key, value in recording.tolerances.declared.items()}
-        self.log = _written(recording, self.motion, efforts, np.diag(self._noise()))
+        self.log = _written(recording, self.motion, efforts, np.eye(efforts.shape[1]))
         self._likelihood = EffortLikelihood(at, self._tolerances, self._count)
         self.written = self.unlikely(self.log)
 
@@ -226,44 +247,38 @@ class EffortReadings:
         """How many samples are told apart: at rest all that are looked at, else as many as their band tells."""
         return len(self.rows if self.at.motion.standing else kept_samples(self.at))
 
+    @cached_property
     def _noise(self) -> Array:
-        """Return what each effort (k,) scatters by in the band in which it is compared; 0 where nothing tells that."""
+        """What each effort (k,) scatters by in the band in which it is compared; 0 where nothing tells that."""
         told, cutoffs = noise_of(self.recording, self.at), self.at.motion.band.cutoffs
         sizes = [told[name].below(cutoff) for name, cutoff in zip(self.at.driven, cutoffs, strict=True)]
         return np.nan_to_num(np.array(sizes))
 
     def _read(self, recording: Recording) -> tuple[Motion, Array, Array]:
-        """Return motion, efforts (n, k) and their noise (k,) of the samples as a recording has them."""
+        """Return motion and efforts (n, k) of the samples as a recording has them, and what each of those is made of
+        (k, k)."""
         efforts = np.column_stack([recording.efforts[name] for name in self.motion.driven])
         count = len(self.motion)
-        return (
-            _moved(self.motion, recording, np.arange(count)),
-            efforts[:count],
-            np.linalg.norm(efforts[count:], axis=0),
-        )
+        return _moved(self.motion, recording, np.arange(count)), efforts[:count], efforts[count:]
 
     def unlikely(self, recording: Recording) -> Unlikely:
         """Return how unlikely the log is as a recording of it has it."""
-        return self._likelihood(*self._read(recording))
+        motion, efforts, made_of = self._read(recording)
+        return self._likelihood(motion, efforts, self._noise, made_of)
 
     @cached_property
     def found(self) -> Found[Unlikely] | None:
         """How the log is likeliest read, gains that are told beside all masses included; None where that is not asked.
 
-        It may be that gravity pulls otherwise, which turned columns imitate.
+        Turned columns imitate that gravity pulls otherwise, which is as good a reason.
         """
         known = bool(self.mechanism.loops) or all(name in self.at.motion.names for name in self.at.driven)
         efforts = self._read(self.log)[1] if self.at.driven else np.zeros((1, 0))
         if not known or self._count < FEWEST_NUMBERS or not np.isfinite(efforts).all() or not efforts.any():
             return None
-        now = self.written
-        if self.mechanism.gravity.any() and not now.explains:
-            pulled = np.stack([self.at.rigid_under(axis)[self.rows] for axis in np.eye(3)], axis=-1)
-            hung = self._likelihood(*self._read(self.log), pulled=pulled)
-            now = now if now.nats < hung.nats + 2 * _WORD else hung
-        unit = self._unit_of_few()
+        unit = self._unit()
         begin = read_as(self.log, unit, self.drawn)
-        found = likeliest(begin, self.unlikely(begin) if unit else now, self._better, _WORD)
+        found = likeliest(begin, self.unlikely(begin) if unit else self._hung(), self._better, _WORD)
         return found._replace(conventions=(*unit, *found.conventions))
 
     @property
@@ -272,53 +287,100 @@ class EffortReadings:
         return self.written.nats if self.found is None else self.found.score.nats
 
     def _better(self, read: Recording, unlikely: Unlikely, taken: Reading) -> list[Tried[Unlikely]]:
-        """Return the readings by which a log is surely likelier, the rarer ones only where no commoner one explains it."""
+        """Return the readings by which a log is surely likelier, rarer ones only where no commoner one explains it."""
         tried: list[Tried[Unlikely]] = []
         columns = Columns.of(self.mechanism, self.log, list(self.log.positions), list(self.log.efforts))
         whole = replace(columns, q_whole=set(self.recording.positions) <= set(columns.q),
                         tau_whole=set(self.recording.efforts) <= set(columns.tau))  # fmt: skip
-        for some in chain([self._gains(read)], readings(self.log, whole, "joints", "zeros")):
-            if unlikely.explains or any(item.score.explains for item in tried):
+        for some in chain([self._by_gains(read)], readings(self.log, whole, "joints", "zeros")):
+            if unlikely.surely or any(item.score.surely for item in tried):
                 break
             for reading in some:
                 other = read_as(read, reading, self.drawn)
                 score = self.unlikely(other)
+                if not self._makes_sense(reading, other):
+                    continue
                 tried.append(Tried(score.nats + _price(reading), reading, other, score))
-        return [item for item in tried if item.cost < unlikely.nats - _SURELY]
+        return [item for item in tried if item.cost < unlikely.nats - SURELY]
 
-    def _sizes(self, recording: Recording) -> dict[str, float]:
-        """Return how many times the rigid robot's a log's efforts are, of joints where they follow them; none where
-        a unit is declared."""
-        declared = any(item.columns == "tau" and item.word in _OF_UNIT for item in self.recording.conventions)
-        if declared or not may_be_read(self.log, [Convention("tau", "gain", (1.0,))]):
-            return {}
+    def _makes_sense(self, reading: Reading, read: Recording) -> bool:
+        """Return whether positions make sense of most joints as they are drawn, where more than their signs or order is
+        read otherwise: in a unit in which a robot hardly moves nothing tells much of its bodies.
+        """
+        if not any(item.group == "q" and item.word not in ("reversed", "order") for item in reading):
+            return True
+        motion, efforts, _ = self._read(read)
+        try:
+            return _left_as_drawn(motion, efforts, self.at.rigid_of(motion)) < FAR_LESS
+        except InputError:  # loops that do not close
+            return False
+
+    def _hung(self) -> Unlikely:
+        """Return how unlikely the log is as written, or no more than readings may be where gravity pulls otherwise."""
+        if not self.mechanism.gravity.any() or self.written.surely:
+            return self.written
+        motion, efforts, made_of = self._read(self.log)
+        pulled = np.stack([self.at.rigid_under(axis)[self.rows] for axis in np.eye(3)], axis=-1)
+        missed = efforts - self.at.rigid[self.rows]
+        table, missed = stacked(motion, efforts, range(len(motion.driven)), pulled, missed)
+        more = np.linalg.lstsq(table, missed, rcond=None)[0]
+        if not could_be_gravity(self.mechanism.gravity + more, self.mechanism):
+            return self.written
+        hung = self._likelihood(motion, efforts - pulled @ more, self._noise, made_of)
+        return replace(self.written, nats=min(self.written.nats, hung.nats + SURELY))
+
+    def _gains(self, recording: Recording) -> dict[str, float]:
+        """Return how many times the rigid robot's a log's efforts are, or minus so many times, where they follow it."""
         motion, efforts, _ = self._read(recording)
         try:
-            gains = gains_of_efforts(motion, efforts, self.at.rigid_of(motion))
+            return gains_of_efforts(motion, efforts, self.at.rigid_of(motion))
         except InputError:  # loops that do not close
             return {}
-        return {name: abs(gain) for name, gain in gains.items()}
 
-    def _unit_of_few(self) -> Reading:
-        """Return the unit of one drive or two that report what no masses do: far less than those drawn, or many times.
+    @cached_property
+    def _in_any_unit(self) -> bool:
+        """Whether no unit of efforts is declared."""
+        declared = any(item.columns == "tau" and item.word in _OF_UNIT for item in self.recording.conventions)
+        return not declared and may_be_read(self.log, [Convention("tau", "gain", (1.0,))])
 
-        With rotors and loads they may move many times as much, which no likelihood tells from another unit.
+    def _unit(self) -> Reading:
+        """Return the unit of all efforts where they are nearly as many times the rigid robot's at every joint.
+
+        Bodies so much lighter or heavier, all alike, are as likely by each joint alone: masses are known to tens of per
+        cent, and what one drive or two move may be many times as heavy as drawn, with rotors and loads, but not far
+        lighter.
         """
-        sizes = self._sizes(self.log) if len(self.motion.driven) < FEWEST_OF_KIND else {}
-        usual = float(np.median(list(sizes.values()))) if sizes else 1.0
-        if FAR_LESS < usual < LITTLE**-2:
+        gains = self._gains(self.log) if self._in_any_unit else {}
+        own = [name in gains for name in self.motion.driven]
+        squares = (self.at.rigid[self.rows] ** 2).sum(axis=0)
+        carry = 2 * sum(own) >= len(own) or squares[own].sum() > MOSTLY * squares.sum()
+        if len(gains) < min(2, len(own)) or not carry:
             return ()
-        # masses are known to tens of per cent: what only one drive tells has no unit's name
-        return (gain_of("tau", usual) if len(sizes) == 1 else unit_of_all(usual, self.mechanism, self.motion.driven),)
+        sizes = np.abs(list(gains.values()))
+        usual = float(np.median(sizes))
+        # a load may make some of them larger besides
+        apart, alike = np.log(sizes / usual), np.log(ROUGHLY)
+        if abs(np.log(usual)) < np.log(AS_GOOD) or not (np.mean(np.abs(apart) < alike) > MOST and apart.min() > -alike):
+            return ()
+        # what only one drive tells has no unit's name
+        unit = unit_of_all(usual, self.mechanism, self.motion.driven) if len(sizes) > 1 else gain_of("tau", usual)
+        if unit.word != "gain":
+            return (unit,)
+        if len(sizes) < FEWEST_OF_KIND:
+            return () if FAR_LESS < usual < LITTLE**-2 else (unit,)
+        return () if tool_load_would_do(self.at, dict.fromkeys(self.motion.driven, usual)) else (unit,)
 
-    def _gains(self, recording: Recording) -> list[Reading]:
-        """Return the unit of all efforts, and units of each drive's own, by how many times the rigid robot's they are."""
-        sizes = self._sizes(recording)
-        if len(self.motion.driven) < FEWEST_OF_KIND or not sizes:
+    def _by_gains(self, recording: Recording) -> list[Reading]:
+        """Return readings by how many times the rigid robot's the efforts are: signs, a unit of all, one of each."""
+        gains, driven = self._gains(recording), self.motion.driven
+        if not gains or len(driven) < FEWEST_OF_KIND:
             return []
-        usual = float(np.median(list(sizes.values())))
-        each = tuple(gain_of(f"tau.{name}", sizes.get(name, usual)) for name in self.motion.driven)
-        return [(unit_of_all(usual, self.mechanism, self.motion.driven),), each]
+        found = [tuple(Convention(f"tau.{name}", "reversed") for name, gain in gains.items() if gain < 0)]
+        usual = float(np.median(np.abs(list(gains.values()))))
+        if self._in_any_unit:
+            found.append((unit_of_all(usual, self.mechanism, driven),))
+            found.append(tuple(gain_of(f"tau.{name}", abs(gains.get(name, usual))) for name in driven))
+        return [reading for reading in found if reading and may_be_read(self.log, reading)]
 
     def evidence(self) -> Evidence | None:
         """Return what is read otherwise and told, with that by which loops close; None where nothing is.
