@@ -165,8 +165,9 @@ def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
     if not (read.tells_against(written) or read.yielding < judged.by_chance < judged.shown < written.yielding):
         return None
     size = float((loaded.free(loaded.moved) ** 2).sum())
-    left = (float(np.sqrt(item.yielding / size)) for item in (first, found.score))
-    return Evidence(found.conventions, "what loads move", "", *left, 1 - read.yielding / written.yielding, found.others)
+    before, after = (float(np.sqrt(item.yielding / size)) for item in (first, found.score))
+    saved = 1 - read.yielding / written.yielding
+    return Evidence(found.conventions, "what loads move", "", before, after, saved, found.others)
 
 
 def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:

@@ -156,12 +156,8 @@ def _zeros(columns: Columns) -> Iterator[Reading]:
     if not columns.chain or len(turning) < 2:
         yield from (way for way in ways("") if way and turning)
         return
-    seen = {()}
     for pair in pairwise(turning):
-        for one, other in product(*map(ways, pair)):
-            if (reading := (*one, *other)) not in seen:
-                seen.add(reading)
-                yield reading
+        yield from ((*one, *other) for one, other in product(*map(ways, pair)) if one or other)
 
 
 def _plain(*groups: str) -> Iterator[Reading]:
@@ -284,10 +280,8 @@ def likeliest(
 
 def _same(one: Recording, other: Recording) -> bool:
     """Return whether two readings are one: that of an axis along which nothing was measured, say."""
-    return all(
-        len(own) == len(others) and all(np.array_equal(a, b, equal_nan=True) for a, b in zip(own, others, strict=True))
-        for own, others in zip(map(_values, (one,)), map(_values, (other,)), strict=True)
-    )
+    both = zip(_values(one), _values(other), strict=True)
+    return all(np.array_equal(values, others, equal_nan=True) for values, others in both)
 
 
 def _values(recording: Recording) -> list[np.ndarray]:

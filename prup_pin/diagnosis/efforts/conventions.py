@@ -214,7 +214,7 @@ class EffortReadings:
     """Samples of a motion, written as a recording, so that conventions read them like any other.
 
     Its last rows are none of them: each is one effort alone, which is read like it, so that they say what the efforts
-    that are read are made of. `written`: how unlikely the log is as written, or as it is read so that loops close.
+    that are read are made of. `compares`: whether enough is known of the robot's places and efforts to tell readings.
     """
 
     def __init__(self, at: InMotion, recording: Recording, closing: Reading = ()):
@@ -224,7 +224,8 @@ class EffortReadings:
         self._tolerances = {key: float(value) for key, value in recording.tolerances.declared.items()}
         self.log = _written(recording, self.motion, efforts, np.eye(efforts.shape[1]))
         self._likelihood = EffortLikelihood(at, self._tolerances, self._count)
-        self.written = self.unlikely(self.log)
+        known = bool(self.mechanism.loops) or all(name in at.motion.names for name in at.driven)
+        self.compares = known and self._count >= FEWEST_NUMBERS and bool(np.isfinite(efforts).all() and efforts.any())
 
     @classmethod
     def of(cls, mechanism: Mechanism, recording: Recording) -> EffortReadings:
@@ -267,14 +268,17 @@ class EffortReadings:
         return self._likelihood(motion, efforts, self._noise, made_of)
 
     @cached_property
+    def written(self) -> Unlikely:
+        """How unlikely the log is as it is written, or as it is read so that loops close."""
+        return self.unlikely(self.log) if self.compares else Unlikely(np.inf, np.ones(1))
+
+    @cached_property
     def found(self) -> Found[Unlikely] | None:
         """How the log is likeliest read, gains that are told beside all masses included; None where that is not asked.
 
         Turned columns imitate that gravity pulls otherwise, which is as good a reason.
         """
-        known = bool(self.mechanism.loops) or all(name in self.at.motion.names for name in self.at.driven)
-        efforts = self._read(self.log)[1] if self.at.driven else np.zeros((1, 0))
-        if not known or self._count < FEWEST_NUMBERS or not np.isfinite(efforts).all() or not efforts.any():
+        if not self.compares:
             return None
         unit = self._unit()
         begin = read_as(self.log, unit, self.drawn)
@@ -298,10 +302,10 @@ class EffortReadings:
             for reading in some:
                 other = read_as(read, reading, self.drawn)
                 score = self.unlikely(other)
-                if not self._makes_sense(reading, other):
-                    continue
-                tried.append(Tried(score.nats + _price(reading), reading, other, score))
-        return [item for item in tried if item.cost < unlikely.nats - SURELY]
+                cost = score.nats + _price(reading)
+                if cost < unlikely.nats - SURELY and self._makes_sense(reading, other):
+                    tried.append(Tried(cost, reading, other, score))
+        return tried
 
     def _makes_sense(self, reading: Reading, read: Recording) -> bool:
         """Return whether positions make sense of most joints as they are drawn, where more than their signs or order is
@@ -390,24 +394,21 @@ class EffortReadings:
         that is nearly that of drives which differ. Where nothing tells gains beside masses, as at rest, the unit of
         all is a reading.
         """
-        found = self.found
-        taken, others = (), ()
-        written = read = self.written.left
-        if found is not None and found.conventions:
-            units = [item for item in found.conventions if item.word in _OF_UNIT]
-            rest = tuple(item for item in found.conventions if item not in units)
-            named = rest if any(item.word == "gain" for item in units) else found.conventions
-            untold = units if len(units) > 1 or self._tells_gains(named) else []
-            taken, *others = (
-                tuple(item for item in reading if item not in untold) for reading in (found.conventions, *found.others)
-            )
-            written, read = self.unlikely(read_as(self.log, untold, self.drawn)).left, found.score.left
+        found = self.found or Found((), self.log, self.written)
+        units = [item for item in found.conventions if item.word in _OF_UNIT]
+        rest = tuple(item for item in found.conventions if item not in units)
+        named = rest if any(item.word == "gain" for item in units) else found.conventions
+        untold = units if len(units) > 1 or (units and self._tells_gains(named)) else []
+        taken, *others = (
+            tuple(item for item in reading if item not in untold) for reading in (found.conventions, *found.others)
+        )
         if not (taken or self.closing):
             return None
+        written = self.unlikely(read_as(self.log, untold, self.drawn)).left if untold else self.written.left
         names = list(self.log.positions), list(self.log.efforts)
-        told = _evidence(merged((*self.closing, *taken), *names), written, read,
-                         [(*self.closing, *other) for other in others])  # fmt: skip
-        return replace(told, written=None) if self.closing else told
+        told = merged((*self.closing, *taken), *names)
+        evidence = _evidence(told, written, found.score.left, [(*self.closing, *item) for item in others])
+        return replace(evidence, written=None) if self.closing else evidence
 
     def _tells_gains(self, conventions: Sequence[Convention]) -> bool:
         """Return whether drives report in units of their own, beside all masses, in the log as it is read."""
