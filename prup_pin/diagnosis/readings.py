@@ -221,11 +221,13 @@ READINGS = (
 
 def readings(recording: Recording, columns: Columns, *of: str) -> Iterator[list[Reading]]:
     """Yield lists of readings of what is asked, the commonest first, but what a log declares to be as it says."""
+    seen: set[Reading] = set()
     for rarer_than in range(3):
         kinds = (kind for kind in READINGS if kind.of in of and kind.rarer_than == rarer_than)
-        found = [reading for kind in kinds for reading in kind.yielded(columns)]
-        if found := [reading for reading in dict.fromkeys(found) if may_be_read(recording, reading)]:
-            yield found
+        found = dict.fromkeys(reading for kind in kinds for reading in kind.yielded(columns) if reading not in seen)
+        seen |= found.keys()
+        if some := [reading for reading in found if may_be_read(recording, reading)]:
+            yield some
 
 
 S = TypeVar("S")
