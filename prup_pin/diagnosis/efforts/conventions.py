@@ -38,7 +38,7 @@ from ..thinning import evenly_spaced
 from .gains import gains_of
 from .noise import noise_of
 from .problem import kept_samples
-from .shares import gains_of_efforts, sampled, shares_of_efforts, stacked, tool_load_would_do
+from .shares import gains_of_efforts, rms, sampled, shares_of_efforts, stacked, tool_load_would_do
 from .unlikely import SURELY, EffortLikelihood, Unlikely
 
 #: Samples by which readings compete, and by which loops are closed.
@@ -68,7 +68,7 @@ def conventions_of_efforts(mechanism: Mechanism, recording: Recording) -> Eviden
         return plain.evidence()
     if _rate(recording) is None and not other.least < plain.least:
         return plain.evidence()
-    told = other.evidence() or _evidence((), plain.written.left, other.written.left)
+    told = other.evidence() or _evidence((), plain._left(plain.log)[-1], other._left(other.log)[-1])
     return replace(
         told,
         conventions=(clock, *told.conventions),
@@ -182,7 +182,7 @@ def _closing(mechanism: Mechanism, recording: Recording, motion: Motion) -> Read
             rigid = dynamics.efforts(dynamics.trajectory(moved), moved.wrench, moved.gravity)
         except InputError:
             return np.inf
-        return _left_as_drawn(moved, tau, rigid)
+        return rms(_shares_as_drawn(moved, tau, rigid))
 
     columns = Columns.of(mechanism, written, list(written.positions), list(written.efforts))
     tiers = list(readings(written, replace(columns, chain=True), "joints"))
@@ -191,23 +191,24 @@ def _closing(mechanism: Mechanism, recording: Recording, motion: Motion) -> Read
     beside = [(*one, *other) for one, other in product(all_alike, all_alike)
               if one[0].word not in ("order", "gear") and other[0].word == "order"]  # fmt: skip
     for ways in (all_alike, beside):
-        found = [(left(reading) * (1 + GAIN) ** _price(reading), reading) for reading in ways]
-        least, best = min(found, key=lambda item: item[0], default=(np.inf, ()))
+        found = {reading: left(reading) for reading in ways}
+        least = min(found.values(), default=np.inf)
         if least < FAR_LESS:
-            return best
+            return min((reading for reading in ways if found[reading] <= (1 + GAIN) * least), key=_price)
     return ()
 
 
-def _left_as_drawn(motion: Motion, efforts: Array, rigid: Array) -> float:
-    """Return the share that the robot as drawn leaves of most efforts (n, k), in its unit or all in another one.
-
-    The geometric mean: what nothing explains of one joint hides no other.
-    """
+def _shares_as_drawn(motion: Motion, efforts: Array, rigid: Array) -> Array:
+    """Return the shares of squares (k,) that the robot as drawn leaves of efforts, in its unit or all in another."""
     gains = gains_of_efforts(motion, efforts, rigid, follows=0.0).values()
     usual = float(np.median(list(gains))) if gains else 1.0
-    shares = (shares_of_efforts(motion, efforts, gain * rigid) for gain in (1.0, usual))
-    one, other = (float(np.exp(np.nanmean(np.log(np.maximum(each, LITTLE**2))) / 2)) for each in shares)
-    return min(one, AS_GOOD * other)
+    own, other = (shares_of_efforts(motion, efforts, gain * rigid) for gain in (1.0, usual))
+    return min(own, AS_GOOD**2 * other, key=_left_of_most)
+
+
+def _left_of_most(shares: Array) -> float:
+    """Return what is left of most joints, by shares of squares (k,): what nothing explains of one hides no other."""
+    return float(np.exp(np.nanmean(np.log(np.maximum(shares, LITTLE**2))) / 2))
 
 
 class EffortReadings:
@@ -315,7 +316,7 @@ class EffortReadings:
             return True
         motion, efforts, _ = self._read(read)
         try:
-            return _left_as_drawn(motion, efforts, self.at.rigid_of(motion)) < FAR_LESS
+            return _left_of_most(_shares_as_drawn(motion, efforts, self.at.rigid_of(motion))) < FAR_LESS
         except InputError:  # loops that do not close
             return False
 
@@ -404,11 +405,25 @@ class EffortReadings:
         )
         if not (taken or self.closing):
             return None
-        written = self.unlikely(read_as(self.log, untold, self.drawn)).left if untold else self.written.left
+        # by whatever tells them best apart: the robot as drawn, of all efforts or of most, or bodies near that
+        both = zip(self._left(read_as(self.log, untold, self.drawn)), self._left(found.read), strict=True)
+        written, read = max(both, key=lambda left: left[0] / max(left[1], ROUNDING))
         names = list(self.log.positions), list(self.log.efforts)
         told = merged((*self.closing, *taken), *names)
-        evidence = _evidence(told, written, found.score.left, [(*self.closing, *item) for item in others])
+        evidence = _evidence(told, written, read, [(*self.closing, *item) for item in others])
         return replace(evidence, written=None) if self.closing else evidence
+
+    def _left(self, recording: Recording) -> tuple[float, ...]:
+        """Return what is left of the efforts, shares: by the robot as drawn, of all and most, and by the likeliest."""
+        if not self.compares:
+            return (1.0,)
+        motion, efforts, _ = self._read(recording)
+        try:
+            rigid = self.at.rigid_of(motion)
+        except InputError:  # loops that do not close
+            return 1.0, 1.0, self.unlikely(recording).left
+        shares = shares_of_efforts(motion, efforts, rigid)
+        return rms(shares), _left_of_most(shares), self.unlikely(recording).left
 
     def _tells_gains(self, conventions: Sequence[Convention]) -> bool:
         """Return whether drives report in units of their own, beside all masses, in the log as it is read."""
