@@ -295,12 +295,15 @@ class EffortReadings:
         """Return the readings by which a log is surely likelier, rarer ones only where no commoner one explains it."""
         tried: list[Tried[Unlikely]] = []
         columns = Columns.of(self.mechanism, self.log, list(self.log.positions), list(self.log.efforts))
-        whole = replace(columns, q_whole=set(self.recording.positions) <= set(columns.q),
+        whole = replace(columns, q_whole=set(self.recording.positions) <= set(columns.q), spins=True,
                         tau_whole=set(self.recording.efforts) <= set(columns.tau))  # fmt: skip
+        fits = self._left(read)[0] <= FAR_LESS
         for some in chain([self._by_gains(read)], readings(self.log, whole, "joints", "zeros")):
             if unlikely.surely or any(item.score.surely for item in tried):
                 break
             for reading in some:
+                if fits and any(item.word != "reversed" for item in reading):
+                    continue  # where most of a log fits, a joint or two count the other way round
                 other = read_as(read, reading, self.drawn)
                 score = self.unlikely(other)
                 cost = score.nats + _price(reading)
