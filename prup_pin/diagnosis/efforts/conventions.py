@@ -281,10 +281,15 @@ class EffortReadings:
         """
         if not self.compares:
             return None
-        unit = self._unit()
-        begin = read_as(self.log, unit, self.drawn)
-        found = likeliest(begin, self.unlikely(begin) if unit else self._hung(), self._better, _WORD)
-        return found._replace(conventions=(*unit, *found.conventions))
+        tried = []
+        if unit := self._unit():
+            begin = read_as(self.log, unit, self.drawn)
+            found = likeliest(begin, self.unlikely(begin), self._better, _WORD)
+            tried.append(found._replace(conventions=(*unit, *found.conventions)))
+            if len(self.motion.driven) < FEWEST_OF_KIND or (found.score.surely and not found.conventions):
+                return tried[0]
+        tried.append(likeliest(self.log, self._hung(), self._better, _WORD))
+        return min(tried, key=lambda found: found.score.nats + _price(found.conventions))
 
     @property
     def least(self) -> float:
