@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,6 +23,7 @@ from .efforts.with_poses import has_efforts, has_poses
 from .load_conventions import conventions_of_loads
 from .pose_conventions import conventions_of_poses
 
+_Look = Callable[[Robot, Recording], Evidence | None]
 #: How many times as much is beyond counting.
 _BEYOND_COUNTING = 1000
 
@@ -67,23 +68,36 @@ def read_logs(robot: Robot, recordings: Recording | Sequence[Recording]) -> Logs
 
     Raises InputError where two ways to read one are as good and are not the same, or a declared one does not fit.
     """
-    given = in_format(robot, recordings)
-    read, evidence = [], []
-    for recording in given:
-        found: list[Evidence] = []
-        for look in (_of_poses, _of_loads, _of_efforts):
-            item = None
-            # what cannot be compared at all is told where it is diagnosed; readings that are given up stand anywhere
-            with suppress(PrupPinError), limits_heard():
-                item = look(robot, recording)
-            if item is not None:
-                item = _as_loads_say(robot, recording, item) if look is _of_poses else item
-                _check_only(item, recording, robot)
-                found.append(item)
-                recording = read_as(recording, item.conventions, drawn_for(robot))
-        read.append(recording)
-        evidence.append(tuple(found))
-    return Logs(tuple(read), tuple(evidence))
+    read = [_read(robot, recording) for recording in in_format(robot, recordings)]
+    return Logs(tuple(recording for recording, _ in read), tuple(evidence for _, evidence in read))
+
+
+def _read(robot: Robot, recording: Recording) -> tuple[Recording, tuple[Evidence, ...]]:
+    """Return one recording read as it seems to be written, and what speaks for that: poses, loads, efforts."""
+    found: list[Evidence] = []
+
+    def told(item: Evidence | None) -> None:
+        nonlocal recording
+        if item is not None:
+            _check_only(item, recording, robot)
+            found.append(item)
+            recording = read_as(recording, item.conventions, drawn_for(robot))
+
+    poses, loads = _as_loads_say(robot, recording, _asked(_of_poses, robot, recording)[1])
+    told(poses)
+    told(loads)
+    told(_asked(_of_efforts, robot, recording)[1])
+    return recording, tuple(found)
+
+
+def _asked(look: _Look, robot: Robot, recording: Recording) -> tuple[bool, Evidence | None]:
+    """Return whether a log can be compared at all, and how it seems to be written.
+
+    What cannot is told where it is diagnosed; readings that are given up stand anywhere.
+    """
+    with suppress(PrupPinError), limits_heard():
+        return True, look(robot, recording)
+    return False, None
 
 
 def as_diagnosed(diagnosis: Diagnosis, robot: Robot, recordings: Recording | Sequence[Recording]) -> list[Recording]:
@@ -119,23 +133,24 @@ def _of_loads(robot: Robot, recording: Recording) -> Evidence | None:
     return conventions_of_loads(adapted.robot, adapted.recordings[0])
 
 
-def _as_loads_say(robot: Robot, recording: Recording, found: Evidence) -> Evidence:
-    """Return the evidence of poses with those of its readings, all as good, by which loads are as they are written.
+def _as_loads_say(
+    robot: Robot, recording: Recording, found: Evidence | None
+) -> tuple[Evidence | None, Evidence | None]:
+    """Return the evidence of poses with those of its readings, all as good, by which loads are as they are written; and
+    how loads seem to be written beside the first.
 
     Two legs of a robot that is its own mirror image are exchanged, or the tracker is mirrored: so are loads, or not.
     """
-    table = joints_of(recording)
-    readings = [merged(reading, table["q"], table["tau"]) for reading in (found.conventions, *found.others)]
-    if len(readings) == 1 or not recording.has_wrench:
-        return found
-
-    def suits(reading: Sequence[Convention]) -> bool:
-        with suppress(PrupPinError), limits_heard():
-            return _of_loads(robot, read_as(recording, reading, drawn_for(robot))) is None
-        return False
-
-    suited = [reading for reading in readings if suits(reading)]
-    return replace(found, conventions=suited[0], others=tuple(suited[1:])) if suited else found
+    table, drawn = joints_of(recording), drawn_for(robot)
+    readings = [()] if found is None else [found.conventions, *found.others]
+    readings = [merged(reading, table["q"], table["tau"]) for reading in readings]
+    if not recording.has_wrench:
+        return found, None
+    loads = [_asked(_of_loads, robot, read_as(recording, reading, drawn)) for reading in readings]
+    suited = [reading for reading, said in zip(readings, loads, strict=True) if said == (True, None)]
+    if found is None or len(readings) == 1 or not suited:
+        return found, loads[0][1]
+    return replace(found, conventions=suited[0], others=tuple(suited[1:])), None
 
 
 def _of_efforts(robot: Robot, recording: Recording) -> Evidence | None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import chain, islice
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +19,8 @@ from scipy.optimize import lsq_linear, nnls
 
 from ..laws import LAWS, Effect, Inputs
 from ..loaded import FirstOrder
-from ..recordings import WORDS, Convention, Drawn, Recording, read_as
-from ..recordings.conventions import AXES, Evidence, may_be_read
+from ..recordings import Convention, Drawn, Recording, read_as
+from ..recordings.conventions import Evidence, may_be_read
 from ..robot import Robot
 from ..simulation import Simulator
 from ..spatial import Array, base_wrench_from_point, cross, rotation_exp, turn_between
@@ -42,6 +42,7 @@ from .criteria import (
     UNSEEN,
     trusted,
 )
+from .readings import Columns, Reading, Tried, likeliest, readings
 from .rigid_fit import rigid_fit
 from .thinning import evenly_spaced
 
@@ -131,52 +132,42 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
 def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
     """Return other ways in which the wrench seems to be written, a place yielding besides, by a play too or not."""
     drawn = Drawn(tool=lambda _: loaded.tool)
-    now = Recording(time=np.arange(len(loaded.wrench), dtype=float), wrench=loaded.wrench)
-    size = float((loaded.free(loaded.moved) ** 2).sum())
-    first = least = _left(loaded, loaded.wrench)
+    begin = Recording(time=np.arange(len(loaded.wrench), dtype=float), wrench=loaded.wrench)
+    first = _left(loaded, loaded.wrench)
     if first.yielding < loaded.shown:
         return None
     alike = loaded.by_chance
-    taken: list[Convention] = []
-    others: list[tuple[Convention, ...]] = []
-    while True:
-        tried = []
-        for readings in (_of_wrench(), _of_wrench_axes(), _of_wrench_point(loaded, now.wrench)):
-            for reading in readings:
-                if not may_be_read(recording, reading):
-                    continue
+
+    def better(now: Recording, least: _Left, taken: Reading) -> list[Tried[_Left]]:
+        """What is nearly as good as the best is told by the commonest word; a point is no other way to say another."""
+        tried: list[Tried[_Left]] = []
+        for some in chain(readings(recording, Columns(), "wrench"), [_of_wrench_point(loaded, now.wrench, recording)]):
+            for reading in some:
                 other = read_as(now, reading, drawn)
-                tried.append((_left(loaded, other.wrench), reading, other))
-            best = min((item[0] for item in tried), key=lambda left: left.yielding, default=least)
+                tried.append(Tried(0.0, reading, other, _left(loaded, other.wrench)))
+            best = min((item.score for item in tried), key=lambda left: left.yielding, default=least)
             if best.yielding < alike and best.tells_against(least):
                 break  # a commoner word does
-        # what is nearly as good is told by the commoner word
         near = max(AS_GOOD * best.yielding, alike)
-        good = [item for item in tried if item[0].yielding <= near and item[0].tells_against(least)]
-        if not good:
-            break
-        left, reading, other = good[0]
-        others = [
-            (*taken, *item[1])
-            for item in tried
-            if item[0].yielding <= max(AS_GOOD**2 * left.yielding, alike)
-            and not item[1][0].argument
-            and not np.array_equal(item[2].wrench, other.wrench)  # no other reading: of forces alone, say
-        ]
-        taken, now, least = [*taken, *reading], other, left
-    if not taken:
+        good = [item for item in tried if item.score.yielding <= near and item.score.tells_against(least)]
+        near = max(AS_GOOD**2 * good[0].score.yielding, alike) if good else 0.0
+        others = (item for item in tried if item.score.yielding <= near and not item.reading[0].argument)
+        return [*good[:1], *(item._replace(cost=1.0) for item in others if item is not good[0])]
+
+    found = likeliest(begin, first, better, 2.0)
+    if not found.conventions:
         return None
     half = np.unique(loaded.blocks, return_inverse=True)[1] % 2 == 0
     if half.all() or (~half).sum() < FEWEST_IN_BLOCK or half.sum() < FEWEST_IN_BLOCK:
         half = np.arange(len(half)) % 2 == 0
-    written, read = (_left(loaded, item, half) for item in (loaded.wrench, now.wrench))
+    written, read = (_left(loaded, item, half) for item in (loaded.wrench, found.read.wrench))
     judged = loaded.select(~half)
     if not (read.tells_against(written) or read.yielding < judged.by_chance < judged.shown < written.yielding):
         return None
-    return Evidence(
-        tuple(taken), "what loads move", "", float(np.sqrt(first.yielding / size)),
-        float(np.sqrt(least.yielding / size)), 1 - read.yielding / written.yielding, tuple(others),
-    )  # fmt: skip
+    size = float((loaded.free(loaded.moved) ** 2).sum())
+    before, after = (float(np.sqrt(item.yielding / size)) for item in (first, found.score))
+    saved = 1 - read.yielding / written.yielding
+    return Evidence(found.conventions, "what loads move", "", before, after, saved, found.others)
 
 
 def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
@@ -412,24 +403,12 @@ def _suiting(loaded: _Loaded, wrench: Array, levers: Array, place: int | None) -
     return _Suits(place, softness / scale, point, left, trust[:modules])
 
 
-def _of_wrench() -> Iterator[tuple[Convention, ...]]:
-    reaction, others = Convention("wrench", "reaction"), ("tool_frame", "about_base")
-    yield (reaction,)
-    yield from ((Convention("wrench", word),) for word in others)
-    for group in ("force", "moment"):
-        yield from ((Convention(group, word.name),) for word in WORDS if group in word.groups)
-    yield from ((reaction, Convention("wrench", word)) for word in others)  # neither alone comes nearer
-
-
-def _of_wrench_axes() -> Iterator[tuple[Convention, ...]]:
-    yield from ((Convention("wrench", "axes", item),) for item in AXES if item != ("-x", "-y", "-z"))  # a reaction
-
-
-def _of_wrench_point(loaded: _Loaded, wrench: Array) -> Iterator[tuple[Convention, ...]]:
+def _of_wrench_point(loaded: _Loaded, wrench: Array, recording: Recording) -> Iterator[Reading]:
     """Yield that moments are about the point that fits best, in the tool's axes from the tool point [m]."""
     levers = np.zeros((3, *wrench.shape))
     for lever, axis in zip(levers, np.eye(3), strict=True):
         lever[:, 3:] = cross(loaded.tool[:, :3, :3] @ axis, wrench[:, :3])
     if any(loaded.by_module(lever).any() for lever in levers):
         point = _likeliest(loaded, wrench, levers)[1].point
-        yield (Convention("wrench", "about", tuple(float(round(value, 5)) for value in point)),)
+        reading = (Convention("wrench", "about", tuple(float(round(value, 5)) for value in point)),)
+        yield from [reading] if may_be_read(recording, reading) else []

@@ -7,24 +7,22 @@ postures that were held out too. Of positions, whatever components were measured
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise, permutations, product
-from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import PrupPinError
 from ..kinematics import ClosedPose
 from ..mechanism import Mechanism
-from ..recordings import WORDS, Convention, Recording, read_as
-from ..recordings.conventions import AXES, GEARS, POSITION_UNITS, Evidence, exchanged, may_be_read
+from ..recordings import Convention, Recording, read_as
+from ..recordings.conventions import Evidence, is_right_handed, merged
 from ..robot import Robot
 from ..simulation import drawn_for
 from ..spatial import Array, rigid_motion, rotation_exp, turn_between
-from .criteria import AS_GOOD, CONVENTION_FINE, CONVENTION_NEAR, FAR_LESS, ITERATIONS, LEAST_REACH, ROUNDS
-from .quarter_turns import quarter_turns
+from .criteria import AS_GOOD, CONVENTION_FINE, CONVENTION_NEAR, FAR_LESS, ITERATIONS, LEAST_REACH, MOSTLY, ROUNDS
+from .readings import Columns, Found, Reading, Tried, likeliest, readings
 from .thinning import evenly_spaced
 
 #: Postures that are looked at, of robots with loops, which take longer to close, and of others.
@@ -37,7 +35,8 @@ _FEWEST_TOLD = 12
 class _Misfit:
     """Root mean squares of positions [m] and orientations [rad] against the drawing, by posture (n,); NaN: unmeasured.
 
-    near: sensor and target stand nearly as drawn. squares (n, 2). spread (2,): how far the drawn postures are apart.
+    near: sensor and target stand nearly as drawn. squares (n, 2). spread (2,): how far the drawn postures are apart, or
+    measured positions as they are read where these are nearer to each other.
     """
 
     squares: Array
@@ -64,7 +63,7 @@ class _Postures:
         self.frames = list(dict.fromkeys(frames))
         self._places: dict[bytes, dict[str, Array]] = {}
         self._placed: dict[bytes, tuple[list[Array], Array, bool]] = {}
-        self._ways: dict[tuple[tuple[Convention, ...], tuple[bool, bool]], list[tuple[Convention, Recording]]] = {}
+        self._ways: dict[tuple[Reading, tuple[bool, bool]], list[tuple[Reading, Recording]]] = {}
         self.turning = np.array([self.mechanism.joint(name).turns for name in self.mechanism.actuated], bool)
         home = robot.home.base_from_tool if self.mechanism.tool is not None else np.eye(4)
         sizes = [float(np.linalg.norm(home[:3, 3]))]
@@ -159,13 +158,14 @@ class _Postures:
             counts[:, known, 1] += 1
         with np.errstate(invalid="ignore"):
             apart = np.where(counts > 0, squares / counts, np.nan)
-        spread = self.spread(joints)
-        return [_Misfit(own, still, spread) for own, still in zip(apart, stays, strict=True)]
+        drawn = self.spread(joints)
+        spreads = [np.array([min(drawn[0], self._seen_spread(item, places)), drawn[1]]) for item in recordings]
+        return [_Misfit(own, still, spread) for own, still, spread in zip(apart, stays, spreads, strict=True)]
 
-    def least_apart(self, recording: Recording) -> float:
-        """Return how far positions are from drawn ones at least, in any unit, axes and frames [m]."""
-        places, squares, count = self.places(recording), 0.0, 0
-        for name, at in places.items():
+    def least_apart(self, recording: Recording, joints: Recording) -> float:
+        """Return how far positions are from drawn ones at least, in any unit, axes and frames [m]; joints as there."""
+        squares, count = 0.0, 0
+        for name, at in self.places(joints).items():
             seen = recording.markers.get(name) if name else recording.position
             if seen is not None:
                 known = np.isfinite(seen).any(axis=1)
@@ -173,14 +173,14 @@ class _Postures:
                 count += int(known.sum())
         return float(np.sqrt(squares / max(count, 1)))
 
-    def ways(self, taken: tuple[Convention, ...], asked: tuple[bool, bool]) -> list[tuple[Convention, Recording]]:
+    def ways(self, taken: Reading, asked: tuple[bool, bool]) -> list[tuple[Reading, Recording]]:
         """Return other readings of positions and orientations, where asked, beside those taken; joints as written."""
         if (taken, asked) not in self._ways:
             read, ways = read_as(self.recording, taken, self.drawn), []
-            for convention in _of_measured(read, asked):
-                if may_be_read(read, [convention]):
-                    with suppress(PrupPinError):
-                        ways.append((convention, read_as(read, [convention], self.drawn)))
+            groups = [name for name, far in zip(("positions", "orientations"), asked, strict=True) if far]
+            for reading in (each for some in readings(read, Columns(), *groups) for each in some):
+                with suppress(PrupPinError):
+                    ways.append((reading, read_as(read, reading, self.drawn)))
             self._ways[taken, asked] = ways
         return self._ways[taken, asked]
 
@@ -200,6 +200,19 @@ class _Postures:
             ways.append(np.sqrt(((at[:, :3, 3] - at[:, :3, 3].mean(axis=0))[:, told] ** 2).sum(axis=1).mean()))
         turns = [turn_between(_nearest(at[:, :3, :3].sum(axis=0)), at[:, :3, :3]) for at in placed.values()]
         return np.array([max(ways), max(np.sqrt((turn**2).sum(axis=1).mean()) for turn in turns)])
+
+    def _seen_spread(self, recording: Recording, names: Iterable[str]) -> float:
+        """Return how far measured positions are apart as they are read [m]; infinite where none were measured.
+
+        A unit so small that all of them are one point is near to whatever can be one.
+        """
+        found = []
+        for name in names:
+            seen = recording.markers.get(name) if name else recording.position
+            if seen is not None and np.isfinite(seen).any():
+                told = seen[:, np.isfinite(seen).any(axis=0)]
+                found.append(float(np.sqrt(np.nansum((told - np.nanmean(told, axis=0)) ** 2) / len(told))))
+        return max(found, default=np.inf)
 
     def fine(self, misfit: _Misfit) -> np.ndarray:
         """Return whether positions and orientations are as near to the drawing as a convention can tell (2,)."""
@@ -338,28 +351,28 @@ def conventions_of_poses(robot: Robot, recording: Recording, anywhere: bool) -> 
     near, far = (postures.misfit(written, item) for item in (True, False))
     if postures.fine(near).all():
         return None
-    best: _Found | None = None
+    best: Found[_Misfit] | None = None
     elsewhere, anyhow = far, _forward(postures, written, False)
     joints = tuple(item for item in anyhow.conventions if item.group == "q")
     # joints in other units hang on no sensor; where other axes or orders are told, one that stands elsewhere is as good
-    sure = bool(joints and postures.fine(anyhow.misfit).all() and not postures.fine(far).all())
+    sure = bool(joints and postures.fine(anyhow.score).all() and not postures.fine(far).all())
     sure = sure and not anyhow.others and not any(item.argument for item in anyhow.conventions)
     if sure:
-        elsewhere = anyhow.misfit
+        elsewhere = anyhow.score
     for by in (False,) if anywhere else (True, False):
         start, found = near if by else far, anyhow
         if by and sure:
-            found = _of_both(postures, read_as(written, joints, postures.drawn), True)
+            found = _of_measured(postures, read_as(written, joints, postures.drawn), True)
             found = found._replace(conventions=(*found.conventions, *joints))
         elif by:
             found = _forward(postures, written, True)
         found = _with_quarter_turns(postures, written, found, by)
         # what a unit makes small enough is near everything
-        sense = found.misfit.sizes < FAR_LESS * postures.spread(found.read)
-        if not found.conventions or not sense[_most_changed(postures, start, found.misfit)]:
+        sense = found.score.sizes < FAR_LESS * found.score.spread
+        if not found.conventions or not sense[_most_changed(postures, start, found.score)]:
             continue
         # a tracker that stands elsewhere is as good a reason, unless what is read so stands nearly as drawn
-        reached = np.maximum(found.misfit.sizes, postures.floor)
+        reached = np.maximum(found.score.sizes, postures.floor)
         if by and (reached > 1.5 * np.maximum(elsewhere.sizes, postures.floor)).any():
             continue
         best = found
@@ -391,208 +404,106 @@ def _most_changed(postures: _Postures, before: _Misfit, after: _Misfit) -> int:
     return int(np.argmax(np.divide(*sizes)))
 
 
-class _Found(NamedTuple):
-    """Conventions, a recording read by them, its misfit, and other conventions that are as good."""
-
-    conventions: tuple[Convention, ...]
-    read: Recording
-    misfit: _Misfit
-    others: tuple[tuple[Convention, ...], ...]
-
-
-def _forward(postures: _Postures, written: Recording, near: bool) -> _Found:
+def _forward(postures: _Postures, written: Recording, near: bool) -> Found[_Misfit]:
     """Return conventions that each leave far less than before.
 
     Nobody measures in a mirror: joints that were exchanged or turned round, which show the same, are told before.
     """
-    found = _word_by_word(postures, written, near)
+    found = _of_all(postures, written, near)
     if not any(_is_mirror(item) for item in found.conventions):
         return found
-    plain = _word_by_word(postures, written, near, mirrors=False)
-    costs = [postures.cost(each.misfit, len(each.conventions)) for each in (plain, found)]
+    plain = _of_all(postures, written, near, mirrors=False)
+    costs = [postures.cost(each.score, len(each.conventions)) for each in (plain, found)]
     if costs[0] > costs[1] + np.log(AS_GOOD):
         return found
     return plain._replace(others=(*plain.others, found.conventions))
 
 
-def _word_by_word(postures: _Postures, written: Recording, near: bool, mirrors: bool = True) -> _Found:
+def _of_all(postures: _Postures, written: Recording, near: bool, mirrors: bool = True) -> Found[_Misfit]:
     """Return conventions that each leave far less than before, left-handed axes among them or not.
 
     Where the tool is drawn to be hangs on the joints alone, and positions and orientations are each compared with that.
     So joints are read in one way after the other, each beside the readings of both that suit it best: whichever of the
     three are written otherwise together, they are found.
     """
-    joints: tuple[Convention, ...] = ()
-    read, now = written, _of_both(postures, written, near, mirrors)
+    columns = _columns(postures, written)
 
-    def cost(found: _Found, reading: tuple[Convention, ...] = ()) -> float:
-        return postures.cost(found.misfit, len(found.conventions) + len(reading))
+    def cost(found: Found[_Misfit], reading: Reading = ()) -> float:
+        return postures.cost(found.score, len(found.conventions) + len(reading))
 
-    while not postures.fine(now.misfit).all():
-        tried: list[tuple[tuple[Convention, ...], Recording, _Found]] = []
-        for readings in _of_joints(postures.mechanism, read):
-            for reading in readings:
-                if not may_be_read(written, reading):
-                    continue
+    def better(read: Recording, now: Found[_Misfit], taken: Reading) -> list[Tried[Found[_Misfit]]]:
+        tried: list[Tried[Found[_Misfit]]] = []
+        for some in readings(written, columns, "joints"):
+            if any(postures.fine(item.score.score).all() for item in tried) or postures.fine(now.score).all():
+                break  # rarer ways do no better
+            for reading in some:
                 with suppress(PrupPinError):
                     other = read_as(read, reading, postures.drawn)
-                    found = _of_both(postures, other, near, mirrors)
-                    if postures.better(now.misfit, found.misfit) and cost(found) < cost(now):
-                        tried.append((reading, other, found))
-            if any(postures.fine(found.misfit).all() for _, _, found in tried):
-                break  # rarer ways do no better
-        if not tried:
-            break
-        costs = [cost(found, reading) for reading, _, found in tried]
-        best = min(range(len(tried)), key=lambda place: round(costs[place], 2))
-        others = tuple(
-            (*found.conventions, *joints, *reading)
-            for (reading, _, found), each in zip(tried, costs, strict=True)
-            if each < costs[best] + np.log(AS_GOOD) and not _same(found.read, tried[best][2].read)
-        )
-        reading, read, now = tried[best]
-        joints = (*joints, *reading)
-        now = now._replace(others=(*others, *((*other, *joints) for other in now.others)))
-    return now._replace(conventions=(*now.conventions, *joints))
+                    found = _of_measured(postures, other, near, mirrors)
+                    if postures.better(now.score, found.score) and cost(found) < cost(now):
+                        tried.append(Tried(cost(found, reading), reading, other, found, found.conventions))
+        return tried
+
+    joints = likeliest(written, _of_measured(postures, written, near, mirrors), better, float(np.log(AS_GOOD)))
+    seen = joints.score
+    others = (*joints.others, *((*other, *joints.conventions) for other in seen.others))
+    return Found((*seen.conventions, *joints.conventions), seen.read, seen.score, others)
+
+
+def _columns(postures: _Postures, written: Recording) -> Columns:
+    names = [name for name in written.positions if name in postures.mechanism.actuated]
+    return Columns.of(postures.mechanism, written, names)
 
 
 def _is_mirror(convention: Convention) -> bool:
     """Return whether positions or orientations are told in left-handed axes."""
-    if convention.word != "axes" or convention.group not in ("p", "r"):
-        return False
-    return _handedness([str(axis) for axis in convention.argument]) < 0
+    of_axes = convention.word == "axes" and convention.group in ("p", "r")
+    return of_axes and not is_right_handed([str(axis) for axis in convention.argument])
 
 
-def _of_both(postures: _Postures, written: Recording, near: bool, mirrors: bool = True) -> _Found:
+def _of_measured(postures: _Postures, joints: Recording, near: bool, mirrors: bool = True) -> Found[_Misfit]:
     """Return readings of positions and orientations that each leave far less than before; the joints as they are."""
-    taken: tuple[Convention, ...] = ()
-    read, now = written, postures.misfit(written, near)
-    others: list[tuple[Convention, ...]] = []
-    while True:
+
+    def better(read: Recording, now: _Misfit, taken: Reading) -> list[Tried[_Misfit]]:
         far = ~postures.fine(now)
         if far[0]:
-            far[0] = postures.least_apart(read) < FAR_LESS * now.sizes[0]
-        ways = postures.ways(taken, (bool(far[0]), bool(far[1])))
-        ways = ways if mirrors else [way for way in ways if not _is_mirror(way[0])]
-        misfits = postures.misfits([other for _, other in ways], near, joints=read)
-        tried = [
-            (postures.cost(misfit), convention, other, misfit)
-            for (convention, other), misfit in zip(ways, misfits, strict=True)
+            far[0] = postures.least_apart(read, joints) < FAR_LESS * now.sizes[0]
+        ways = [way for way in postures.ways(taken, (bool(far[0]), bool(far[1]))) if mirrors or not _is_mirror(*way[0])]
+        misfits = postures.misfits([other for _, other in ways], near, joints=joints)
+        return [
+            Tried(postures.cost(misfit), reading, other, misfit)
+            for (reading, other), misfit in zip(ways, misfits, strict=True)
             if postures.better(now, misfit)
         ]
-        if not tried:
-            return _Found(taken, read, now, tuple(others))
-        cost, convention, best, now = min(tried, key=lambda item: round(item[0], 2))
-        others = [(*taken, item[1]) for item in tried if item[0] < cost + np.log(AS_GOOD) and not _same(item[2], best)]
-        taken = (*taken, convention)
-        read = read_as(read, [convention], postures.drawn)
+
+    found = likeliest(joints, postures.misfit(joints, near), better, float(np.log(AS_GOOD)))
+    return found._replace(read=read_as(joints, found.conventions, postures.drawn))
 
 
-def _same(one: Recording, other: Recording) -> bool:
-    """Return whether two readings are one: that of an axis along which nothing was measured, say."""
-    return all(
-        np.array_equal(values, others, equal_nan=True)
-        for values, others in zip(_read_values(one), _read_values(other), strict=True)
-    )
-
-
-def _read_values(recording: Recording) -> list[Array]:
-    given = (recording.position, recording.rotation, *recording.markers.values(), *recording.marker_rotations.values())
-    return [*recording.positions.values(), *(values for values in given if values is not None)]
-
-
-def _with_quarter_turns(postures: _Postures, written: Recording, found: _Found, near: bool) -> _Found:
+def _with_quarter_turns(postures: _Postures, written: Recording, found: Found[_Misfit], near: bool) -> Found[_Misfit]:
     """Return what was found, or joints that count from elsewhere in its place, where they leave far less.
 
     What is so near to the drawing counts from where that does.
     """
-    spread = FAR_LESS * postures.spread(found.read)
-    if (found.misfit.sizes <= spread).all():
+    if (found.score.sizes <= FAR_LESS * found.score.spread).all():
         return found
     measured = tuple(item for item in found.conventions if item.group != "q")
+    begin = read_as(written, measured, postures.drawn)
+    few, columns = begin.select(evenly_spaced(len(written), _POSTURES)), _columns(postures, written)
 
-    def seen(reading: Sequence[Convention], log: Recording = written) -> tuple[Recording, _Misfit]:
-        other = read_as(log, (*measured, *reading), postures.drawn)
-        return other, postures.misfit(other, near)
+    def better(read: Recording, now: _Misfit, taken: Reading) -> list[Tried[_Misfit]]:
+        tried = []
+        for reading in (each for some in readings(written, columns, "zeros") for each in some):
+            other = read_as(read, reading, postures.drawn)
+            misfit = postures.misfit(other, near)
+            cost = postures.cost(misfit) - len(reading) * float(np.log(MOSTLY))
+            if cost < postures.cost(now):
+                tried.append(Tried(cost, reading, other, misfit))
+        return tried
 
-    names = [name for name in written.positions if name in postures.mechanism.actuated]
-    names = [name for name in names if may_be_read(written, [Convention(f"q.{name}", "reversed")])]
-    few = written.select(evenly_spaced(len(written), _POSTURES))
-    turns = quarter_turns(postures.mechanism, names, lambda item: float(np.exp(postures.cost(seen(item, few)[1]))))
-    read, misfit = seen(turns)
-    if not postures.better(found.misfit, misfit):
+    turns = likeliest(few, postures.misfit(few, near), better, 0.0).conventions
+    read = read_as(begin, turns, postures.drawn)
+    misfit = postures.misfit(read, near)
+    if not postures.better(found.score, misfit):
         return found
-    return _Found((*measured, *turns), read, misfit, ())
-
-
-def _of_measured(recording: Recording, asked: Sequence[bool]) -> Iterator[Convention]:
-    """Yield how positions and orientations, each if asked for, may be written, the commonest first."""
-    if asked[0] and (recording.position is not None or recording.markers):
-        for word in WORDS:
-            if "p" in word.groups and not word.takes and word.name != "reversed":
-                yield Convention("p", word.name)
-        yield from (Convention("p", "axes", item) for item in AXES)
-    if asked[1] and (recording.rotation is not None or recording.marker_rotations):
-        for word in WORDS:
-            if "r" in word.groups and not word.takes:
-                yield Convention("r", word.name)
-        for item in AXES:
-            yield Convention("r", "axes", item)
-            if _handedness(item) > 0:
-                yield Convention("r", "base_axes", item)
-                yield Convention("r", "tool_axes", item)
-
-
-def _handedness(axes: Sequence[str]) -> int:
-    """Return 1 where axes are right-handed, else -1."""
-    even = "".join(text[-1] for text in axes) in ("xyz", "yzx", "zxy")
-    return (1 if even else -1) * (-1) ** sum(text[0] == "-" for text in axes)
-
-
-def _of_joints(mechanism: Mechanism, recording: Recording) -> Iterator[Iterator[tuple[Convention, ...]]]:
-    """Yield how positions of joints may be written: all of them alike; each by itself; motors."""
-    names = [name for name in recording.positions if name in mechanism.actuated]
-    slides = {name: mechanism.joint(name).slides for name in names}
-    yield _of_all_joints(set(slides.values()))
-    yield _of_each_joint(slides, list(recording.positions) == names, not mechanism.loops)
-    most = max(float(np.nanmax(np.abs(recording.positions[name]))) for name in names)
-    if not mechanism.loops and most > 2 * np.pi:
-        yield ((Convention("q", "gear", (ratio,)),) for ratio in GEARS)
-
-
-def _of_all_joints(kinds: set[bool]) -> Iterator[tuple[Convention, ...]]:
-    """Yield signs and units of all joints that slide (True) and that turn."""
-    yield (Convention("q", "reversed"),)
-    units = [
-        [Convention("q", word.name) for word in POSITION_UNITS if word.slide == kind]
-        for kind in sorted(kinds, reverse=True)
-    ]
-    yield from ((unit,) for kind in units for unit in kind)
-    if len(units) > 1:
-        yield from product(*units)  # neither alone closes a loop
-
-
-def _of_each_joint(slides: dict[str, bool], ordered: bool, tree: bool) -> Iterator[tuple[Convention, ...]]:
-    """Yield signs and units of single joints, which slide or turn, orders of all, and neighbours of a tree coupled."""
-    names = list(slides)
-    for name in names if len(names) > 1 else ():
-        yield (Convention(f"q.{name}", "reversed"),)
-        yield from ((Convention(f"q.{name}", word.name),) for word in POSITION_UNITS if word.slide == slides[name])
-    if ordered and len(names) > 1:
-        yield from ((Convention("q", "order", order),) for order in _orders(names))
-    for before, after in pairwise(names) if tree else ():
-        if slides[before] == slides[after]:
-            for own, other in ((after, before), (before, after)):
-                yield (Convention(f"q.{own}", "plus", (other,)),)
-                yield (Convention(f"q.{own}", "minus", (other,)),)
-
-
-def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """Yield orders of columns: the opposite one, others round, any two exchanged; of few columns every one."""
-    if len(names) < 4:
-        yield from list(permutations(names))[1:]
-        return
-    yield tuple(reversed(names))
-    for places in range(1, len(names)):
-        yield (*names[places:], *names[:places])
-    yield from exchanged(names)
+    return Found((*measured, *merged(turns, columns.q, ())), read, misfit)

@@ -7,9 +7,9 @@ A convention is a group of columns, a word and what the word takes: `wrench=reac
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations, product
+from itertools import permutations, product
 from typing import Any
 
 import numpy as np
@@ -536,24 +536,47 @@ class Evidence:
     others: tuple[tuple[Convention, ...], ...] = ()
 
 
-def exchanged(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """Yield orders of columns with any two of them exchanged."""
-    for a, b in combinations(range(len(names)), 2):
-        other = list(names)
-        other[a], other[b] = other[b], other[a]
-        yield tuple(other)
+def is_right_handed(axes: Sequence[str]) -> bool:
+    """Return whether axes such as 'y', '-x', 'z' are right-handed."""
+    return bool(np.linalg.det(_axes(tuple(axes))) > 0)
 
 
 def merged(conventions: Sequence[Convention], q: Sequence[str], tau: Sequence[str]) -> tuple[Convention, ...]:
-    """Return the same conventions, with several orders of the same columns made one; the joints with columns q, tau."""
+    """Return the same conventions, with several of the same columns made one where they are orders, or say which way
+    and from where a joint counts; the joints with columns q, tau."""
     tables = {"q": q, "tau": tau}
-    out: list[Convention] = []
+    out: dict[object, list[Convention]] = {}
     for convention in conventions:
-        first = next((item for item in out if item.word == "order" and item.columns == convention.columns), None)
-        if convention.word != "order" or first is None:
-            out.append(convention)
-            continue
-        # the columns are read by the first, then by this one
-        step = dict(zip(tables[convention.columns], map(str, convention.argument), strict=True))
-        out[out.index(first)] = replace(first, argument=tuple(step[str(name)] for name in first.argument))
-    return tuple(item for item in out if item.word != "order" or item.argument != tuple(tables[item.columns]))
+        kind = "order" if convention.word == "order" else "way" if convention.word in _WAYS else convention
+        out.setdefault((convention.columns, kind), []).append(convention)
+    found: list[Convention] = []
+    for each in out.values():
+        columns, table = each[0].columns, tables.get(each[0].group, ())
+        if len(each) == 1:
+            found += each
+        elif each[0].word == "order":
+            order = tuple(map(str, each[0].argument))
+            for item in each[1:]:  # the columns are read by the first, then by this one
+                step = dict(zip(table, map(str, item.argument), strict=True))
+                order = tuple(step[name] for name in order)
+            found.append(Convention(columns, "order", order))
+        else:
+            found += _one_way(each)
+    return tuple(item for item in found if item.word != "order" or item.argument != tuple(tables[item.columns]))
+
+
+#: Words for which way a joint counts, and from where.
+_WAYS = ("reversed", "quarter_turns")
+
+
+def _one_way(several: Sequence[Convention]) -> list[Convention]:
+    """Return which way one joint counts, and from where, of such conventions one after the other."""
+    sign, turns = 1, 0.0
+    for item in several:
+        if item.word == "reversed":
+            sign, turns = -sign, -turns
+        else:
+            turns += float(item.argument[0])
+    columns = several[0].columns
+    out = [Convention(columns, "reversed")] if sign < 0 else []
+    return [*out, Convention(columns, "quarter_turns", (turns % 4,))] if turns % 4 else out

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from prup_pin import build, load
-from prup_pin.diagnosis import conventions, diagnose, load_conventions, pose_conventions
+from prup_pin.diagnosis import conventions, diagnose, load_conventions
 from prup_pin.diagnosis.conventions import read_logs
 from prup_pin.diagnosis.load_conventions import conventions_of_loads
+from prup_pin.diagnosis.readings import Columns, readings
 from prup_pin.errors import InputError
 from prup_pin.recordings import Convention, Noise, Recording, joints_of, read_recording
 from prup_pin.recordings.conventions import Drawn, Evidence, convention_of, may_be_read, written_as
@@ -247,8 +248,9 @@ def test_loads_tell_a_mirrored_tracker_from_exchanged_legs(tmp_path):
 
 def test_a_platform_of_slides_and_hinges_in_mm_and_degrees_is_told_by_both_units():
     """Neither unit alone closes a loop."""
-    kinds = {True, False}
-    assert (Convention("q", "mm"), Convention("q", "deg")) in set(pose_conventions._of_all_joints(kinds))
+    columns = Columns(q=("slide", "hinge"), slides=frozenset(["slide"]))
+    both = next(readings(Recording(time=np.arange(2.0)), columns, "joints"))
+    assert (Convention("q", "mm"), Convention("q", "deg")) in both
 
 
 def test_the_point_of_a_sensor_is_found(robot, bench, tmp_path):
@@ -276,6 +278,14 @@ def test_two_readings_that_are_as_good_are_refused_with_both(robot, bench, monke
     told = str(caught.value)
     assert "--convention q.leg1_slide=reversed or --convention q.leg2_slide=reversed" in told
     assert "200 mm apart as it is written, and 1 mm as it is read" in told
+
+
+def test_loads_are_asked_once_of_each_reading(robot, bench, tmp_path, monkeypatch):
+    """They were asked once more of the reading that they had chosen."""
+    asked = []
+    monkeypatch.setattr(conventions, "_of_loads", lambda _, log: asked.append(log))
+    read_logs(robot, rewritten(bench, tmp_path, "positions in mm"))
+    assert len(asked) == 1
 
 
 def test_recordings_that_are_written_alike_are_told_once(robot, bench, tmp_path):

@@ -19,9 +19,9 @@ from ..thinning import evenly_spaced
 _SAMPLES = 600
 
 
-def sampled(at: InMotion) -> tuple[np.ndarray, Motion, Array]:
+def sampled(at: InMotion, most: int = _SAMPLES) -> tuple[np.ndarray, Motion, Array]:
     """Return the places (n,) of some samples of a motion, the motion there, and its efforts (n, k) in their band."""
-    rows = evenly_spaced(len(at), _SAMPLES)
+    rows = evenly_spaced(len(at), most)
     return rows, at.motion.select(rows), at.motion.band(at.motion.efforts, at.motion.piece)[rows]
 
 
@@ -69,16 +69,6 @@ def in_another_unit(gain: float) -> bool:
     return bool(abs(np.log(abs(gain))) >= np.log(NEARLY))
 
 
-def left_at_any_gain(motion: Motion, efforts: Array, rigid: Array) -> float:
-    """Return what is left where each joint's effort may be any multiple above 0 of the rigid robot's: a share."""
-    shares = [
-        1 - max(product, 0.0) ** 2 / max(measured * predicted, np.finfo(float).tiny)
-        for _, measured, predicted, product in _products_without_friction(motion, efforts, rigid)
-        if measured > 0
-    ]
-    return float(np.mean(shares)) if shares else 1.0
-
-
 def _products_without_friction(
     motion: Motion, efforts: Array, rigid: Array
 ) -> Iterator[tuple[str, float, float, float]]:
@@ -86,15 +76,6 @@ def _products_without_friction(
     for column, name in enumerate(motion.driven):
         own = _without_friction(motion, name, np.column_stack((efforts[:, column], rigid[:, column])))
         yield name, float(own[:, 0] @ own[:, 0]), float(own[:, 1] @ own[:, 1]), float(own[:, 0] @ own[:, 1])
-
-
-def common_coefficients(motion: Motion, efforts: Array, rigid: Array, columns: Array) -> Array:
-    """Return the coefficients (c,) of columns (n, k, c) that fit best what rigid efforts leave of those (n, k).
-
-    They are those of all joints, each of which counts by the size of its efforts; friction is free.
-    """
-    table, missed = stacked(motion, efforts, range(len(motion.driven)), columns, efforts - rigid)
-    return np.asarray(np.linalg.lstsq(table, missed, rcond=1e-8)[0], float)
 
 
 def stacked(motion: Motion, efforts: Array, which: Sequence[int], columns: Array, missed: Array) -> tuple[Array, Array]:

@@ -9,6 +9,7 @@ real robots are off by tens of per cent, and a rigid robot as drawn tells nothin
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
@@ -18,9 +19,11 @@ from ...dynamics import InMotion, Motion
 from ...errors import InputError
 from ...laws.efforts.effort_law import motor_pairs
 from ...spatial import Array
-from ..criteria import AS_GOOD, FEW_ROUNDS, LITTLE, MUCH, ROUNDING, UNSEEN
+from ..criteria import AS_GOOD, FEW_ROUNDS, LITTLE, NO_MATTER, ROUNDING
 from .gains import drawn_bodies
 
+#: By how much, in nats, a log must be likelier as it is read otherwise.
+SURELY = 25.0
 #: Samples of each joint that count, of all that are looked at: what a model of a real robot leaves is no white noise.
 _COUNTED = 60.0
 
@@ -29,19 +32,12 @@ _COUNTED = 60.0
 class Unlikely:
     """Minus the logarithm of the likelihood of efforts, less a constant; shares (k,) of each joint's squares left.
 
-    strain: squares of what bodies and offsets are off by, in spreads; beyond: how many joints go where they cannot.
+    surely: whether no other way to read them could be surely likelier.
     """
 
     nats: float
     shares: Array
-    strain: float = np.inf
-    beyond: int = 0
-
-    @property
-    def explains(self) -> bool:
-        """Whether hardly anything is left of any joint by bodies that are hardly off."""
-        little = np.nanmax(self.shares, initial=0.0) <= LITTLE**2
-        return bool(little and self.strain <= MUCH * len(self.shares) and not self.beyond)
+    surely: bool = False
 
     @property
     def left(self) -> float:
@@ -60,6 +56,15 @@ class _Columns:
     taking: Array  # what cannot be negative
 
 
+class _Fitted(NamedTuple):
+    """How unlikely each effort is (k,) and bodies are beside it, in nats: by what they are off, and by how many others
+    they might have been; left (k,): shares of squares."""
+
+    nats: Array
+    bodies: float
+    left: Array
+
+
 class EffortLikelihood:
     """The model of a robot by which motions and efforts are judged; `count`: as many samples tell their band."""
 
@@ -71,20 +76,11 @@ class EffortLikelihood:
         self._pairs = sorted({tuple(sorted(pair)) for pair in motor_pairs(at.mechanism) if {*pair} <= {*at.driven}})
         self._last: tuple[bytes, _Columns] = b"", _Columns(*(np.zeros(0),) * 4)
 
-    def __call__(
-        self,
-        motion: Motion,
-        efforts: Array,
-        noise: Array,
-        *,
-        drawn: bool = True,
-        pulled: Array | None = None,
-    ) -> Unlikely:
-        """Return how unlikely efforts (n, k) with a noise (k,) of a sample are in a motion; without end where loops
-        do not close.
+    def __call__(self, motion: Motion, efforts: Array, noise: Array, made_of: Array) -> Unlikely:
+        """Return how unlikely efforts (n, k) are in a motion; without end where loops do not close.
 
-        drawn: else bodies weigh nothing, which says that the drawing tells nothing of the log; pulled (n, k, c): what
-        else may act, by any coefficients.
+        noise (j,): of a sample of each effort that was written; made_of (j, k): which of them add up to those that are
+        read.
         """
         try:
             columns = self._columns(motion)
@@ -99,24 +95,45 @@ class EffortLikelihood:
             own = part * scale[:, None]
             return np.asarray(own / np.maximum(np.linalg.norm(own, axis=(0, 1)), np.finfo(float).tiny))
 
-        known = columns.bodies[..., : columns.bodies.shape[2] if drawn else 0] * scale[:, None]
+        floor = NO_MATTER**2 + (noise**2 @ made_of**2) * scale**2 * len(efforts)
         # an offset is known to be small beside what a drive gives, all else may be anything
-        more = [LITTLE * alike(columns.offsets), *([] if pulled is None else [alike(pulled)])]
-        taking = alike(columns.taking)
-        whole = np.concatenate((known, *more, taking), axis=2)
-        prior = np.where(np.arange(whole.shape[2]) < known.shape[2] + more[0].shape[2], 1.0, ROUNDING)
-        target = (efforts - (columns.drawn if drawn else 0.0)) * scale
-        left, strain = self._least(whole, target, prior, taking.shape[2])
-        floor = UNSEEN**2 + (np.broadcast_to(noise, size.shape) * scale) ** 2 * len(efforts)
-        shares = np.where(seen, left, np.nan)
-        nats = 0.5 * self.count * float(np.log(np.maximum(left, floor)[seen]).sum()) + 0.5 * strain
-        beyond = self._beyond(motion)
-        # each as much as all of its samples
-        return Unlikely(nats + beyond * self.count, np.minimum(shares, 100.0), strain, beyond)
+        bodies, offsets, taking = (
+            columns.bodies * scale[:, None],
+            LITTLE * alike(columns.offsets),
+            alike(columns.taking),
+        )
+        as_drawn, own = (efforts - columns.drawn) * scale, efforts * scale
+        still, drawn = (self._fitted(bodies[..., :0], offsets, taking, each, floor) for each in (own, as_drawn))
+        near = self._fitted(bodies, offsets, taking, as_drawn, floor)
+        # noise of positions may make more of a light joint's body than all that it gives
+        costs = [float(np.minimum(fit.nats, still.nats)[seen].sum()) + fit.bodies for fit in (drawn, near)]
+        fit, more = (drawn, near)[int(np.argmin(costs))], min(costs)
+        left = np.where(fit.nats < still.nats, fit.left, still.left)
+        more += self._beyond(motion) * self.count  # each as much as all of its samples
+        # in the units and sums in which they were written: a larger effort that is added to a noisy one leaves no less
+        made = made_of[(made_of[:, seen] != 0).any(axis=1)]
+        written = np.log(size[seen]).sum() - 0.5 * np.linalg.slogdet(made @ made.T)[1]
+        nats = self.count * float(0.5 * np.log(floor[seen]).sum() + written) + more
+        return Unlikely(nats, np.minimum(np.where(seen, left, np.nan), 100.0), more < SURELY)
 
-    def _least(self, columns: Array, target: Array, prior: Array, bounded: int) -> tuple[Array, float]:
+    def _fitted(self, bodies: Array, offsets: Array, taking: Array, target: Array, floor: Array) -> _Fitted:
+        """Return what bodies (n, k, p) about the drawing, offsets (n, k, k) and what takes energy (n, k, m) leave.
+
+        target (n, k): what they are to make up for; floor (k,): squares below which what is left speaks for nothing.
+        """
+        columns = np.concatenate((bodies, offsets, taking), axis=2)
+        count, bounded = bodies.shape[2], taking.shape[2]
+        prior = np.repeat([1.0, ROUNDING], [columns.shape[2] - bounded, bounded])
+        left, x, matrix = self._least(columns, target, prior, bounded)
+        nats = 0.5 * self.count * np.log(np.maximum(left / floor, 1.0)) + 0.5 * x[count : count + len(left)] ** 2
+        freedom = float(np.linalg.slogdet(matrix[:count, :count])[1]) if count else 0.0
+        return _Fitted(nats, 0.5 * float((x[:count] ** 2).sum()) + 0.5 * freedom, left)
+
+    def _least(self, columns: Array, target: Array, prior: Array, bounded: int) -> tuple[Array, Array, Array]:
         """Return the squares (k,) that are left of targets (n, k) by the likeliest coefficients of columns (n, k, p),
-        the last ones of which are not negative, and the squares of those with a prior (p,) of inverse variances.
+        these (p,), and what they are known by, an inverse covariance (p, p).
+
+        The last ones are not negative; prior (p,): inverse variances.
         """
         by_joint = np.ascontiguousarray(columns.transpose(1, 0, 2))  # (k, n, p)
         gram, moment = by_joint.mT @ by_joint, (by_joint.mT @ target.T[..., None])[..., 0]
@@ -124,10 +141,10 @@ class EffortLikelihood:
         weight = np.full(len(power), self.count / LITTLE)
         free = len(prior) - bounded
         for _ in range(FEW_ROUNDS):
-            matrix, right = np.diag(prior) + np.tensordot(weight, gram, 1), weight @ moment
-            unit = 1 / np.sqrt(np.diag(matrix))
-            matrix = matrix * unit[:, None] * unit + ROUNDING * len(unit) * np.eye(len(unit))
-            right = right * unit
+            told = np.diag(prior) + np.tensordot(weight, gram, 1)
+            unit = 1 / np.sqrt(np.diag(told))
+            matrix = told * unit[:, None] * unit + ROUNDING * len(unit) * np.eye(len(unit))
+            right = (weight @ moment) * unit
             inner = cho_factor(matrix[:free, :free])
             across = cho_solve(inner, matrix[:free, free:])
             root = cholesky(matrix[free:, free:] - matrix[free:, :free] @ across, lower=True)
@@ -135,7 +152,7 @@ class EffortLikelihood:
             x = unit * np.append(cho_solve(inner, right[:free] - matrix[:free, free:] @ taken), taken)
             left = np.maximum(power - 2 * moment @ x + (gram @ x) @ x, 0.0)
             weight = self.count / np.maximum(left, LITTLE**2)
-        return left, float(prior @ x**2)
+        return left, x, told
 
     def _beyond(self, motion: Motion) -> int:
         """Return how many joints travel farther or faster than they can, by far."""
@@ -164,7 +181,8 @@ class EffortLikelihood:
         n, k = every.shape[:2]
         first = [at.mechanism.joint(name).first_v for name in names]
         speed, acceleration = trajectory.v[:, first], trajectory.a[:, first]
-        slow = np.array([at.slow(name) for name in names])
+        own = dict(zip(motion.names, motion.slow, strict=True))
+        slow = np.array([own[name] if name in own else at.slow(name) for name in names])
         taking = []
 
         def beside(ways: Array, least: float) -> None:
