@@ -57,8 +57,13 @@ def conventions_of_efforts(mechanism: Mechanism, recording: Recording) -> Eviden
     """Return other ways in which a log of efforts seems to be written; None where none makes it far likelier.
 
     Where the clock seems to count in another unit, all else is looked for by either clock: in degrees and
-    milliseconds together, neither alone makes sense. Raises InputError where the motion cannot be told at all.
+    milliseconds together, neither alone makes sense. Efforts that never change tell nothing of how they are written.
+    Raises InputError where the motion cannot be told at all.
     """
+    if all(
+        np.ptp(values[np.isfinite(values)]) == 0 for values in recording.efforts.values() if np.isfinite(values).any()
+    ):
+        return None
     clock, plain = _clock(mechanism, recording), EffortReadings.of(mechanism, recording)
     if clock is None:
         return plain.evidence()
