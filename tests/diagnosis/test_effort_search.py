@@ -23,7 +23,7 @@ from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.laws import Place
 from prup_pin.laws.efforts.joint_coupling import SpringAcross
 from prup_pin.laws.efforts.viscous_friction import Damping
-from prup_pin.recordings import Recording
+from prup_pin.recordings import Convention, Recording
 from prup_pin.simulation import simulate
 from tests.diagnosis.test_efforts import AXIS, axis, device
 
@@ -314,7 +314,8 @@ def test_two_joints_that_carry_the_arm_tell_the_unit_of_all_its_efforts():
 
 @pytest.mark.parametrize("times", [1, 3])
 def test_a_robot_much_heavier_than_its_drawing_may_be_a_log_in_another_unit(times):
-    """Masses of all links that are three times as large are said to be what a unit looks like."""
-    told = [text for text in diagnose(load("ur5"), scaled(one_way(2)[1], times)).remarks if "as heavy as" in text]
+    """Masses of all links that are three times as large are said to be what a unit looks like, where none is asked."""
+    log = replace(scaled(one_way(2)[1], times), conventions=(Convention("tau", "as_written"),))
+    told = [text for text in diagnose(load("ur5"), log).remarks if "as heavy as" in text]
     assert len(told) == (times == 3)
     assert all("2.8 times" in text and '"effort_gain": 1' in text for text in told)

@@ -271,8 +271,12 @@ class EffortReadings:
         return _moved(self.motion, recording, np.arange(count)), efforts[:count], efforts[count:]
 
     def unlikely(self, recording: Recording) -> Unlikely:
-        """Return how unlikely the log is as a recording of it has it."""
+        """Return how unlikely the log is as a recording of it has it, in whatever units where any are declared."""
         motion, efforts, made_of = self._read(recording)
+        if "effort_gain" in self._tolerances:
+            gains = self._gains(recording)
+            sizes = np.array([abs(gains.get(name, 1.0)) for name in motion.driven])
+            efforts, made_of = efforts / sizes, made_of / sizes
         return self._likelihood(motion, efforts, self._noise, made_of)
 
     @cached_property
