@@ -64,15 +64,15 @@ def test_which_way_a_drive_counts_is_told_in_whatever_unit(bar, gain):
     recording = swung(bar, friction=0.2, damping=0.15, shaken=2.5)
     found = conventions_of_efforts(bar.mechanism, scaled(recording, gain))
     told = [str(item) for item in found.conventions] if found else []
-    assert told == (["tau.hinge=reversed"] if gain < 0 else [])
+    assert told == (["tau=reversed"] if gain < 0 else [])
 
 
 def test_a_bar_that_is_its_own_mirror_image_is_read_either_way(bar):
     """Its effort or its position turned round is the same bar from behind: both were refused as two readings."""
     logs = read_logs(bar, scaled(swung(bar), -5.0))
     (finding,) = logs.findings()
-    assert [str(item) for item in finding.conventions] == ["tau.hinge=reversed"]
-    assert finding.alternatives == ("q.hinge=reversed",)
+    assert [str(item) for item in finding.conventions] == ["tau=reversed"]
+    assert finding.alternatives == ("q=reversed",)
 
 
 def test_the_unit_of_a_lone_drive_is_told_by_a_short_motion(bar):
