@@ -273,7 +273,7 @@ class EffortReadings:
     def unlikely(self, recording: Recording) -> Unlikely:
         """Return how unlikely the log is as a recording of it has it, in whatever units where any are declared."""
         motion, efforts, made_of = self._read(recording)
-        if "effort_gain" in self._tolerances:
+        if self.recording.tolerances.effort_gain is not None:
             gains = self._gains(recording)
             sizes = np.array([abs(gains.get(name, 1.0)) for name in motion.driven])
             efforts, made_of = efforts / sizes, made_of / sizes
