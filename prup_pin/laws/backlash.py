@@ -18,6 +18,13 @@ from .law import ASPECTS, Law, Place
 from .modules_at import turns, yielding
 from .setup import Setup
 
+_GAP = Quantity("half_gap", "m", "play to each side of the middle", 2e-5, upper=5e-3)
+
+
+def gap_of(slides: bool) -> Quantity:
+    """Return the half gap of a slide's play, or of a hinge's."""
+    return _GAP if slides else replace(_GAP, unit="rad", default=1e-3, upper=0.2)
+
 
 class Backlash(Law):
     """Play that is taken up by the load: e = half_gap tanh(F / F_0) along the load, on top of the elastic part.
@@ -33,7 +40,7 @@ class Backlash(Law):
     remedy = "take out the play at {place}: check its preload first, then bearings and guides for wear"
     likely = ("ball_nut", "preloaded_ball_nut")
     quantities = (
-        Quantity("half_gap", "m", "play to each side of the middle", 2e-5, upper=5e-3),
+        _GAP,
         Quantity("closing_load", "N", "load at which three quarters of the gap are closed", 1.0, lower=0.02, upper=1e6),
     )
 
@@ -48,7 +55,7 @@ class Backlash(Law):
         if not turns(mechanism, place):
             return self.quantities
         return (
-            Quantity("half_gap", "rad", "play to each side of the middle", 1e-3, upper=0.2),
+            gap_of(slides=False),
             Quantity(
                 "closing_load",
                 "N m",

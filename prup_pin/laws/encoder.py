@@ -11,7 +11,7 @@ from ..numbers import number, quantity
 from ..parameters import Quantity
 from .deeds import Deed, Travel
 from .law import Law, Place
-from .modules_at import actuator_places, drive_of
+from .modules_at import actuator_places, actuator_slides, drive_of
 from .setup import Setup
 
 _OFFSET = Quantity("offset", "m", "true position less the reported one", 1e-4, lower=-0.1, upper=0.1)
@@ -37,7 +37,7 @@ class EncoderOffset(Law):
         return [Place(name) for name in actuator_places(mechanism)]
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return (offset_of(_slides(place, mechanism)),)
+        return (offset_of(actuator_slides(place.name, mechanism)),)
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return drive_of(place.name, mechanism)
@@ -46,17 +46,13 @@ class EncoderOffset(Law):
         yield Travel(actuator_places(setup.mechanism)[place.name], values["offset"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = "m" if _slides(place, mechanism) else "rad"
+        unit = "m" if actuator_slides(place.name, mechanism) else "rad"
         return f"the encoder at {place} {misread(values['offset'], unit)}"
 
 
 def misread(offset: float, unit: str) -> str:
     """Return 'reads 2 mm too little' of an encoder whose joint stands so much beyond what it reports."""
     return f"reads {quantity(abs(offset), unit)} too {'little' if offset > 0 else 'much'}"
-
-
-def _slides(place: Place, mechanism: Mechanism) -> bool:
-    return mechanism.joint(mechanism.actuated[actuator_places(mechanism)[place.name]]).slides
 
 
 class EncoderDelay(Law):

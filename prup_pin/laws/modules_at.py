@@ -159,6 +159,11 @@ def actuator_places(mechanism: Mechanism) -> dict[str, int]:
     return found
 
 
+def actuator_slides(place: str, mechanism: Mechanism) -> bool:
+    """Return True where the actuator whose encoder stands at a place moves a slide."""
+    return mechanism.joint(mechanism.actuated[actuator_places(mechanism)[place]]).slides
+
+
 def screws(mechanism: Mechanism) -> dict[str, tuple[int, float]]:
     """Return actuated screws by name: their actuator's column and lead [m] (nan where no module tells it)."""
     found: dict[str, tuple[int, float]] = {}

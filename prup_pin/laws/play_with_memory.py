@@ -12,13 +12,12 @@ from ..mechanism import Mechanism
 from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import Array
-from .backlash import Backlash
+from .backlash import Backlash, gap_of
 from .deeds import Deed, Felt, RememberedStrain, Travel
 from .law import Law, Place
-from .modules_at import actuator_places, drive_of, turns, yielding
+from .modules_at import actuator_places, actuator_slides, drive_of, turns, yielding
 from .setup import Setup
 
-_GAP = "play to each side of the middle"
 _BEGUN = Quantity("begun", "1", "where in the gap a run begins, -1 and 1 its ends", 0.5, False, lower=-1.0, upper=1.0)
 
 
@@ -66,12 +65,9 @@ class HeldBacklash(Law):
         return gap, holding, replace(closing, default=_CLOSES * holds, lower=least, upper=felt.load), begun
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
-        gap, holding, closing, begun = (each.name for each in self.quantities)
-        drawn = {each.name: float(each.default) for each in self.quantities_at(place, mechanism)}  # type: ignore[arg-type]
-        return [
-            {gap: drawn[gap], holding: times * drawn[holding], closing: times * drawn[closing], begun: 0.0}
-            for times in _TIMES
-        ]
+        (start,) = super().starts(place, mechanism)
+        loads = {name: start[name] for name in ("holding_load", "closing_load")}
+        return [{**start, **{name: times * load for name, load in loads.items()}, "begun": 0.0} for times in _TIMES]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         play = HeldGap(values["half_gap"], values["holding_load"], values["closing_load"], values["begun"])
@@ -95,7 +91,7 @@ class HeldGap:
     begun: float
 
     def __call__(self, load: Array, time: Array, runs: np.ndarray, before: tuple | None) -> tuple[Array, tuple | None]:
-        low, high = self._ends(load[:, 0])
+        low, high = (self.half_gap * end for end in self._ends(load[:, 0]))
         held, run, at = np.zeros_like(load), None, 0.0
         if before is not None:
             run, at = before
@@ -109,16 +105,14 @@ class HeldGap:
     def strain(self, load: Array, held: Array) -> tuple[Array, Array]:
         """Return where the load takes the part (n, 1), and by how much more a larger one does (n, 1, 1)."""
         low, high = self._ends(load)
-        at = np.clip(held, low, high)
-        slope = np.where(held < low, low, np.where(held > high, high, np.inf)) / (self.half_gap or 1.0)
-        moves = np.isfinite(slope) & (self.half_gap != 0)
-        rate = np.where(moves, self.half_gap / self.closing_load * (1 - np.where(moves, slope, 0.0) ** 2), 0.0)
-        return at, rate[..., None]
+        least, most = self.half_gap * low, self.half_gap * high
+        end = np.where(held < least, low, np.where(held > most, high, 1.0))  # 1: no load moves it
+        return np.clip(held, least, most), (self.half_gap / self.closing_load * (1 - end**2))[..., None]
 
     def _ends(self, load: Array) -> tuple[Array, Array]:
-        """Return the least and the farthest that the part can stand in its gap under loads."""
-        ends = [self.half_gap * np.tanh((load + way * self.holding_load) / self.closing_load) for way in (-1, 1)]
-        return ends[0], ends[1]
+        """Return the least and the farthest that the part can stand under loads, as shares of the half gap."""
+        least, most = (np.tanh((load + way * self.holding_load) / self.closing_load) for way in (-1, 1))
+        return least, most
 
 
 class LostMotion(Law):
@@ -143,16 +137,13 @@ class LostMotion(Law):
         return [Place(name, self.variant) for name in actuator_places(mechanism)]
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        column = actuator_places(mechanism)[place.name]
-        slides = mechanism.joint(mechanism.actuated[column]).slides
-        gap = self.quantities[0] if slides else Quantity("half_gap", "rad", _GAP, 1e-3, upper=0.2)
-        return gap, _BEGUN
+        return gap_of(actuator_slides(place.name, mechanism)), _BEGUN
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return drive_of(place.name, mechanism)
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
-        return [{each.name: 0.0 if each is _BEGUN else each.default for each in self.quantities_at(place, mechanism)}]  # type: ignore[misc]
+        return [{**start, "begun": 0.0} for start in super().starts(place, mechanism)]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         column, inputs = actuator_places(setup.mechanism)[place.name], setup.inputs

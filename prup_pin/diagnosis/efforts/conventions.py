@@ -274,7 +274,7 @@ class EffortReadings:
         """Return how unlikely the log is as a recording of it has it, in whatever units where any are declared."""
         motion, efforts, made_of = self._read(recording)
         if self.recording.tolerances.effort_gain is not None:
-            gains = self._gains(recording)
+            gains = self._gains(motion, efforts)
             sizes = np.array([abs(gains.get(name, 1.0)) for name in motion.driven])
             efforts, made_of = efforts / sizes, made_of / sizes
         return self._likelihood(motion, efforts, self._noise, made_of)
@@ -353,9 +353,8 @@ class EffortReadings:
         hung = self._likelihood(motion, efforts - pulled @ more, self._noise, made_of)
         return replace(self.written, nats=min(self.written.nats, hung.nats + SURELY))
 
-    def _gains(self, recording: Recording) -> dict[str, float]:
-        """Return how many times the rigid robot's a log's efforts are, or minus so many times, where they follow it."""
-        motion, efforts, _ = self._read(recording)
+    def _gains(self, motion: Motion, efforts: Array) -> dict[str, float]:
+        """Return how many times the rigid robot's efforts (n, k) are, or minus so many times, where they follow it."""
         try:
             return gains_of_efforts(motion, efforts, self.at.rigid_of(motion))
         except InputError:  # loops that do not close
@@ -374,7 +373,7 @@ class EffortReadings:
         cent, and what one drive or two move may be many times as heavy as drawn, with rotors and loads, but not far
         lighter.
         """
-        gains = self._gains(self.log) if self._in_any_unit else {}
+        gains = self._gains(*self._read(self.log)[:2]) if self._in_any_unit else {}
         own = [name in gains for name in self.motion.driven]
         squares = (self.at.rigid[self.rows] ** 2).sum(axis=0)
         carry = 2 * sum(own) >= len(own) or squares[own].sum() > MOSTLY * squares.sum()
@@ -396,7 +395,7 @@ class EffortReadings:
 
     def _by_gains(self, recording: Recording) -> list[Reading]:
         """Return readings by how many times the rigid robot's the efforts are: signs, a unit of all, one of each."""
-        gains, driven = self._gains(recording), self.motion.driven
+        gains, driven = self._gains(*self._read(recording)[:2]), self.motion.driven
         if not gains or len(driven) < FEWEST_OF_KIND:
             return []
         found = [tuple(Convention(f"tau.{name}", "reversed") for name, gain in gains.items() if gain < 0)]
