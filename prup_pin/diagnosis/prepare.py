@@ -17,6 +17,7 @@ from ..mechanism import Mechanism
 from ..numbers import number, quantity, some
 from ..recordings import Recording, Together, Tolerances, suspicions
 from ..recordings.columns import AXES, MARKER_GROUPS
+from ..recordings.suspicions import never_changing
 from ..robot import Robot
 from ..simulation import Run, Simulator, as_recorded, inputs_of, trajectory_of
 from ..spatial import WRENCH_NAMES, Array, turn_between
@@ -266,21 +267,20 @@ def _seen(robot: Robot, together: Together, motion: Trajectory | None, acting: S
 def _check_each(seen: Measured) -> None:
     """Raise InputError where a recording and the robot are worlds apart."""
     for source, here in seen.together.each():
+        actuators, path = seen.simulator.robot.mechanism.actuated, source.recording.path
         try:
-            actuators, path = seen.simulator.robot.mechanism.actuated, source.recording.path
             check_complete(seen.inputs, here, actuators, "" if seen.together.several else path)
             check_belongs(seen.placed.stack, seen.linear, here, seen.together.rows, seen.allowed, seen.measured)
         except InputError as error:
-            still = _stand_still(seen.inputs.actuators[here], seen.simulator.robot.mechanism.actuated)
+            still = _stand_still(source.recording, actuators)
             raise InputError(seen.together.told(source, f"{error}{still}")) from error
 
 
-def _stand_still(positions: Array, actuators: Sequence[str]) -> str:
-    """Return which joints stand where others move, positions (n, a): an encoder may be dead, '' where none does."""
-    moves = np.ptp(positions, axis=0) > 0
-    names = ", ".join(f"q.{name}" for name, moving in zip(actuators, moves, strict=True) if not moving)
-    dead = bool(names) and moves.any()
-    return f". The same in every row: {names}; did it not move, or was it not recorded?" if dead else ""
+def _stand_still(recording: Recording, actuators: Sequence[str]) -> str:
+    """Return which actuators stand where others move: an encoder may be dead; '' where none does."""
+    still = [name for name in never_changing(recording) if name in {f"q.{actuator}" for actuator in actuators}]
+    dead = 0 < len(still) < len(actuators)
+    return f". The same in every row: {', '.join(still)}; did it not move, or was it not recorded?" if dead else ""
 
 
 def _noise_of_each(seen: Measured, nominal: Run, remarks: list[str]) -> Noise:

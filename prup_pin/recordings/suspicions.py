@@ -97,16 +97,19 @@ def _units(recording: Recording) -> Iterator[str]:
             yield f"temperature reaches {number(_largest(temperature), 4)}: is it kelvin? Expected degrees Celsius."
 
 
+def never_changing(recording: Recording) -> list[str]:
+    """Return the columns that have one and the same number in every row that has any, but for gravity's."""
+    columns = ((name, values[np.isfinite(values)]) for name, values in recording.columns() if name[:2] != "g.")
+    return [name for name, known in columns if len(known) > 2 and known.min() == known.max()]
+
+
 def _channels(recording: Recording) -> Iterator[str]:
-    empty, constant = [], []
+    empty, constant = [], never_changing(recording)
     columns = [(name, values[np.isfinite(values)]) for name, values in recording.columns() if name[:2] != "g."]
     measured = {name.rpartition(".")[0] for name, known in columns if name[:2] in ("p.", "r.") and len(known)}
     for name, known in columns:
-        if not len(known):
-            if name.rpartition(".")[0] not in measured:  # a part of a triple stands among the reader's remarks
-                empty.append(name)
-        elif len(known) > 2 and known.min() == known.max():
-            constant.append(name)
+        if not len(known) and name.rpartition(".")[0] not in measured:
+            empty.append(name)  # a part of a triple stands among the reader's remarks
     if empty:
         yield f"Nothing was measured in {', '.join(empty)}: every cell is empty."
     if constant:
