@@ -95,7 +95,7 @@ class Account:
         What two accounts leave is not compared by two noises, nor metres by one and radians by another.
         """
         problem, last = replace(self.problem, noise=noise), self.selection.last
-        fit = problem.relinearised(problem.fit_at(last.terms, last.run, last))
+        fit = problem.relinearised(problem.fit_at(last.terms, last))
         return cross_validated(problem, fit, self.labels[fit.samples]), is_clean(problem, fit)
 
 
@@ -157,7 +157,7 @@ def beside_laws(prepared: Prepared, terms: Sequence[Term], tell: Tell) -> Accoun
         return with_first_law(prepared, tell)
     problem = calibrated_from(problem.as_open_as(calibrated), calibrated.first.x)
     first = problem.first
-    beside = problem.fit_at(terms, first.run, first, calibrated.first.x)
+    beside = problem.fit_at(terms, first, calibrated.first.x)
     last = min((problem.refine(terms, begin) for begin in (first, beside)), key=lambda fit: fit.chi2)
     selection = replace(Selection.nothing(first, prepared.library), last=last)
     return Account(prepared, problem, selection)
@@ -201,10 +201,10 @@ def _by_noise_of_the_wrench(now: Account, tell: Tell, most: int) -> Account:
         return now
     for _ in range(FEW_ROUNDS):
         again = replace(again, by_wrench=again.stack.seen(fit.influence.first.by_wrench))
-        fit = again.refine(fit.terms, again.fit_at(fit.terms, fit.run, fit))
+        fit = again.refine(fit.terms, again.fit_at(fit.terms, fit))
         if is_clean(again, fit) and count_beyond_tolerance(fit) < beyond:
             again = _within_tolerances(now.prepared, again)
-            begun = again.relinearised(again.fit_at(fit.terms, fit.run, x=fit.x)) if now.is_clean else None
+            begun = again.relinearised(again.fit_at(fit.terms, fit)) if now.is_clean else None
             return _selected(now, again, tell, most, begun)
     return now
 

@@ -128,7 +128,7 @@ def _begun(problems: Sequence[Problem]) -> list[_Way]:
         if drawn is None or not problem.acting:
             drawn = here = problem.first
         else:
-            here = problem.fit_at((), None, drawn)
+            here = problem.fit_at((), drawn)
         begun.append((problem, _improved(problem, here) or here))
     return begun
 
@@ -146,7 +146,7 @@ def _ways(begun: Sequence[_Way], rounds: int = ROUNDS) -> list[_Way]:
         if fit.chi2 > MUCH * begins.chi2:
             continue
         # what is off by far is so in whatever way weight acts
-        fit = min(fit, problem.fit_at((), last.run, last), key=lambda each: each.chi2)
+        fit = min(fit, problem.fit_at((), last), key=lambda each: each.chi2)
         if problem.acting and best.acting:
             found.append((problem, _followed(problem, fit.near(last))))
             continue
@@ -215,7 +215,7 @@ def _improved(problem: Problem, fit: Fit, least_share: float = CALIBRATION_STEP)
     more = max(fit.chi2 - AS_GOOD * residual.size, 0.0)
     if float(step @ normal @ step) < SETTLED + UNSEEN * more:
         return None
-    tries = (problem.fit_at((), fit.run, fit, fit.x + share * step, near=True) for share in shortened(least_share))
+    tries = (problem.fit_at((), fit, fit.x + share * step, near=True) for share in shortened(least_share))
     return next((each for each in tries if each.chi2 < fit.chi2), None)
 
 

@@ -243,7 +243,7 @@ def noise_of_the_rest(problem: Problem, fit: Fit, blocks: np.ndarray) -> Problem
     for found, through in ((of_both, by_wrench), (of_poses, None)):
         noise = found[0] if several is None else Noise.of_several(found, several)
         again = replace(problem, noise=noise, by_wrench=through if noise.wrench.any() else None)
-        if is_white(again, again.fit_at(fit.terms, fit.run), blocks):
+        if is_white(again, again.fit_at(fit.terms, fit), blocks):
             return again
     return None
 

@@ -238,18 +238,15 @@ class Problem:
 
         return fit.once(("reach", module, resisted), made)
 
-    def fit_at(
-        self, terms: Sequence[Term], start: Run | None = None, like: Fit | None = None, x=None, near: bool = False
-    ) -> Fit:
+    def fit_at(self, terms: Sequence[Term], like: Fit, x: Array | None = None, near: bool = False) -> Fit:
         """Return the simulation with these terms, without fitting, toleranced parameters as in the fit `like`.
 
-        x (p,): toleranced parameters elsewhere; near: no farther from `start` than Newton's method finds.
+        x (p,): toleranced parameters elsewhere; near: no farther from that fit's equilibria than Newton's method finds.
         """
-        like = self.first if like is None else like
         x = like.x if x is None else x
         begin = self.setup((), x)
         setup = self.setup([term.effect for term in terms], x, begin)
-        run = self.simulator.run_setup(setup, start, near=near)
+        run = self.simulator.run_setup(setup, like.run, near=near)
         return self._fit(terms, Influence(self.simulator, run, self.stack), x, like.changes, begin)
 
     def relinearised(self, fit: Fit) -> Fit:
@@ -433,11 +430,11 @@ class Problem:
             fit = start
             for share in shortened(LITTLE):
                 less = [term if term.candidate.name in known else term.lessened(share) for term in each]
-                fit = self.fit_at(less, start.run, start, near=True)
+                fit = self.fit_at(less, start, near=True)
                 if np.isfinite(fit.chi2):
                     break
             else:  # some that near their equilibria slowly are given up there
-                fit = self.fit_at(each, start.run, start)
+                fit = self.fit_at(each, start)
             yield fit if each is terms else self.relinearised(fit)
 
     def _opened(self, terms: Sequence[Term], start: Fit) -> Sequence[Term]:
@@ -469,7 +466,7 @@ class Problem:
             own = np.clip(step[place : place + candidate.size], -widest, widest)
             moved.append(Term(candidate, np.clip(term.coordinates + own, *candidate.bounds)))
             place += candidate.size
-        return self.fit_at(moved, fit.run, fit, fit.x + step[place:], near=near)
+        return self.fit_at(moved, fit, fit.x + step[place:], near=near)
 
     def _step(self, fit: Fit, reach: float, damping: float = 0.0) -> Array:
         """Return the Gauss-Newton step of a fit's coordinates and of its toleranced parameters.

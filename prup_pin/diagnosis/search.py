@@ -354,7 +354,7 @@ def _without(problem: Problem, fit: Fit, index: int) -> Remainder:
     """Return what a fit leaves without a term, for what could stand in its place."""
     places, kept = fit.others(index)
     if _yields_alone(problem, fit, index):
-        fit, places = problem.fit_at(kept, like=fit), list(range(len(kept)))
+        fit, places = problem.fit_at(kept, fit), list(range(len(kept)))
     return Remainder(problem, fit, kept, problem.nuisance(fit, places))
 
 
@@ -421,7 +421,7 @@ def simulated_alternatives(
         trial = search.rival(terms, fit)
         judged.append(replace(rival, term=trial.terms[index], chi2=trial.chi2, whole=(trial.terms, trial.x)))
         if judged[-1].score < own - LEAD:
-            better = search.problem.fit_at(trial.terms, fit.run, fit, trial.x)
+            better = search.problem.fit_at(trial.terms, fit, trial.x)
             return judged, search.problem.relinearised(better)
     return sorted(judged, key=lambda rival: rival.score), None
 

@@ -139,8 +139,8 @@ def _beside_unknown(
         return kept, None, fit
     # what else there is, whatever happens at that place
     freed = problem.freed(fit.influence, found.module)
-    again = select(freed, selection.library, labels, freed.fit_at((), problem.first.run), tell)
-    beside = problem.fit_at(again.last.terms, again.last.run)
+    again = select(freed, selection.library, labels, freed.fit_at((), problem.first), tell)
+    beside = problem.fit_at(again.last.terms, again.last)
     # else what was freed has taken what the others explain, or they explain what it alone did
     own = again.last.names
     whole = all(term.candidate.name in own for term in fit.terms if term.is_expected)

@@ -251,7 +251,7 @@ def check_interval(bench, law, place):
     problem = Problem.of(simulator, Stack((pose,)), noise)
     fit = problem.refine([candidate.term(candidate.coordinates_of(begun))], problem.first)
     fit = problem.refine(fit.terms, fit)
-    best = problem.fit_at([term])
+    best = problem.fit_at([term], problem.first)
     require(
         fit.chi2 < best.chi2 + WITHIN_95**2,
         f"It stops short: {fit.chi2:.1f} is left, and {best.chi2:.1f} at the truth.",

@@ -66,7 +66,7 @@ def test_a_gap_opens_where_another_law_joins_it(block):
     truth = [gap.term(gap.coordinates_of(np.array([2e-4, 0.3])))]
     truth.append(bias.term(np.array([9.0, 0.0, 0.0])))
     problem = measured(simulator, [term.effect for term in truth], Noise(1e-6, 1e-5, 0.0, 0.0, "declared"))
-    closed = problem.fit_at([replace(truth[0], coordinates=gap.coordinates_of(np.array([2e-4, 0.02])))])
+    closed = problem.fit_at([replace(truth[0], coordinates=gap.coordinates_of(np.array([2e-4, 0.02])))], problem.first)
     fit = problem.refine([*closed.terms, bias.term(np.array([1.0, 0.0, 0.0]))], closed)
     assert fit.chi2 < 2 * len(FORCES)
     half_gap, _ = gap.values_of(fit.terms[0].coordinates)

@@ -75,7 +75,7 @@ def test_a_stiffness_beside_its_tolerance_is_a_share_of_what_it_was_calibrated_t
     for declared in ({}, {"stiffness": 0.1, "bending": 0.03}):
         deviations = deviations_of(robot.mechanism)
         within = problem.within(Toleranced.of(deviations, amounts_of(deviations, robot.mechanism, declared)))
-        fit = within.fit_at([candidate.term(np.log([0.7]))], like=within.off(np.full(len(declared) and 39, 0.5)))
+        fit = within.fit_at([candidate.term(np.log([0.7]))], within.off(np.full(len(declared) and 39, 0.5)))
         fit = within.relinearised(fit)
         told = finding_of(within, fit, 0, SimpleNamespace(rivals=[[]]), robot, 1.0).statement
         found[bool(declared)] = told.partition(" is ")[2]

@@ -68,7 +68,7 @@ def test_a_fit_may_start_where_the_effect_is_nothing(simulator, library, monkeyp
     """There a coordinate is zero, and steps in proportion to it would be nothing too."""
     truth = term(library, "stiffness_changed at leg3/linear_rod", 0.9)
     problem = problem_of(simulator, [truth.effect])
-    first = problem.fit_at(())
+    first = problem.fit_at((), problem.first)
     monkeypatch.setattr(Candidate, "scan", lambda self: [np.zeros(1)])
     chi2, found, _ = FirstOrderFit(Remainder(problem, first, ()), truth.candidate).best()
     assert found.effect.values["factor"] == pytest.approx(0.9, abs=0.01)
@@ -90,7 +90,7 @@ def counted(monkeypatch, owner, name):
 def test_a_fit_that_begins_with_what_another_one_has_is_not_simulated_again(simulator, library, monkeypatch):
     truth = term(library, "stiffness_changed at leg1/linear_rod", 0.7)
     problem = problem_of(simulator, [truth.effect])
-    first = problem.fit_at(())
+    first = problem.fit_at((), problem.first)
     fit = problem.refine([term(library, truth.candidate.name, 0.75)], first)
     assert fit.terms[0].effect.values["factor"] == pytest.approx(0.7, rel=0.01)
     assert fit.chi2 < 1.2 * first.residual.size
@@ -104,7 +104,7 @@ def test_a_candidate_is_fitted_together_with_what_is_there(simulator, library):
     bias = term(library, "wrench_sensor_bias at wrench_sensor", 0.5, -1.5, 3.0, 1.0, 0.2, -0.5)
     turn = term(library, "pose_sensor_misalignment at pose_sensor", 5e-5, 2e-5, 4e-5, 1e-5, 0, 5e-6)
     problem = problem_of(simulator, [bias.effect, turn.effect])
-    start = problem.fit_at(())
+    start = problem.fit_at((), problem.first)
     fit = problem.refine([FirstOrderFit(Remainder(problem, start, ()), bias.candidate).best()[1]], start)
     nuisance = problem.nuisance(fit, [0])
     alone, _, _ = FirstOrderFit(Remainder(problem, fit, fit.terms), turn.candidate).best()
@@ -118,7 +118,7 @@ def test_a_candidate_is_fitted_together_with_what_is_there(simulator, library):
 def test_no_law_of_a_module_beats_its_bound(simulator, library):
     truth = [term(library, "backlash at leg2/ball_nut", 3e-5, 1.0), term(library, "self_weight at robot", 0.3)]
     problem = problem_of(simulator, [item.effect for item in truth])
-    first = problem.fit_at(())
+    first = problem.fit_at((), problem.first)
     bounded = [candidate for candidate in library.values() if candidate.only_module]
     assert len(bounded) > 60
     for candidate in bounded[::7]:
@@ -135,7 +135,7 @@ def test_no_law_of_a_module_beats_its_bound_beside_a_joint_that_resists_it(simul
     rubs = term(library, "coulomb_friction at leg2/R_theta_P", 2.0, 2e4)
     soft = term(library, "stiffness_changed at leg2/linear_rod", 0.7)
     problem = problem_of(simulator, [rubs.effect, soft.effect], scatter=0.1)
-    fit = problem.fit_at([rubs])
+    fit = problem.fit_at([rubs], problem.first)
     bound = least_left(problem, fit, "leg2/linear_rod", fit.residual)
     chi2, _, _ = FirstOrderFit(Remainder(problem, fit, fit.terms), soft.candidate).best()
     assert bound * (1 - 1e-9) <= chi2 < 10.0 < fit.chi2
@@ -158,7 +158,7 @@ def test_a_gap_may_close_at_twice_the_load_that_its_module_sees(simulator, libra
     ):
         assert seen[f"backlash at {name}"].quantities[-1].upper == pytest.approx(2 * load, rel=1e-9)
     candidate = seen["backlash at leg2/ball_nut"]
-    _, found, _ = FirstOrderFit(Remainder(problem, problem.fit_at(()), ()), candidate).best()
+    _, found, _ = FirstOrderFit(Remainder(problem, problem.fit_at((), problem.first), ()), candidate).best()
     assert found.effect.values["closing_load"] == pytest.approx(20.0, rel=0.1)
     assert found.effect.values["half_gap"] == pytest.approx(3e-5, rel=0.1)
 
@@ -183,7 +183,7 @@ def test_what_acts_otherwise_has_no_bound(library):
 )
 def test_the_place_is_found_without_a_law(robot, simulator, physics, place, aspect, values, module):
     problem = problem_of(simulator, [effect_named(physics, place, aspect, values, robot.mechanism)])
-    fit = problem.fit_at(())
+    fit = problem.fit_at((), problem.first)
     found = locate(problem, fit)
     assert module in found.candidates
     assert {name.partition("/")[0] for name in found.candidates} == {module.partition("/")[0]}
@@ -207,14 +207,14 @@ def test_it_says_what_a_strange_deformation_follows(tmp_path, robot):
     recording = read_recording(tmp_path / "device.csv")
     stack = Stack(channels_of(recording, robot.mechanism))
     problem = Problem.of(Simulator(robot, inputs_of(recording, robot)), stack, NOISE)
-    found = locate(problem, problem.fit_at(()))
+    found = locate(problem, problem.fit_at((), problem.first))
     assert "leg1/support_bearing" in found.candidates
     assert all(name.startswith("leg1/") for name in found.candidates)
     variable, share = found.follows
     assert "leg2_slide" in variable.words
     assert "load" in variable.words
     assert not variable.came
-    assert share > 0.7 > found.curve.gain / problem.fit_at(()).chi2
+    assert share > 0.7 > found.curve.gain / problem.fit_at((), problem.first).chi2
 
 
 def test_what_a_freed_module_does_is_not_seen(simulator, library):
@@ -222,11 +222,11 @@ def test_what_a_freed_module_does_is_not_seen(simulator, library):
     strange = term(library, "backlash at leg1/ball_nut", 5e-5, 1.0)
     weight = term(library, "self_weight at robot", 1.0)
     problem = problem_of(simulator, [strange.effect, weight.effect])
-    first = problem.fit_at(())
+    first = problem.fit_at((), problem.first)
     freed = problem.freed(Influence(simulator, first.run), "leg1/ball_nut")
     alone = problem_of(simulator, [strange.effect]).freed(Influence(simulator, first.run), "leg1/ball_nut")
-    assert alone.fit_at(()).chi2 < 1.3 * first.residual.size
-    fit = freed.refine([term(library, "self_weight at robot", 0.5)], freed.fit_at(()))
+    assert alone.fit_at((), alone.first).chi2 < 1.3 * first.residual.size
+    fit = freed.refine([term(library, "self_weight at robot", 0.5)], freed.fit_at((), freed.first))
     assert fit.terms[0].effect.values["scale"] == pytest.approx(1.0, abs=0.01)
     assert fit.chi2 < 1.3 * first.residual.size < 0.01 * first.chi2
 
@@ -236,18 +236,18 @@ def test_what_a_freed_module_does_is_not_seen(simulator, library):
 
 def test_noise_is_white_and_structure_is_not(robot, simulator):
     problem = problem_of(simulator, [])
-    fit = problem.fit_at(())
+    fit = problem.fit_at((), problem.first)
     blocks = simulator.inputs.blocks[fit.samples]
     assert is_white(problem, fit, blocks)
     weak = effect_named("stiffness_changed", "leg1/R_lambda", "tilting", {"factor": 0.5}, robot.mechanism)
     other = problem_of(simulator, [weak])
-    assert not is_white(other, other.fit_at(()), blocks)
+    assert not is_white(other, other.fit_at((), other.first), blocks)
 
 
 @pytest.mark.parametrize("scatter", [4.0, 100.0])
 def test_noise_that_was_declared_too_small_is_measured(simulator, scatter):
     problem = problem_of(simulator, [], scatter)
-    fit = problem.fit_at(())
+    fit = problem.fit_at((), problem.first)
     found = noise_of_the_rest(problem, fit, simulator.inputs.blocks[fit.samples]).noise
     assert found.position == pytest.approx(scatter * NOISE.position, rel=0.15)
     assert found.rotation == pytest.approx(scatter * NOISE.rotation, rel=0.15)
@@ -257,10 +257,10 @@ def test_noise_that_was_declared_too_small_is_measured(simulator, scatter):
 def test_structure_is_not_taken_for_noise(robot, simulator):
     missing = effect_named("backlash", "leg2/ball_nut", "", {"half_gap": 4e-5, "closing_load": 0.5}, robot.mechanism)
     problem = problem_of(simulator, [missing])
-    fit = problem.fit_at(())
+    fit = problem.fit_at((), problem.first)
     assert noise_of_the_rest(problem, fit, simulator.inputs.blocks[fit.samples]) is None
     right = problem_of(simulator, [])
-    fit = right.fit_at(())
+    fit = right.fit_at((), right.first)
     assert noise_of_the_rest(right, fit, simulator.inputs.blocks[fit.samples]) is None
 
 
@@ -301,7 +301,7 @@ def test_a_channel_that_was_not_measured_weighs_nothing(robot):
 def test_noise_alone_points_nowhere(simulator):
     """What free numbers remove by chance is not counted as a gain."""
     gains = [
-        [item.gain for item in yieldings(problem, problem.fit_at(()))]
+        [item.gain for item in yieldings(problem, problem.fit_at((), problem.first))]
         for problem in (problem_of(simulator, [], seed=seed) for seed in range(4))
     ]
     n = len(simulator.inputs)
@@ -316,7 +316,7 @@ def test_beside_something_unknown_no_experiment_separates_laws_that_nobody_found
     """Such laws are pieces of what is missing: a test shows more of that, and parts only what was found beside it."""
     ours = term(library, "stiffness_changed at leg3/linear_rod", 0.7)
     problem = problem_of(simulator, [ours.effect])
-    fit = problem.fit_at([ours])
+    fit = problem.fit_at([ours], problem.first)
     other = term(library, "stiffness_changed at leg3/moving_star_branch", 0.7)
     rival = Rival(other, fit.chi2, np.zeros_like(fit.residual))
     selection = Selection(fit, ((rival,),), tuple(library.values()))

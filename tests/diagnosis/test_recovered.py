@@ -45,7 +45,7 @@ def drawn_of(problem, fit, candidate):
 def test_what_a_law_does_lies_along_what_it_is_drawn_against(simulator, library):
     """To first order its change of the pose at every sample is a multiple of the direction that it names."""
     problem = problem_of(simulator, [], scatter=0.0)
-    fit = problem.fit_at(())
+    fit = problem.fit_at((), problem.first)
     kinds = set()
     for candidate in library.values():
         drawn = drawn_of(problem, fit, candidate)
@@ -72,7 +72,7 @@ def test_what_no_load_drives_is_shown_at_the_tool(simulator, library, name):
     candidate = library[name]
     truth = term(library, name, *candidate.values_of(candidate.starts()[0]))
     problem = problem_of(simulator, [truth.effect])
-    fit = problem.fit_at([truth])
+    fit = problem.fit_at([truth], problem.first)
     assert drawn_of(problem, fit, candidate) is None
     after = problem.stack.residual(fit.run)[fit.samples]
     shown = recovered(problem, fit, after, truth.effect, None)
@@ -86,12 +86,12 @@ def test_weight_that_acts_beside_any_law_is_shown_by_what_it_does(simulator, lib
     candidate = library["self_weight at robot"]
     truth = term(library, candidate.name, *candidate.values_of(candidate.starts()[0]))
     problem = problem_of(simulator, [truth.effect])
-    fit = problem.fit_at([truth])
+    fit = problem.fit_at([truth], problem.first)
     after = problem.stack.residual(fit.run)[fit.samples]
     as_law = recovered(problem, fit, after, truth.effect, None)
     nothing = Toleranced.of([], [])
     acting = problem.within(nothing, [truth.effect])
-    own = acting.fit_at(())
+    own = acting.fit_at((), acting.first)
     shown = recovered(acting, own, acting.stack.residual(own.run)[own.samples], truth.effect, None)
     assert np.abs(shown.law).max() > 1e-5
     np.testing.assert_allclose(shown.law, as_law.law, atol=1e-3 * np.abs(as_law.law).max())
@@ -100,21 +100,21 @@ def test_weight_that_acts_beside_any_law_is_shown_by_what_it_does(simulator, lib
 def test_a_noise_declared_far_too_large_is_asked_about(simulator):
     """0.02 m for 20 µm left a thousandth of it, and nobody said a word."""
     problem = problem_of(simulator, [])
-    fit = problem.fit_at(())
+    fit = problem.fit_at((), problem.first)
     assert not [*_noise_too_large(problem, fit)]
     wrong = replace(problem, noise=replace(problem.noise, position=1e3 * problem.noise.position, source="declared"))
-    (told,) = _noise_too_large(wrong, wrong.fit_at(()))
+    (told,) = _noise_too_large(wrong, wrong.fit_at((), wrong.first))
     assert told.startswith("position_noise is declared as ")
     assert "times that is left of what was measured: is its unit right?" in told
     estimated = replace(wrong, noise=replace(wrong.noise, source="estimated"))
-    assert not [*_noise_too_large(estimated, estimated.fit_at(()))]
+    assert not [*_noise_too_large(estimated, estimated.fit_at((), estimated.first))]
 
 
 def test_two_findings_are_told_apart(simulator, library):
     """Each is shown without the other: the gap's curve has its two ends, the joint's torque its limit."""
     truth = [term(library, BACKLASH, 3e-5, 1.0), term(library, COULOMB, 1.0, 8000.0)]
     problem = problem_of(simulator, [item.effect for item in truth])
-    fit = problem.fit_at(truth)
+    fit = problem.fit_at(truth, problem.first)
     after = problem.stack.residual(fit.run)[fit.samples]
     gap, friction = (recovered(problem, fit, after, item.effect, None) for item in truth)
     assert isinstance(gap, Recovered)
@@ -131,7 +131,7 @@ def test_two_findings_are_told_apart(simulator, library):
 def test_what_is_unknown_is_shown_against_its_load(simulator, library):
     truth = term(library, BACKLASH, 3e-5, 1.0)
     problem = problem_of(simulator, [truth.effect])
-    fit = problem.fit_at(())
+    fit = problem.fit_at((), problem.first)
     after = problem.stack.residual(fit.run)[fit.samples]
     shown = recovered(problem, fit, after, None, local_curve(problem, fit, "leg2/ball_nut", 0))
     assert shown.law is None
@@ -143,8 +143,8 @@ def test_what_is_unknown_is_shown_with_what_laws_take_that_nobody_names(simulato
     """The curve is beyond the findings alone; beyond a law that imitates it nothing would be left of it."""
     truth = term(library, BACKLASH, 3e-5, 1.0)
     problem = problem_of(simulator, [truth.effect])
-    curve = local_curve(problem, problem.fit_at(()), "leg2/ball_nut", 0)
-    fit = problem.fit_at([truth])
+    curve = local_curve(problem, problem.fit_at((), problem.first), "leg2/ball_nut", 0)
+    fit = problem.fit_at([truth], problem.first)
     after = problem.stack.residual(fit.run)[fit.samples]
     whole, rest = (recovered(problem, fit, after, None, curve, ins) for ins in ([truth.effect], []))
     assert whole.curve.max() == pytest.approx(3e-5, rel=0.1)

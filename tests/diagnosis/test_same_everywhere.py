@@ -98,7 +98,7 @@ def small():
 
 def test_a_search_ends_when_its_budget_is_spent(small):
     problem, library, blocks = small
-    first = problem.fit_at(())
+    first = problem.first
     whole = select(problem, library, blocks, first)
     assert len(whole.last.terms) == 2
     assert whole.fits < MOST_FITS

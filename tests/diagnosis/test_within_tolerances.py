@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,7 +13,9 @@ from typer.testing import CliRunner
 import prup_pin
 from prup_pin.cli import app
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.calibrate import calibrated_from
 from prup_pin.diagnosis.criteria import beyond_tolerance
+from prup_pin.diagnosis.noise import noise_of_the_rest
 from prup_pin.diagnosis.prepare import prepare
 from prup_pin.diagnosis.problem import Problem
 from prup_pin.diagnosis.search import Search
@@ -88,13 +91,27 @@ def test_weight_acts_beside_a_fault_many_times_as_large(robot, sensor, shift, el
     assert [effect.law.physics for effect in problem.tolerances.effects] == ["self_weight"]
 
 
+def test_noise_is_told_by_what_a_fit_leaves_where_its_parameters_are(robot):
+    """Not where the search began: a fit whose parameters have gone far from there leaves noise all the same."""
+    given = prepare(robot, bench(robot, 1, poses=6), lambda stage, share: None)
+    problem = replace(given.problem, noise=replace(given.problem.noise, position=4e-7, rotation=2e-6))
+    weight = effect_named("self_weight", "robot", "", {"scale": 1.0}, robot.mechanism)
+    drawn = problem.within(given.toleranced, [weight])
+    fit = calibrated_from(drawn, drawn.off().x).first
+    assert np.abs(fit.x).max() > 1
+    assert drawn.first.chi2 > 100 * fit.chi2
+    found = noise_of_the_rest(drawn, fit, given.inputs.blocks[fit.samples])
+    assert found is not None
+    assert found.noise.position == pytest.approx(2e-6, rel=0.3)
+
+
 def test_a_fit_begins_where_the_robot_can_be(robot, monkeypatch):
     """First order may ask for a body that no robot bears: less of it is tried, and no load is raised in steps."""
     given = prepare(robot, bench(robot, 1, poses=4), lambda stage, share: None)
     payload = next(item for item in given.library if item.law.physics == "payload" and item.size == 1)
     tried = []
 
-    def borne(self, terms, start=None, like=None, x=None, near=False):
+    def borne(self, terms, like, x=None, near=False):
         assert near
         tried.append(terms[0].effect.values["mass"])
         return SimpleNamespace(chi2=1.0 if tried[-1] < 50 else np.inf, terms=tuple(terms))
@@ -118,7 +135,7 @@ def test_each_set_of_rivals_is_fitted_once(robot):
     again = search.rival(terms[::-1], problem.first)
     assert search.fits == 1
     assert again.terms == first.terms[::-1]
-    assert again.chi2 == first.chi2 == pytest.approx(problem.fit_at(first.terms, x=first.x).chi2)
+    assert again.chi2 == first.chi2 == pytest.approx(problem.fit_at(first.terms, problem.first, first.x).chi2)
 
 
 @pytest.mark.slow
