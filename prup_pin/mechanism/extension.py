@@ -5,6 +5,7 @@ docs/robot_file.md describes it.
 
 from __future__ import annotations
 
+import os.path
 import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -25,8 +26,7 @@ from .description import (
     VariantDescription,
     quantities_of,
 )
-from .mesh_paths import mesh_exists, mesh_problem
-from .xml_file import MAX_NUMBER, Document
+from .xml_file import MAX_NUMBER, Document, mesh_places, mesh_problem
 
 EXTENSION = "prup_pin"
 #: A joint that is further from its drawing than this [m] has none.
@@ -52,7 +52,7 @@ class ExtensionDocument(Document):
         message = mesh_problem(place, home, self.package_folders)
         if message:
             self.problem(element, message)
-        elif shown is not None and not mesh_exists(place, home, self.package_folders):
+        elif shown is not None and not any(map(os.path.exists, mesh_places(place, [home, *self.package_folders]))):
             self.meshes_missing.append(shown)
 
     def only_extension(self) -> etree._Element | None:

@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..spatial import Array
-from .frames import frames_by_name
-from .links import links_of
+from .frames import frames_by_name, links_of
 from .mechanism import Mechanism, model_of
 
 #: Temperature [deg C] at which the lengths of a robot file hold, as those of drawings do (ISO 1).

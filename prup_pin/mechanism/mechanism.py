@@ -21,7 +21,6 @@ from ..modules import CompliantModule, DriveModule, WrenchModule
 from ..parameters import Parameter
 from ..spatial import Array, axis_as_z, placement
 from . import checks
-from .coupling import coupling_of
 from .description import (
     LengthDescription,
     ModuleDescription,
@@ -34,12 +33,10 @@ from .description import (
     resolve_values,
     same_description,
 )
-from .frames import Frame, frames_by_name, loop_closure
-from .joints import Joint, joints_of
-from .links import Link, links_of
+from .frames import Frame, Link, frames_by_name, links_of, loop_closure
+from .joints import Joint, coupling_of, joints_of, yielding_modules
 from .load_paths import LoadPaths
 from .xml_file import parse_again, words
-from .yielding import yielding_modules
 
 if TYPE_CHECKING:
     from .lengths import MovedParts

@@ -25,9 +25,9 @@ from .description import (
 )
 from .extension import EXTENSION
 from .joint_types import replace_joint
+from .joints import yielding_as
 from .mechanism import Mechanism, with_lengths
 from .xml_file import MOMENTS, moments_of, parse_again, words
-from .yielding import yielding_as
 
 #: Moments of inertia below zero by less than this share of the largest are rounding.
 _ROUNDING = 1e-9

@@ -15,7 +15,7 @@ import numpy as np
 from lxml import etree
 
 from ...mechanism import Mechanism
-from ...mechanism.mesh_paths import mesh_problem
+from ...mechanism.xml_file import mesh_places, mesh_problem
 from ...robots import example_folder
 from ...spatial import Array, placement, rotation_rpy
 from .colours import hex_of
@@ -137,11 +137,7 @@ def _mesh_path(name: str, home: Path, folders: Sequence[Path]) -> Path:
     problem = mesh_problem(name, home, folders)
     if problem:
         raise ValueError(problem)
-    scheme, _, rest = name.replace("\\", "/").rpartition("://")
-    places = [os.path.join(folder, rest) for folder in (home, *folders)]
-    if scheme in ("package", "model") and "/" in rest:
-        places += [os.path.join(folder, rest.split("/", 1)[1]) for folder in (home, *folders)]
-    for place in places:
+    for place in mesh_places(name, [home, *folders]):
         if os.path.isfile(place):
             return Path(os.path.realpath(place))
     raise ValueError(f"mesh '{name[:120]}' is missing")
