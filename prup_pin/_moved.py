@@ -94,6 +94,8 @@ MOVED: dict[str, str] = {
     "mechanism.mesh_paths": "mechanism.xml_file",
     "mechanism.plain_urdf": "mechanism.writer",
     "mechanism.yielding": "mechanism.joints",
+    "imports.nameless": "imports.motion",
+    "views.drawing.scene_figure": "views.drawing.figures",
     "mechanism.inertial": "mechanism.urdf",
     "recordings.tool_path": "recordings.recording",
     "views.drawing.drawing": "views.drawing.plotting",

@@ -478,17 +478,14 @@ def _of_joints(
             if argument[0] in columns:
                 out[name] = columns[name] + sign * columns[str(argument[0])]
         elif field == "positions":  # wrapped
-            out[name] = _wrapped(columns[name]) if back else _unwrapped(columns[name], recording.run)
+            whole = columns[name] + np.pi
+            out[name] = whole % (2 * np.pi) - np.pi if back else _unwrapped(columns[name], recording.run)
     return out
 
 
 def joints_of(recording: Recording) -> dict[str, tuple[str, ...]]:
     """Return the joints that have a column q, and those that have a column tau, in the order of the table."""
     return {group: tuple(getattr(recording, fields[0])) for group, fields in _OF_JOINTS.items()}
-
-
-def _wrapped(values: Array) -> Array:
-    return (values + np.pi) % (2 * np.pi) - np.pi
 
 
 def _unwrapped(values: Array, run: np.ndarray) -> Array:
