@@ -96,6 +96,7 @@ MOVED: dict[str, str] = {
     "mechanism.yielding": "mechanism.joints",
     "imports.nameless": "imports.motion",
     "views.drawing.scene_figure": "views.drawing.figures",
+    "views.meshcat.server": "views.meshcat.view",
     "mechanism.inertial": "mechanism.urdf",
     "recordings.tool_path": "recordings.recording",
     "views.drawing.drawing": "views.drawing.plotting",

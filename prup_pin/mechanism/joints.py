@@ -104,9 +104,7 @@ def joints_of(model: pin.Model) -> tuple[Joint, ...]:
     """Return the movable joints of a model in the order of their ids, which begin at 1."""
     neutral = pin.neutral(model)
     joints = []
-    for index, (name, joint) in enumerate(zip(model.names, model.joints, strict=True)):
-        if not index:
-            continue
+    for index, (name, joint) in list(enumerate(zip(model.names, model.joints, strict=True)))[1:]:
         data = joint.createData()  # of the model's data every access copies all joints
         joint.calc(data, neutral)
         subspace = np.array(data.S, float).reshape(6, joint.nv)
@@ -203,16 +201,12 @@ def coupling_of(
     """
     waiting = {item.joint: item for item in described if item.joint in joints}
     followers: list[Follower] = []
-    found = True
-    while found:
-        found = False
+    for _ in range(len(waiting)):  # each time at least one of those whose leader waits no longer
         for name, item in list(waiting.items()):
-            leader = None if item.leader is None else joints.get(item.leader)
-            if leader is None or item.leader in waiting or leader.nv != 1 or joints[name].nv != 1:
-                continue
-            followers.append(Follower(joints[name], leader, item.ratio, item.offset))
-            del waiting[name]
-            found = True
+            leader = None if item.leader is None or item.leader in waiting else joints.get(item.leader)
+            if leader is not None and leader.nv == joints[name].nv == 1:
+                followers.append(Follower(joints[name], leader, item.ratio, item.offset))
+                del waiting[name]
     return Coupling(followers, velocities), [*waiting.values()]
 
 

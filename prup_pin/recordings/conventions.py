@@ -17,6 +17,7 @@ import numpy as np
 from ..errors import InputError, UnknownNameError
 from ..numbers import number
 from ..spatial import Array, cross, rotation_exp, rotation_log
+from .columns import MARKER_GROUPS, TRIPLES
 from .recording import Recording
 
 #: Groups of columns that are written alike, in the order in which they are read: wrenches need the drawn tool's pose.
@@ -430,13 +431,12 @@ def _changed(recording: Recording, convention: Convention, drawn: Drawn, back: b
         assert word.change is not None
         return word.change(values, convention.argument, tool, back)
 
-    if group in ("p", "r"):
-        own, marked = ("position", "markers") if group == "p" else ("rotation", "marker_rotations")
-        value, others = getattr(recording, own), getattr(recording, marked)
-        changed: dict[str, Any] = {marked: {name: change(values) for name, values in others.items()}}
-        return replace(recording, **changed | {own: None if value is None else change(value)})
-    if group == "g":
-        return recording if recording.gravity is None else replace(recording, gravity=change(recording.gravity))
+    if group in TRIPLES:
+        value = getattr(recording, TRIPLES[group])
+        changed: dict[str, Any] = {} if value is None else {TRIPLES[group]: change(value)}
+        if marked := MARKER_GROUPS.get(group):
+            changed[marked] = {name: change(values) for name, values in getattr(recording, marked).items()}
+        return replace(recording, **changed)
     part = {"force": slice(0, 3), "moment": slice(3, 6)}.get(group, slice(0, 6))
     wrench = recording.wrench.copy()
     wrench[:, part] = change(wrench[:, part])

@@ -79,7 +79,7 @@ def _points(robot: Robot, pose: ClosedPose, parts: Skeleton, name: str) -> Array
     if module is not None and isinstance(module.kind, DriveModule):
         return seats.get(str(mechanism.model.names[module.joint]))  # drawn where its joint has its seat
     if module is not None:
-        return (pose.placements[module.frame.joint] @ module.frame.placement)[None, :3, 3]
+        return module.frame.at(pose.placements)[None, :3, 3]
     lengths = [length for length in mechanism.description.lengths if length.parameter.owner == name]
     for joint in (joint for length in lengths for joint, _ in length.moves if mechanism.model.existJointName(joint)):
         return seats.get(joint)

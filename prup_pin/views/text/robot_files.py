@@ -15,6 +15,7 @@ from ...errors import MissingExtraError, PrupPinError, UnknownNameError
 from ...laws import LAWS, Law, Place, brought_laws
 from ...laws.efforts import EFFORT_LAWS, EffortLaw
 from ...mechanism import Mechanism
+from ...mechanism.description import COMPONENTS
 from ...mechanism.second_reader import second_opinion
 from ...mechanism.tolerances import value_tolerances
 from ...modules import KINDS, CompliantModule
@@ -103,10 +104,8 @@ def _print_loops(out: Console, robot: Robot) -> None:
     heading(out, f"Loops: {len(loops) or 'none'}")
     if not loops:
         return
-    rows = []
-    for loop in loops:
-        free = [axis for axis in ("x", "y", "z", "rx", "ry", "rz") if axis in loop.free]
-        rows.append((loop.name, loop.first.name, loop.second.name, " ".join(free) or "nothing"))
+    free = [" ".join(axis for axis in COMPONENTS if axis in loop.free) or "nothing" for loop in loops]
+    rows = [(loop.name, loop.first.name, loop.second.name, axes) for loop, axes in zip(loops, free, strict=True)]
     show_table(out, ("name", "frame 1", "frame 2", "free between them"), rows)
 
 
@@ -234,10 +233,7 @@ def print_kinds(out: Console, kinds: Sequence[CompliantModule] = KINDS) -> None:
             out.print()
         title(out, kind.kind)
         traits = ["body" if kind.is_body else "joint", f"loads {' '.join(kind.loads)}"]
-        if kind.spans_frames:
-            traits.append("needs root and tip")
-        if kind.nonlinear:
-            traits.append("nonlinear")
+        traits += ["needs root and tip"] * kind.spans_frames + ["nonlinear"] * kind.nonlinear
         paragraph(out, f"{kind.summary[0].upper()}{kind.summary[1:]}.")
         listed(out, "", traits, "; ")
         if kind.kind in brought:
