@@ -257,10 +257,8 @@ def _on_clock(log: Log, stream: Stream, clock: Clock, remarks: list[str], again:
     if runs is not None:
         fresh[1:] |= np.diff(runs) > 0
     if not fresh.all():
-        share = 100 * float(np.mean(~fresh))
-        remarks.append(
-            f"{int((~fresh).sum())} rows ({number(share, 2)} %) repeat the time before in {source}: left out."
-        )
+        count, share = int((~fresh).sum()), number(100 * float(np.mean(~fresh)), 2)
+        remarks.append(f"{count} rows ({share} %) repeat the time before in {source}: left out.")
     rows = known[fresh]
     time = (stamps[fresh] - stamps[0]) * clock.unit.factor + stamps[0] * clock.unit.factor - clock.delay
     return _Told(rows, time, runs[fresh] if runs is not None else None)

@@ -243,10 +243,8 @@ class _Page:
             yield self.told("", doubt, unit).strip()
         for name, unit in self._loads_by_name(unused).items():
             line = f"w.{'f' if unit == 'N' else 'm'}z: {{from: {_text(name)}, unit: {unit}}}"
-            doubt = (
-                f"a load on the tool, along z of the base, in {unit}? Then this line is one of the columns; else none"
-            )
-            yield self.told(f"# {line}", doubt, name)
+            asked = f"a load on the tool, along z of the base, in {unit}?"
+            yield self.told(f"# {line}", f"{asked} Then this line is one of the columns; else none", name)
         moving = bool(self.draft.joints) and all(target.startswith(("q.", "qd.", "qdd.")) for target in targets)
         if unused and moving and not (self.draft.turns or self.draft.others or self.doubts):
             which = ", ".join(some(list(unused), 6))

@@ -435,9 +435,8 @@ class Mechanism:
         touched: dict[str, dict[str, Any]] = {}
         for name, value in changes.items():
             if name in lengths:
-                lengths[name] = replace(
-                    lengths[name], parameter=lengths[name].parameter.with_value(_number(name, value))
-                )
+                changed = lengths[name].parameter.with_value(_number(name, value))
+                lengths[name] = replace(lengths[name], parameter=changed)
             elif name not in self.parameters:
                 owner = str(name).rpartition(".")[0]
                 own = [key for key in self.parameters if key.startswith(f"{owner}.")]

@@ -49,9 +49,8 @@ def redrawn(changes: Changes, home: Array | None = None) -> RobotDescription:
     """
     mechanism = changes.mechanism
     if changes.lengths:
-        mechanism = mechanism.with_parameters(
-            {name: mechanism.parameters[name].value + error for name, error in changes.lengths.items()}
-        )
+        drawn = mechanism.parameters
+        mechanism = mechanism.with_parameters({name: drawn[name].value + off for name, off in changes.lengths.items()})
     described = mechanism.description
     if described.source != "URDF":
         raise InputError(f"'{described.name}' was read from {described.source}; only URDFs can be redrawn")

@@ -67,10 +67,8 @@ class Sidecar:
             matches = [name] if name in joints else [joint for joint in joints if name in joint]
             if len(matches) != 1:
                 which = f"{len(matches)} joints contain it ({', '.join(matches[:6])})" if matches else "no joint does"
-                hint = nearest_names(name, sorted(joints))
-                self.problem(
-                    line, f"name_mot '{name}': expected a joint or a part of one joint's name; {which}. {hint}"
-                )
+                found_out = f"{which}. {nearest_names(name, sorted(joints))}"
+                self.problem(line, f"name_mot '{name}': expected a joint or a part of one joint's name; {found_out}")
             elif matches[0] in found:
                 self.problem(line, f"name_mot '{name}': joint '{matches[0]}' is already in the list")
             else:

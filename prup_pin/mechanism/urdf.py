@@ -419,9 +419,8 @@ def read_inertial(document: Document, link: etree._Element, name: str) -> str | 
         document.origin(origin, f"inertial of link '{name}'")
         document.only(origin, ("xyz", "rpy"), f"inertial of link '{name}', <origin>")
     if mass is None:
-        document.problem(
-            inertial, f'inertial of link \'{name}\': <mass value="…"/> is missing; without mass: value="0"'
-        )
+        lost = '<mass value="…"/> is missing; without mass: value="0"'
+        document.problem(inertial, f"inertial of link '{name}': {lost}")
     else:
         document.only(mass, ("value",), f"mass of link '{name}'")
         value = document.numbers(mass, "value", 1, f"mass of link '{name}'", largest=MAX_NUMBER)

@@ -245,9 +245,8 @@ class Document(ABC):
         """Report every attribute that is not in the list."""
         for name in element.attrib:
             if name not in attributes:
-                self.problem(
-                    element, f"{what}: unknown attribute '{name[:60]}'. {nearest_names(name[:60], attributes)}"
-                )
+                near = nearest_names(name[:60], attributes)
+                self.problem(element, f"{what}: unknown attribute '{name[:60]}'. {near}")
 
 
 # -- meshes ------------------------------------------------------------------------------------------------------------

@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lxml import etree
 
 from ...mechanism import Mechanism
-from ...mechanism.xml_file import mesh_places, mesh_problem
+from ...mechanism.xml_file import mesh_places, mesh_problem, parse_again
 from ...robots import example_folder
 from ...spatial import Array, placement, rotation_rpy
 from .colours import hex_of
@@ -47,9 +46,7 @@ def visuals(mechanism: Mechanism) -> tuple[dict[str, list[Visual]], tuple[str, .
     folders, examples = (*getattr(description, "package_folders", ()),), example_folder()
     if examples is not None and description.path.is_relative_to(examples):
         folders = (*folders, examples.parents[1], examples.parent)
-    root = etree.fromstring(
-        description.content, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True, huge_tree=False)
-    )
+    root = parse_again(description.content)
     named = {each.get("name"): each.xpath("string(color/@rgba)") for each in root.findall("material")}
     found: dict[str, list[Visual]] = {}
     notes: list[str] = []

@@ -320,9 +320,8 @@ def stiffness_tables(answer: Answer) -> tuple[MatrixTable, ...]:
     found = [] if k is None else [k]
     if answer.task_stiffness is not None:
         tasks = [(task.name, task.name, task.component not in "xyz") for task in answer.mechanism.tasks]
-        found.append(
-            _stiffness("Stiffness K_task", f"{at}, in the task coordinates", answer.task_stiffness, _TASK, tasks)
-        )
+        where = f"{at}, in the task coordinates"
+        found.append(_stiffness("Stiffness K_task", where, answer.task_stiffness, _TASK, tasks))
     if found:
         return tuple(found)
     if answer.translation_stiffness is not None:
