@@ -97,6 +97,8 @@ MOVED: dict[str, str] = {
     "imports.nameless": "imports.motion",
     "views.drawing.scene_figure": "views.drawing.figures",
     "views.meshcat.server": "views.meshcat.view",
+    "mechanism.joint_types": "mechanism.sidecar",
+    "mechanism.lengths": "mechanism.frames",
     "mechanism.inertial": "mechanism.urdf",
     "recordings.tool_path": "recordings.recording",
     "views.drawing.drawing": "views.drawing.plotting",

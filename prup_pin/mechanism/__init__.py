@@ -1,9 +1,8 @@
 """A robot file becomes a mechanism: one reader per format, one internal form."""
 
 from .changes import Changes, JointDynamics
-from .frames import Frame, Link, LoopClosure
+from .frames import REFERENCE_TEMPERATURE, Frame, Link, LoopClosure, MovedParts
 from .joints import WAYS, Coupling, Joint, yielding_module
-from .lengths import REFERENCE_TEMPERATURE, MovedParts
 from .mechanism import Mechanism, Module
 
 __all__ = [

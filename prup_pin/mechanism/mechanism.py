@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -33,13 +33,10 @@ from .description import (
     resolve_values,
     same_description,
 )
-from .frames import Frame, Link, frames_by_name, links_of, loop_closure
+from .frames import Frame, Link, MovedParts, frames_by_name, links_of, loop_closure, moved_by_length
 from .joints import Joint, coupling_of, joints_of, yielding_modules
 from .load_paths import LoadPaths
 from .xml_file import parse_again, words
-
-if TYPE_CHECKING:
-    from .lengths import MovedParts
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,8 +193,6 @@ class Mechanism:
     @cached_property
     def moved_by_length(self) -> Mapping[str, MovedParts]:
         """What each length of the robot file moves, by the full name of its parameter."""
-        from .lengths import moved_by_length  # which draws the mechanism anew
-
         return {item.parameter.name: moved_by_length(self, item.parameter.name) for item in self.description.lengths}
 
     @cached_property

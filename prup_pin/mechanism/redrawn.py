@@ -24,9 +24,9 @@ from .description import (
     resolve_values,
 )
 from .extension import EXTENSION
-from .joint_types import replace_joint
 from .joints import yielding_as
 from .mechanism import Mechanism, with_lengths
+from .sidecar import replace_joint
 from .xml_file import MOMENTS, moments_of, parse_again, words
 
 #: Moments of inertia below zero by less than this share of the largest are rounding.

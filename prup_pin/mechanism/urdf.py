@@ -26,8 +26,7 @@ from .description import (
     check_references,
 )
 from .extension import EXTENSION, ExtensionDocument
-from .joint_types import JOINT_TYPES, replace_joint
-from .sidecar import Sidecar
+from .sidecar import JOINT_TYPES, Sidecar, replace_joint
 from .xml_file import MAX_JOINTS, MAX_NUMBER, MOMENTS, Document, moments_of
 
 #: An attribute of several lines or with tabs.
