@@ -12,7 +12,7 @@ from .errors import MissingExtraError, NoStiffnessError, PrupPinError, limits_he
 from .kinematics import Mobility
 from .mechanism import Mechanism
 from .mechanism.assumed import without_weight
-from .mechanism.beam_ends import at_other_ends
+from .mechanism.checks import at_other_ends
 from .mechanism.second_reader import second_opinion
 from .modules import WrenchModule
 from .modules.joint_spring import JointSpring

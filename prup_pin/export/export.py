@@ -21,10 +21,9 @@ from ..laws.efforts import EffortLaw
 from ..mechanism import Changes, JointDynamics, Mechanism
 from ..mechanism.description import RobotDescription
 from ..mechanism.mjcf_writer import MJCF_ENDINGS, mjcf_of
-from ..mechanism.plain_urdf import plain_urdf
 from ..mechanism.readers import read_content
 from ..mechanism.redrawn import dynamics_of, redrawn
-from ..mechanism.writer import urdf_of
+from ..mechanism.writer import plain_urdf, urdf_of
 from ..mechanism.xml_file import parse_again
 from ..numbers import number, quantity
 from ..parameters import SMALLEST_VALUE, Quantity

@@ -93,10 +93,8 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
         lengths = all(dimension_of(stream.unit_of(name) or "") == "length" for name in names)
         if lengths and not names & (taken | spoken_for) and not any(map(_is_neither, names)):
             told["place"][_plain(_stem(triple))] = triple
-    bodies = {}
-    for called, place in told["place"].items():
-        if set(place) == set("xyz"):
-            bodies[called] = Body(called, stream, {axis: place[axis] for axis in "xyz"})
+    whole = {called: place for called, place in told["place"].items() if set(place) == set("xyz")}
+    bodies = {called: Body(called, stream, {axis: place[axis] for axis in "xyz"}) for called, place in whole.items()}
     if not bodies:  # of a planar robot two may be all that was measured, where their units say what they are
         for called, place in told["place"].items():
             units = [dimension_of(stream.unit_of(name) or "") for name in place.values()]

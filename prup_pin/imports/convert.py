@@ -17,7 +17,7 @@ from ..numbers import number
 from ..recordings import Recording
 from ..recordings.columns import AXES, JOINT_GROUPS, fields_of, largest
 from ..spatial import Array
-from .log import Log, Stream
+from .log import Log, Stream, refuse
 from .map import Clock, Column, LogMap, Motors, Orientation
 from .units import dimension_of, unit_for, unit_in_name
 
@@ -92,15 +92,14 @@ def convert(log: Log, plan: LogMap, mechanism: Mechanism | None = None) -> Conve
     if plan.at_rest:
         still = at_rest(time, [values for name, values in columns.items() if name.startswith("q.")])
         if not still.any():
-            raise RecordingFileError(log.path, [Problem("at_rest: the joints never stand; leave the key out")])
+            raise refuse(log.path, "at_rest: the joints never stand; leave the key out")
         ends = np.flatnonzero(np.diff(still, prepend=True, append=True)).reshape(-1, 2) - [0, 1]
         rows = next((item.rows for item in told.values() if item.time is time), np.arange(len(time)))
         moving = tuple((int(first) + 1, int(last) + 1) for first, last in rows[ends])
         remarks.append(_moved(still, moving, time[ends]))
         time, columns = time[still], {name: values[still] for name, values in columns.items()}
     recording = _recording(time - time[0], columns, log, plan, mechanism)
-    used = plan.sources
-    unused = tuple(name for name in log.names if name not in used)
+    unused = tuple(name for name in log.names if name not in plan.sources)
     return Conversion(recording, unused, tuple(remarks), moving)
 
 
@@ -229,7 +228,7 @@ def _on_clock(log: Log, stream: Stream, clock: Clock, remarks: list[str], again:
     source = f"column '{clock.source}'" if clock.source is not None else f"the stamps of {stream.name}"
     known = np.flatnonzero(np.isfinite(raw))
     if len(known) < 2:
-        raise RecordingFileError(log.path, [Problem(f"{source}: no times; expected one in each row")])
+        raise refuse(log.path, f"{source}: no times; expected one in each row")
     if len(known) < len(raw):
         remarks.append(f"{len(raw) - len(known)} rows without a time in {source} were left out.")
     stamps = raw[known]
@@ -253,15 +252,13 @@ def _on_clock(log: Log, stream: Stream, clock: Clock, remarks: list[str], again:
             f"{source} runs backwards {len(back)} times, first in row {row + 1}: {stamps[back[0] + 1]:.9g} after "
             f"{stamps[back[0]]:.9g}; is it the right column? Cut the log where it was started again"
         )
-        raise RecordingFileError(log.path, [Problem(message)])
+        raise refuse(log.path, message)
     fresh = np.concatenate([[True], np.diff(stamps) > 0])
     if runs is not None:
         fresh[1:] |= np.diff(runs) > 0
     if not fresh.all():
-        share = 100 * float(np.mean(~fresh))
-        remarks.append(
-            f"{int((~fresh).sum())} rows ({number(share, 2)} %) repeat the time before in {source}: left out."
-        )
+        count, share = int((~fresh).sum()), number(100 * float(np.mean(~fresh)), 2)
+        remarks.append(f"{count} rows ({share} %) repeat the time before in {source}: left out.")
     rows = known[fresh]
     time = (stamps[fresh] - stamps[0]) * clock.unit.factor + stamps[0] * clock.unit.factor - clock.delay
     return _Told(rows, time, runs[fresh] if runs is not None else None)
@@ -279,7 +276,7 @@ def _common(log: Log, plan: LogMap, told: Mapping[str, _Told], remarks: list[str
         assert plan.resampling.rate is not None
         if not (end - begin) * plan.resampling.rate < MAX_ROWS:
             message = f"resample: rate: {plan.resampling.rate:g}/s over {number(end - begin, 4)} s"
-            raise RecordingFileError(log.path, [Problem(f"{message} are more than {MAX_ROWS} rows; give a lower rate")])
+            raise refuse(log.path, f"{message} are more than {MAX_ROWS} rows; give a lower rate")
         time = begin + np.arange(int((end - begin) * plan.resampling.rate + 1e-9) + 1) / plan.resampling.rate
         time = _told_at(time, told)
         whose = f"an even clock of {plan.resampling.rate:g}/s"
@@ -288,7 +285,7 @@ def _common(log: Log, plan: LogMap, told: Mapping[str, _Told], remarks: list[str
             f"{name} {number(item.time[0], 6)} to {number(item.time[-1], 6)} s" for name, item in told.items()
         )
         message = f"the streams do not overlap in time: {spans}; is the unit of each time right?"
-        raise RecordingFileError(log.path, [Problem(message)])
+        raise refuse(log.path, message)
     wanted = float(np.median(np.diff(time)))
     for name, item in told.items():
         period = float(np.median(np.diff(item.time)))
@@ -340,10 +337,8 @@ def turns_of(log: Log, stream: Stream, rotation: Orientation, rows: Any = slice(
         size = 3 if kind == "matrix" else 4
         matrices = given.reshape(-1, size, size)[:, :3, :3]
         if len(matrices) and float(np.median(np.abs(np.linalg.det(matrices) - 1))) > 0.1:
-            message = (
-                f"columns {', '.join(rotation.sources[:3])} …: are no rotation matrices, their determinants are not 1"
-            )
-            raise RecordingFileError(log.path, [Problem(message)])
+            which = ", ".join(rotation.sources[:3])
+            raise refuse(log.path, f"columns {which} …: are no rotation matrices, their determinants are not 1")
         turns = Rotation.from_matrix(matrices if how == "rows" else matrices.transpose(0, 2, 1))
     return known, turns
 

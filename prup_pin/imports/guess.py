@@ -28,8 +28,7 @@ from .columns import LOAD_WORDS, add_by_unit, add_joints, add_poses, place_lines
 from .draft import Draft, Line
 from .log import Log
 from .map import CHECK
-from .motion import set_beside
-from .nameless import add_nameless
+from .motion import add_nameless, set_beside
 from .unit_by_numbers import settle_units
 from .units import DRIVING, UNSCALED, WISHED, dimension_of, words_of
 
@@ -196,13 +195,6 @@ class _Page:
             none = f"seen were {called}, and no frame of the robot is called like one; write lines p.FRAME.x{there}"
             yield self.told("", none, "")
 
-    @property
-    def _measures_nothing(self) -> bool:
-        """Whether positions of joints are all that is used, and nothing has been asked of what else there is."""
-        draft = self.draft
-        moving = bool(draft.joints) and all(line.target.startswith(("q.", "qd.", "qdd.")) for line in draft.lines)
-        return moving and not (draft.turns or draft.others or self.doubts)
-
     def rotations(self) -> Iterator[str]:
         if self.draft.turns:
             yield from ("", "rotations:")
@@ -251,11 +243,10 @@ class _Page:
             yield self.told("", doubt, unit).strip()
         for name, unit in self._loads_by_name(unused).items():
             line = f"w.{'f' if unit == 'N' else 'm'}z: {{from: {_text(name)}, unit: {unit}}}"
-            doubt = (
-                f"a load on the tool, along z of the base, in {unit}? Then this line is one of the columns; else none"
-            )
-            yield self.told(f"# {line}", doubt, name)
-        if unused and self._measures_nothing:
+            asked = f"a load on the tool, along z of the base, in {unit}?"
+            yield self.told(f"# {line}", f"{asked} Then this line is one of the columns; else none", name)
+        moving = bool(self.draft.joints) and all(target.startswith(("q.", "qd.", "qdd.")) for target in targets)
+        if unused and moving and not (self.draft.turns or self.draft.others or self.doubts):
             which = ", ".join(some(list(unused), 6))
             doubt = (
                 "nothing but the joints' motion is used, which tells nothing by itself: what else was measured, "

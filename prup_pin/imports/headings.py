@@ -89,7 +89,8 @@ def heading_of(lines: Sequence[str]) -> Heading | None:
     start = _section(lines)
     for separator in (*SEPARATORS, " "):
         rows = [cells_of(line, separator) for line in lines[start : start + _DEEPEST]]
-        points = [",", "."] if separator != "," and _decimal_commas(rows) else ["."]
+        commas = any(re.fullmatch(r"-?\d+,\d+(e[-+]?\d+)?", cell, re.I) for row in rows for cell in row)
+        points = [",", "."] if separator != "," and commas else ["."]
         for decimal in points:
             body = _first_row(rows, decimal)
             if body is not None:
@@ -106,13 +107,10 @@ def _section(lines: Sequence[str]) -> int:
     return next((titles[place] for place in PLACES if place in titles), 0)
 
 
-def _decimal_commas(rows: Sequence[Sequence[str]]) -> bool:
-    return any(re.fullmatch(r"-?\d+,\d+(e[-+]?\d+)?", cell, re.I) for row in rows for cell in row)
-
-
 def _first_row(rows: Sequence[Sequence[str]], decimal: str) -> int | None:
     """Return the first of several rows alike that hold numbers rather than text."""
-    counts = [_counted(row, decimal) for row in rows]
+    values = [[number_in(cell, decimal) for cell in row] for row in rows]
+    counts = [(sum(v is not None and v == v for v in row), sum(v is None for v in row)) for row in values]
     for k, (numbers, texts) in enumerate(counts):
         below = [n for n in range(k, len(rows)) if any(rows[n])][:_ALIKE]
         if numbers >= 2 and all(
@@ -121,12 +119,6 @@ def _first_row(rows: Sequence[Sequence[str]], decimal: str) -> int | None:
         ):
             return k if numbers > texts else None
     return None
-
-
-def _counted(row: Sequence[str], decimal: str) -> tuple[int, int]:
-    """Return how many cells of a row are numbers, and how many text."""
-    values = [number_in(cell, decimal) for cell in row]
-    return sum(v is not None and v == v for v in values), sum(v is None for v in values)
 
 
 def _understood(rows: Sequence[list[str]], body: int, start: int, separator: str, decimal: str) -> Heading:
@@ -150,7 +142,9 @@ def _understood(rows: Sequence[list[str]], body: int, start: int, separator: str
     if section:
         rate = next((row[0] for row in rows[:top] if row and re.fullmatch(r"[\d.]+", row[0])), rate)
     labels = {key: value for key, value in said.items() if key in ("rotation type", "data_included")}
-    return Heading(separator, decimal, names, start + body, units, _positive(rate), seen, section, labels)
+    hertz = number_in(rate or "", ".") or 0.0
+    known = hertz if 0 < hertz < math.inf else None
+    return Heading(separator, decimal, names, start + body, units, known, seen, section, labels)
 
 
 def _as_wide(row: Sequence[str], width: int) -> bool:
@@ -158,14 +152,6 @@ def _as_wide(row: Sequence[str], width: int) -> bool:
     keyed = len(row) > 1 and re.fullmatch(r"[A-Z]+(_[A-Z]+)*", row[0]) is not None and len(row[0]) > 5
     wide = max(2, width - _RAGGED) <= len(row) <= width + 1
     return wide and any(row) and not any(row[width:]) and not (keyed and len(row) != width)
-
-
-def _positive(text: str | None) -> float | None:
-    try:
-        value = float(text or "")
-    except ValueError:
-        return None
-    return value if 0 < value < math.inf else None
 
 
 def _named(header: list[list[str]], width: int, bodies: list[str]) -> tuple[list[str], dict[str, str]]:
@@ -176,7 +162,7 @@ def _named(header: list[list[str]], width: int, bodies: list[str]) -> tuple[list
         if said is None and filled and all(spelled(cell) for cell in filled):
             said = row
             header = [other for other in header if other is not row]
-    header = [row for row in header if _first(row).lower() not in _IDLE]
+    header = [row for row in header if next(filter(None, row), "").lower() not in _IDLE]
     for k, row in enumerate(header):
         at = next((j for j, cell in enumerate(row) if cell), width)
         if row[at : at + 1] == ["Name"]:
@@ -215,7 +201,3 @@ def _of_bodies(names: list[str], bodies: list[str]) -> list[str]:
         rest = name.removeprefix(f"{body} ") if body else name
         out.append(f"{now}.{rest}" if now and rest else name)
     return out
-
-
-def _first(row: Sequence[str]) -> str:
-    return next((cell for cell in row if cell), "")

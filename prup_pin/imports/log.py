@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 from unicodedata import category
 
@@ -97,26 +97,19 @@ class Log:
         raise KeyError(column)
 
 
-def refuse(path: Path, message: str, line: int | None = None) -> RecordingFileError:
+def refuse(path: str | Path, message: str, line: int | None = None) -> RecordingFileError:
     """Return the error that says what is wrong with a log."""
     return RecordingFileError(path, [Problem(message, line)])
 
 
-@dataclass
-class Reading:
-    """A file while a library reads it; `at` says where, for an error."""
-
-    at: str = ""
-
-
 @contextmanager
-def reading(path: Path, what: str) -> Iterator[Reading]:
-    """Whatever a format's library raises within this block is an error of the file, `what`, with the place in it.
+def reading(path: Path, what: str) -> Iterator[SimpleNamespace]:
+    """Whatever a format's library raises within this block is an error of the file, `what`, with the place in it, `at`.
 
     Libraries raise what they like where bytes are damaged: KeyError, zlib.error, AssertionError. Only what they do
     belongs into such a block, so that no fault of this package hides there.
     """
-    here = Reading()
+    here = SimpleNamespace(at="")
     try:
         yield here
     except PrupPinError:
@@ -187,7 +180,8 @@ def read_log(path: str | Path) -> Log:
     if log is not None:
         count = sum(len(stream.columns) for stream in log.streams)
         if not count:
-            raise refuse(path, "holds no columns of numbers" + _besides(log.left_out))
+            there = f"; there are: {', '.join(log.left_out[:12])}" if log.left_out else ""
+            raise refuse(path, "holds no columns of numbers" + there)
         if count > MAX_COLUMNS:
             raise refuse(path, f"holds {count} columns of numbers; expected at most {MAX_COLUMNS}")
         return _printable(log)
@@ -253,8 +247,10 @@ def read_logs(paths: Sequence[str | Path]) -> Log:
     logs = [read_log(path) for path in paths]
     if len(logs) == 1:
         return logs[0]
+    left_out = tuple(name for log in logs for name in log.left_out)
+    remarks = tuple(text for log in logs for text in log.remarks)
     if stamps := _same_stamps(logs):
-        return _side_by_side(logs, stamps)
+        return Log(logs[0].path, (_side_by_side(logs, stamps),), left_out, remarks)
     shared = {name for name, count in Counter(name for log in logs for name in log.names).items() if count > 1}
     for log in logs[1:]:
         if set(log.names) == set(logs[0].names):
@@ -262,7 +258,7 @@ def read_logs(paths: Sequence[str | Path]) -> Log:
                 f"holds the same columns as '{logs[0].path}': these are two recordings; import each by the same map. "
                 "Where each is of another joint, call its columns after the joint"
             )
-            raise refuse(Path(log.path), message)
+            raise refuse(log.path, message)
     stems = told_apart([Path(log.path).stem for log in logs])
     streams = []
     for stem, log in zip(stems, logs, strict=True):
@@ -270,8 +266,7 @@ def read_logs(paths: Sequence[str | Path]) -> Log:
         names = {name: f"{name} ({called})" for name in shared}
         alone = len(log.streams) == 1
         streams += [stream.renamed(called if alone else f"{called}: {stream.name}", names) for stream in log.streams]
-    left_out = tuple(name for log in logs for name in log.left_out)
-    return Log(logs[0].path, tuple(streams), left_out, tuple(text for log in logs for text in log.remarks))
+    return Log(logs[0].path, tuple(streams), left_out, remarks)
 
 
 def _same_stamps(logs: Sequence[Log]) -> list[str]:
@@ -304,7 +299,7 @@ def _uneven(stamps: Array) -> bool:
     return bool(strays > 2.0 * np.diff(np.unique(steps)).min())
 
 
-def _side_by_side(logs: Sequence[Log], stamps: Sequence[str]) -> Log:
+def _side_by_side(logs: Sequence[Log], stamps: Sequence[str]) -> Stream:
     """Return tables that share their stamps as one; what else they hold is called `name (file)`, or by the folder."""
     stems = told_apart([Path(log.path).stem for log in logs])
     if len(set(stems)) < len(stems):
@@ -318,9 +313,7 @@ def _side_by_side(logs: Sequence[Log], stamps: Sequence[str]) -> Log:
     columns = MappingProxyType({name: values for stream in streams for name, values in stream.columns.items()})
     units = {name: unit for stream in streams for name, unit in stream.units.items()}
     labels = {name: label for stream in streams for name, label in stream.labels.items()}
-    left_out = tuple(name for log in logs for name in log.left_out)
-    remarks = tuple(text for log in logs for text in log.remarks)
-    return Log(logs[0].path, (replace(streams[0], columns=columns, units=units, labels=labels),), left_out, remarks)
+    return replace(streams[0], columns=columns, units=units, labels=labels)
 
 
 def told_apart(stems: Sequence[str]) -> list[str]:
@@ -332,10 +325,6 @@ def told_apart(stems: Sequence[str]) -> list[str]:
         parts = [words[::-1] for words in parts]
     found = ["".join(words) for words in parts]
     return found if len(set(found)) == len(found) else list(stems)
-
-
-def _besides(left_out: Sequence[str]) -> str:
-    return f"; there are: {', '.join(left_out[:12])}" if left_out else ""
 
 
 #: Endings -> the file of this room that reads them; loaded when one is met.

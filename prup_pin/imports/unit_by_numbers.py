@@ -60,7 +60,7 @@ def _slides(draft: Draft, joint: str, line: Line | None) -> bool:
 
 def _limits(draft: Draft, joint: str) -> tuple[float, float]:
     """Return the least and the largest position of a joint [rad, m]; infinite where nothing tells them."""
-    if joint not in draft.slides or draft.mechanism is None or draft.mechanism.joint(joint).nq != 1:
+    if joint not in draft.slides or draft.mechanism is None:
         return -np.inf, np.inf
     low, high = (float(limit[draft.mechanism.joint(joint).first_q]) for limit in draft.mechanism.limits)
     return low, high

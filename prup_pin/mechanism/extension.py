@@ -5,6 +5,7 @@ docs/robot_file.md describes it.
 
 from __future__ import annotations
 
+import os.path
 import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -25,10 +26,12 @@ from .description import (
     VariantDescription,
     quantities_of,
 )
-from .mesh_paths import mesh_exists, mesh_problem
-from .xml_file import MAX_NUMBER, Document
+from .xml_file import MAX_NUMBER, Document, mesh_places, mesh_problem
 
 EXTENSION = "prup_pin"
+#: What stands in it, and which parts of that have no tolerance.
+_PARTS = ("gravity", "tool", "actuated", "task_coordinates", "home", "loop", "note", "length", "module", "variant")
+_EXACT = ("gravity", "tool", "actuated", "task_coordinates", "coordinate", "moves", "variant")
 #: A joint that is further from its drawing than this [m] has none.
 _MAX_DISPLACEMENT = 0.1
 _TOLERANCE = re.compile(r"([^%]+?)\s*(%?)")
@@ -52,7 +55,7 @@ class ExtensionDocument(Document):
         message = mesh_problem(place, home, self.package_folders)
         if message:
             self.problem(element, message)
-        elif shown is not None and not mesh_exists(place, home, self.package_folders):
+        elif shown is not None and not any(map(os.path.exists, mesh_places(place, [home, *self.package_folders]))):
             self.meshes_missing.append(shown)
 
     def only_extension(self) -> etree._Element | None:
@@ -66,30 +69,15 @@ class ExtensionDocument(Document):
         fields: dict = {"loops": [], "modules": [], "lengths": [], "notes": [], "variants": {}}
         if extension.get("version") != "1":
             self.problem(extension, f'<{EXTENSION} version="{extension.get("version")}">: this reader knows version 1')
-        handlers = {
-            "gravity": self._gravity,
-            "tool": self._tool,
-            "actuated": self._actuated,
-            "task_coordinates": self._tasks,
-            "home": self._home,
-            "loop": self._loop,
-            "note": self._note,
-            "length": self._length,
-            "module": self._module,
-            "variant": self._variant,
-        }
         for element in extension:
-            for part in element.iter(
-                "gravity", "tool", "actuated", "task_coordinates", "coordinate", "moves", "variant"
-            ):
+            for part in element.iter(*_EXACT):
                 if part.get("tolerance") is not None:
                     self.problem(part, f"<{part.tag}> has no tolerance; a <parameter> or a <length> can have one")
-            handler = handlers.get(element.tag)
-            if handler is None:
-                near = nearest_names(element.tag[:60], list(handlers))
-                self.problem(element, f"unknown element <{element.tag[:60]}> in <{EXTENSION}>. {near}")
+            if element.tag in _PARTS:  # read by the method of that name
+                getattr(self, f"_{element.tag}")(element, fields)
             else:
-                handler(element, fields)
+                near = nearest_names(element.tag[:60], _PARTS)
+                self.problem(element, f"unknown element <{element.tag[:60]}> in <{EXTENSION}>. {near}")
         return {key: tuple(value) if isinstance(value, list) else value for key, value in fields.items()}
 
     def _gravity(self, element, fields) -> None:
@@ -107,7 +95,7 @@ class ExtensionDocument(Document):
         self.lines["actuated"] = element.sourceline
         fields["actuated"] = tuple((self.attribute(element, "joints", "<actuated>") or "").split())
 
-    def _tasks(self, element, fields) -> None:
+    def _task_coordinates(self, element, fields) -> None:
         order = element.get("rotation", "xyz")
         if order not in ROTATION_ORDERS:
             self.problem(element, f'<task_coordinates rotation="{order}">. {nearest_names(order, ROTATION_ORDERS)}')
@@ -124,12 +112,8 @@ class ExtensionDocument(Document):
 
     def _home(self, element, fields) -> None:
         self.lines["home"] = element.sourceline
-        home = {}
-        for name in element.attrib:
-            value = self.numbers(element, name, 1, "<home>", largest=MAX_NUMBER)
-            if value:
-                home[name] = value[0]
-        fields["home"] = home
+        read = {name: self.numbers(element, name, 1, "<home>", largest=MAX_NUMBER) for name in element.attrib}
+        fields["home"] = {name: value[0] for name, value in read.items() if value}
 
     def _loop(self, element, fields) -> None:
         self.only(element, ("name", "frame1", "frame2", "free"), "<loop>")
@@ -231,22 +215,10 @@ class ExtensionDocument(Document):
             )
         if name and kind and joint:
             frame, root, tip, body = (element.get(key) for key in ("frame", "root", "tip", "body"))
+            where = (frame, root, tip, axis, body, anchor)
             fields["modules"].append(
                 ModuleDescription(
-                    name,
-                    kind,
-                    joint,
-                    frame,
-                    root,
-                    tip,
-                    axis,
-                    body,
-                    anchor,
-                    values,
-                    element.sourceline,
-                    lines,
-                    unread=tuple(unread),
-                    whole=whole,
+                    name, kind, joint, *where, values, element.sourceline, lines, unread=tuple(unread), whole=whole
                 )
             )
 

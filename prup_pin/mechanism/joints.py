@@ -1,13 +1,17 @@
-"""The joints of a mechanism: which way each can move, and where its coordinates stand."""
+"""The joints of a mechanism: which way each can move, where its coordinates stand, which others it follows."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from ..spatial import Array, axis_as_z
+from .description import CouplingDescription, ModuleDescription, parameter_of, quantities_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +104,138 @@ def joints_of(model: pin.Model) -> tuple[Joint, ...]:
     """Return the movable joints of a model in the order of their ids, which begin at 1."""
     neutral = pin.neutral(model)
     joints = []
-    for index, (name, joint) in enumerate(zip(model.names, model.joints, strict=True)):
-        if not index:
-            continue
+    for index, (name, joint) in list(enumerate(zip(model.names, model.joints, strict=True)))[1:]:
         data = joint.createData()  # of the model's data every access copies all joints
         joint.calc(data, neutral)
         subspace = np.array(data.S, float).reshape(6, joint.nv)
         subspace.setflags(write=False)
         joints.append(Joint(name, index, joint.idx_q, joint.nq, joint.idx_v, joint.nv, subspace))
     return tuple(joints)
+
+
+# -- joints that follow others -----------------------------------------------------------------------------------------
+
+
+class Follower(NamedTuple):
+    """A joint that stands at `ratio` times the position of `leader` plus `offset` [m or rad]; one freedom each."""
+
+    joint: Joint
+    leader: Joint
+    ratio: float
+    offset: float
+
+
+class Coupling:
+    """The followers of one mechanism, each after its leader. False where there are none.
+
+    A follower (a gear, a belt over two joints, URDF's <mimic>) stands at ratio times the position of its leader plus an
+    offset, whatever it carries. So all velocities are v = R u, with u those of each joint by itself: of a leader its
+    own velocity, of a follower what it moves beside what its leader asks of it, which is nothing unless something
+    yields along it. By virtual work the forces along u are R^T tau.
+    """
+
+    def __init__(self, followers: Sequence[Follower], velocities: int):
+        """`velocities`: nv of the mechanism."""
+        self.followers = tuple(followers)
+        self._velocities = velocities
+
+    def __bool__(self) -> bool:
+        return bool(self.followers)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints that follow."""
+        return tuple(follower.joint.name for follower in self.followers)
+
+    def leader_of(self, name: str) -> str:
+        """Return the joint that leads a follower, in the end; of one that leads itself its own name."""
+        leaders = {follower.joint.name: follower.leader.name for follower in self.followers}
+        while name in leaders:
+            name = leaders[name]
+        return name
+
+    @cached_property
+    def dofs(self) -> np.ndarray:
+        """Velocity indices of the joints that follow."""
+        return np.array([follower.joint.first_v for follower in self.followers], int)
+
+    @cached_property
+    def ratios(self) -> Array:
+        """R (nv, nv): velocities of all joints per velocity of each by itself, v = R u."""
+        ratios = np.eye(self._velocities)
+        for joint, leader, ratio, _ in self.followers:
+            ratios[joint.first_v] += ratio * ratios[leader.first_v]
+        return ratios
+
+    @cached_property
+    def motions(self) -> Array:
+        """The same (nv, nv) where nothing yields along followers: their columns are zero."""
+        motions = self.ratios.copy()
+        motions[:, self.dofs] = 0.0
+        return motions
+
+    def moved_by(self, joint: Joint) -> list[tuple[int, float]]:
+        """Return the velocity indices that a joint of one freedom moves, its own first, and how much by its motion."""
+        ratios = self.ratios[:, joint.first_v]
+        others = [(int(dof), float(ratios[dof])) for dof in np.flatnonzero(ratios) if dof != joint.first_v]
+        return [(joint.first_v, 1.0), *others]
+
+    def place(self, q: Array) -> None:
+        """Put the followers where their leaders in configurations q (..., nq) have them."""
+        for joint, leader, ratio, offset in self.followers:
+            joint.place(q, ratio * leader.position(q) + offset)
+
+    def away(self, q: Array) -> float:
+        """Return how far the farthest follower in q (nq,) is from where its leader has it [m or rad]."""
+        there = q.copy()
+        self.place(there)
+        return float(np.abs(there - q).max(initial=0.0))
+
+
+def coupling_of(
+    described: Iterable[CouplingDescription], joints: Mapping[str, Joint], velocities: int
+) -> tuple[Coupling, list[CouplingDescription]]:
+    """Return the coupling of a mechanism's joints, and what is described but cannot be followed.
+
+    That is a leader that is not told, not there, or follows its own follower; and joints of several freedoms.
+    """
+    waiting = {item.joint: item for item in described if item.joint in joints}
+    followers: list[Follower] = []
+    for _ in range(len(waiting)):  # each time at least one of those whose leader waits no longer
+        for name, item in list(waiting.items()):
+            leader = None if item.leader is None or item.leader in waiting else joints.get(item.leader)
+            if leader is not None and leader.nv == joints[name].nv == 1:
+                followers.append(Follower(joints[name], leader, item.ratio, item.offset))
+                del waiting[name]
+    return Coupling(followers, velocities), [*waiting.values()]
+
+
+# -- joints that yield where the robot file has them rigid -------------------------------------------------------------
+
+
+#: How a joint may yield: along its own motion (about the axis of one that turns), or about axes across it.
+WAYS = ("own", "across")
+
+
+def yielding_module(joint: str, way: str) -> str:
+    """Return the name of the module that stands for a joint that yields in a way of `WAYS`."""
+    return f"{joint} yielding {way}"
+
+
+def yielding_as(joint: Joint, way: str, value: Any, source: str, seat: str | None = None) -> ModuleDescription:
+    """Return the module: a spring along the joint, of a stiffness, or what tilts across it, of a compliance (6, 6).
+
+    Across a joint that turns the bearing's seat tilts, which does not turn with it: on a frame `seat`, or where the
+    joint is drawn.
+    """
+    name, across = yielding_module(joint.name, way), way == "across"
+    kind, quantity = ("compliance_matrix", "matrix") if across else ("joint_spring", "stiffness")
+    values = {quantity: parameter_of(name, quantities_of(kind)[quantity], value, source)}
+    axis, seated = (tuple(joint.axis.tolist()), seat is None and not joint.slides) if across else (None, False)
+    return ModuleDescription(name, kind, joint.name, seat, axis=axis, values=values, seated=seated)
+
+
+def yielding_modules(joints: Iterable[tuple[Joint, str]]) -> tuple[ModuleDescription, ...]:
+    """Return the modules of joints that yield; how soft they are a simulation says."""
+    start = {"own": 1.0, "across": np.zeros((6, 6))}
+    return tuple(yielding_as(joint, way, start[way], "a law") for joint, way in joints)

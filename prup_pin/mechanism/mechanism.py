@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +21,6 @@ from ..modules import CompliantModule, DriveModule, WrenchModule
 from ..parameters import Parameter
 from ..spatial import Array, axis_as_z, placement
 from . import checks
-from .coupling import coupling_of
 from .description import (
     LengthDescription,
     ModuleDescription,
@@ -34,15 +33,10 @@ from .description import (
     resolve_values,
     same_description,
 )
-from .frames import Frame, frames_by_name, loop_closure
-from .joints import Joint, joints_of
-from .links import Link, links_of
+from .frames import Frame, Link, MovedParts, frames_by_name, links_of, loop_closure, moved_by_length
+from .joints import Joint, coupling_of, joints_of, yielding_modules
 from .load_paths import LoadPaths
 from .xml_file import parse_again, words
-from .yielding import yielding_modules
-
-if TYPE_CHECKING:
-    from .lengths import MovedParts
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,8 +193,6 @@ class Mechanism:
     @cached_property
     def moved_by_length(self) -> Mapping[str, MovedParts]:
         """What each length of the robot file moves, by the full name of its parameter."""
-        from .lengths import moved_by_length  # which draws the mechanism anew
-
         return {item.parameter.name: moved_by_length(self, item.parameter.name) for item in self.description.lengths}
 
     @cached_property
@@ -438,9 +430,8 @@ class Mechanism:
         touched: dict[str, dict[str, Any]] = {}
         for name, value in changes.items():
             if name in lengths:
-                lengths[name] = replace(
-                    lengths[name], parameter=lengths[name].parameter.with_value(_number(name, value))
-                )
+                changed = lengths[name].parameter.with_value(_number(name, value))
+                lengths[name] = replace(lengths[name], parameter=changed)
             elif name not in self.parameters:
                 owner = str(name).rpartition(".")[0]
                 own = [key for key in self.parameters if key.startswith(f"{owner}.")]

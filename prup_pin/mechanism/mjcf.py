@@ -219,20 +219,17 @@ class MjcfDocument(ExtensionDocument):
 
     def _check_document(self) -> None:
         for element in self.root.iter("include"):
-            self.problem(
-                element, f'<include file="{element.get("file", "")[:60]}">: other files are not read; save one file'
-            )
+            file = element.get("file", "")[:60]
+            self.problem(element, f'<include file="{file}">: other files are not read; save one file')
         for element in self.root.findall("compiler"):
+            angle, order = element.get("angle", "degree"), element.get("eulerseq", "xyz")
             if element.get("coordinate", "local") != "local":
-                self.problem(
-                    element, "<compiler>: coordinate is not 'local'; load and save the model with MuJoCo first"
-                )
-            if element.get("angle", "degree") not in ("degree", "radian"):
-                self.problem(element, f'<compiler>: angle="{element.get("angle")[:60]}"; expected degree or radian')
-            if len(element.get("eulerseq", "xyz")) != 3 or set(element.get("eulerseq", "xyz")) - set("xyzXYZ"):
-                self.problem(
-                    element, f'<compiler>: eulerseq="{element.get("eulerseq")[:60]}"; expected three of xyzXYZ'
-                )
+                first = "load and save the model with MuJoCo first"
+                self.problem(element, f"<compiler>: coordinate is not 'local'; {first}")
+            if angle not in ("degree", "radian"):
+                self.problem(element, f'<compiler>: angle="{angle[:60]}"; expected degree or radian')
+            if len(order) != 3 or set(order) - set("xyzXYZ"):
+                self.problem(element, f'<compiler>: eulerseq="{order[:60]}"; expected three of xyzXYZ')
         if self.root.find("worldbody") is None:
             self.problem(self.root, "has no <worldbody>")
         folder = self.settings.get("meshdir", self.settings.get("assetdir", ""))
@@ -399,9 +396,8 @@ class MjcfDocument(ExtensionDocument):
         if body.parent is None:
             self.problem(element, f"{what} stands in the world; expected it in a body")
         elif kind == "free" and body.parent.parent is not None:
-            self.problem(
-                element, f"{what}: a free joint in body '{body.name[:60]}'; expected it in a body of the world"
-            )
+            where = f"a free joint in body '{body.name[:60]}'"
+            self.problem(element, f"{what}: {where}; expected it in a body of the world")
         axis = self.direction(merged, "axis", what) if "axis" in merged.attrib else (0.0, 0.0, 1.0)
         limits, reference = (-math.inf, math.inf), 0.0
         if kind in ("hinge", "slide"):
@@ -532,9 +528,8 @@ class MjcfDocument(ExtensionDocument):
                 known = [joint.name for body in self.bodies for joint in body.joints]
                 for given in (joint, other):
                     if given is not None and given not in known:
-                        self.problem(
-                            element, f"{what}: no joint named '{given[:60]}'. {nearest_names(given[:60], known)}"
-                        )
+                        near = nearest_names(given[:60], known)
+                        self.problem(element, f"{what}: no joint named '{given[:60]}'. {near}")
                 text = f"joint '{joint}' follows {f'joint {other!r}' if other else 'a constant'} ({what})"
                 ratio, offset = self._followed(element, joint, other, what)
                 leader = other if ratio is not None else None
@@ -623,9 +618,8 @@ class MjcfDocument(ExtensionDocument):
                 continue
             joint = self._known(element, key, joints, "joint", what)
             if joint is not None and joint.kind not in ("hinge", "slide"):
-                self.problem(
-                    element, f"{what} drives the {joint.kind} joint '{joint.name}'; expected a hinge or a slide"
-                )
+                driven = f"the {joint.kind} joint '{joint.name}'"
+                self.problem(element, f"{what} drives {driven}; expected a hinge or a slide")
             elif joint is not None:
                 names[joint.name] = None
         if others:

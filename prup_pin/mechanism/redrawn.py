@@ -24,10 +24,10 @@ from .description import (
     resolve_values,
 )
 from .extension import EXTENSION
-from .joint_types import replace_joint
+from .joints import yielding_as
 from .mechanism import Mechanism, with_lengths
+from .sidecar import replace_joint
 from .xml_file import MOMENTS, moments_of, parse_again, words
-from .yielding import yielding_as
 
 #: Moments of inertia below zero by less than this share of the largest are rounding.
 _ROUNDING = 1e-9
@@ -49,9 +49,8 @@ def redrawn(changes: Changes, home: Array | None = None) -> RobotDescription:
     """
     mechanism = changes.mechanism
     if changes.lengths:
-        mechanism = mechanism.with_parameters(
-            {name: mechanism.parameters[name].value + error for name, error in changes.lengths.items()}
-        )
+        drawn = mechanism.parameters
+        mechanism = mechanism.with_parameters({name: drawn[name].value + off for name, off in changes.lengths.items()})
     described = mechanism.description
     if described.source != "URDF":
         raise InputError(f"'{described.name}' was read from {described.source}; only URDFs can be redrawn")

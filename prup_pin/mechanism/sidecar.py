@@ -4,20 +4,22 @@ closed_loop: [[frame_a, frame_b], …]    pairs of frames that coincide
 type: ['6d', '3d', …]                   per pair: all of the pose, or the point alone; missing: 6d
 name_mot: [joint, …]                    actuated joints, or a part of each name that no other joint contains
 joint_name: [joint, …]                  joints of the URDF that have another type
-joint_type: [SPHERICAL, …]              see `joint_types`
+joint_type: [SPHERICAL, …]              see `JOINT_TYPES`; the tree is rewritten before Pinocchio builds it
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from itertools import permutations
 from pathlib import Path
 
 import yaml
+from lxml import etree
 
 from ..errors import Problem, RobotFileError, nearest_names
 from .description import FrameDescription, LoopDescription
-from .joint_types import JOINT_TYPES
 from .xml_file import MAX_NAME, read_bytes
 
 KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
@@ -67,10 +69,8 @@ class Sidecar:
             matches = [name] if name in joints else [joint for joint in joints if name in joint]
             if len(matches) != 1:
                 which = f"{len(matches)} joints contain it ({', '.join(matches[:6])})" if matches else "no joint does"
-                hint = nearest_names(name, sorted(joints))
-                self.problem(
-                    line, f"name_mot '{name}': expected a joint or a part of one joint's name; {which}. {hint}"
-                )
+                found_out = f"{which}. {nearest_names(name, sorted(joints))}"
+                self.problem(line, f"name_mot '{name}': expected a joint or a part of one joint's name; {found_out}")
             elif matches[0] in found:
                 self.problem(line, f"name_mot '{name}': joint '{matches[0]}' is already in the list")
             else:
@@ -199,3 +199,53 @@ def _texts(sidecar: Sidecar, node: yaml.Node, key: str) -> list[yaml.ScalarNode]
 
 def _line(node: yaml.Node) -> int:
     return node.start_mark.line + 1
+
+
+# -- joints that a URDF cannot say: ball and universal joints as chains of revolute ones, and frozen ones --------------
+
+
+#: Axes of the revolute joints that take a joint's place, in order from the parent; none: the joint is frozen at zero.
+JOINT_TYPES = {
+    "FIXED": "",
+    "SPHERICAL": "XYZ",
+    **{f"UJOINT_{first}{second}": first + second for first, second in permutations("XYZ", 2)},
+}
+
+
+def replace_joint(joint: etree._Element, axes: str) -> None:
+    """Rewrite a URDF joint in place: '<name>_X', '<name>_Y' … about the axes of its own frame, or fixed.
+
+    Limits and axis of the joint are dropped. The joints between are joined by massless links '<name>_X_link' ….
+    """
+    name = joint.get("name")
+    for tag in ("axis", "limit", "mimic", "dynamics", "safety_controller", "calibration"):
+        for element in joint.findall(tag):
+            joint.remove(element)
+    if not axes:
+        joint.set("type", "fixed")
+        return
+    robot, place = joint.getparent(), joint.getparent().index(joint)
+    for axis in axes[:-1]:
+        link = etree.Element("link", name=f"{name}_{axis}_link")
+        before = etree.Element("joint", name=f"{name}_{axis}")
+        parent, origin = joint.find("parent"), joint.find("origin")
+        etree.SubElement(before, "parent", link=parent.get("link"))
+        etree.SubElement(before, "child", link=link.get("name"))
+        if origin is not None:
+            before.append(origin)
+        _turn_about(before, axis)
+        parent.set("link", link.get("name"))
+        for new in (link, before):
+            new.sourceline = joint.sourceline
+            robot.insert(place, new)
+            place += 1
+    joint.set("name", f"{name}_{axes[-1]}")
+    _turn_about(joint, axes[-1])
+
+
+def _turn_about(joint: etree._Element, axis: str) -> None:
+    joint.set("type", "revolute")
+    etree.SubElement(joint, "axis", xyz=" ".join("1" if axis == other else "0" for other in "XYZ"))
+    # Never reached: one turn either way. A continuous joint would have no single coordinate.
+    turn = repr(2 * math.pi)
+    etree.SubElement(joint, "limit", lower=f"-{turn}", upper=turn, effort="0", velocity="0")

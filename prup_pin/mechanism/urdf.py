@@ -26,8 +26,7 @@ from .description import (
     check_references,
 )
 from .extension import EXTENSION, ExtensionDocument
-from .joint_types import JOINT_TYPES, replace_joint
-from .sidecar import Sidecar
+from .sidecar import JOINT_TYPES, Sidecar, replace_joint
 from .xml_file import MAX_JOINTS, MAX_NUMBER, MOMENTS, Document, moments_of
 
 #: An attribute of several lines or with tabs.
@@ -419,9 +418,8 @@ def read_inertial(document: Document, link: etree._Element, name: str) -> str | 
         document.origin(origin, f"inertial of link '{name}'")
         document.only(origin, ("xyz", "rpy"), f"inertial of link '{name}', <origin>")
     if mass is None:
-        document.problem(
-            inertial, f'inertial of link \'{name}\': <mass value="…"/> is missing; without mass: value="0"'
-        )
+        lost = '<mass value="…"/> is missing; without mass: value="0"'
+        document.problem(inertial, f"inertial of link '{name}': {lost}")
     else:
         document.only(mass, ("value",), f"mass of link '{name}'")
         value = document.numbers(mass, "value", 1, f"mass of link '{name}'", largest=MAX_NUMBER)

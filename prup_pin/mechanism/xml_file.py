@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import os.path
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -244,6 +245,49 @@ class Document(ABC):
         """Report every attribute that is not in the list."""
         for name in element.attrib:
             if name not in attributes:
-                self.problem(
-                    element, f"{what}: unknown attribute '{name[:60]}'. {nearest_names(name[:60], attributes)}"
-                )
+                near = nearest_names(name[:60], attributes)
+                self.problem(element, f"{what}: unknown attribute '{name[:60]}'. {near}")
+
+
+# -- meshes ------------------------------------------------------------------------------------------------------------
+
+
+def mesh_problem(name: str, home: Path, package_folders: Sequence[Path]) -> str | None:
+    """Return what is wrong with a mesh's path, or None.
+
+    It must lie in the robot's folder `home` or in a declared package folder, links and '..' resolved.
+    """
+    folders = [home, *package_folders]
+    shown = name if len(name) <= 120 else f"{name[:120]}…"
+    scheme = name.replace("\\", "/").rpartition("://")[0]
+    if scheme and scheme not in ("package", "file", "model"):
+        return f"mesh '{shown}': nothing is downloaded; copy the file next to the robot file"
+    places = mesh_places(name, folders)
+    try:
+        existing = [place for place in places if os.path.lexists(place)]
+        if existing:
+            allowed = all(_inside(os.path.realpath(place), folders) for place in existing)
+        else:
+            allowed = any(_inside(os.path.normpath(place), folders) for place in places)
+    except (OSError, ValueError):  # a NUL character, or a name longer than any file's
+        allowed = False
+    if allowed:
+        return None
+    return (
+        f"mesh '{shown}' lies outside the robot's folder {home} and the declared package folders; "
+        "move it there, or declare its folder with package_folders=[…]"
+    )
+
+
+def mesh_places(name: str, folders: Sequence[Path]) -> list[str]:
+    """Return where a mesh may lie. Nothing is loaded here; viewers load what `mesh_problem` lets pass."""
+    scheme, _, rest = name.replace("\\", "/").rpartition("://")
+    places = [os.path.join(folder, rest) for folder in folders]
+    if scheme in ("package", "model") and "/" in rest:
+        # package://name/… : a folder may be the package itself, or the one that holds it
+        places += [os.path.join(folder, rest.split("/", 1)[1]) for folder in folders]
+    return places
+
+
+def _inside(place: str, folders: Sequence[Path]) -> bool:
+    return any(Path(place).is_relative_to(known) for folder in folders for known in (folder, os.path.realpath(folder)))

@@ -17,6 +17,7 @@ import numpy as np
 from ..errors import InputError, UnknownNameError
 from ..numbers import number
 from ..spatial import Array, cross, rotation_exp, rotation_log
+from .columns import MARKER_GROUPS, TRIPLES
 from .recording import Recording
 
 #: Groups of columns that are written alike, in the order in which they are read: wrenches need the drawn tool's pose.
@@ -430,13 +431,12 @@ def _changed(recording: Recording, convention: Convention, drawn: Drawn, back: b
         assert word.change is not None
         return word.change(values, convention.argument, tool, back)
 
-    if group in ("p", "r"):
-        own, marked = ("position", "markers") if group == "p" else ("rotation", "marker_rotations")
-        value, others = getattr(recording, own), getattr(recording, marked)
-        changed: dict[str, Any] = {marked: {name: change(values) for name, values in others.items()}}
-        return replace(recording, **changed | {own: None if value is None else change(value)})
-    if group == "g":
-        return recording if recording.gravity is None else replace(recording, gravity=change(recording.gravity))
+    if group in TRIPLES:
+        value = getattr(recording, TRIPLES[group])
+        changed: dict[str, Any] = {} if value is None else {TRIPLES[group]: change(value)}
+        if marked := MARKER_GROUPS.get(group):
+            changed[marked] = {name: change(values) for name, values in getattr(recording, marked).items()}
+        return replace(recording, **changed)
     part = {"force": slice(0, 3), "moment": slice(3, 6)}.get(group, slice(0, 6))
     wrench = recording.wrench.copy()
     wrench[:, part] = change(wrench[:, part])
@@ -478,17 +478,14 @@ def _of_joints(
             if argument[0] in columns:
                 out[name] = columns[name] + sign * columns[str(argument[0])]
         elif field == "positions":  # wrapped
-            out[name] = _wrapped(columns[name]) if back else _unwrapped(columns[name], recording.run)
+            whole = columns[name] + np.pi
+            out[name] = whole % (2 * np.pi) - np.pi if back else _unwrapped(columns[name], recording.run)
     return out
 
 
 def joints_of(recording: Recording) -> dict[str, tuple[str, ...]]:
     """Return the joints that have a column q, and those that have a column tau, in the order of the table."""
     return {group: tuple(getattr(recording, fields[0])) for group, fields in _OF_JOINTS.items()}
-
-
-def _wrapped(values: Array) -> Array:
-    return (values + np.pi) % (2 * np.pi) - np.pi
 
 
 def _unwrapped(values: Array, run: np.ndarray) -> Array:

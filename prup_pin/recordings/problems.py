@@ -138,40 +138,40 @@ def read_json_object(path: Path, what: str, problems: Problems) -> dict[str, Any
     """
     content = read_bytes(path, what, (".json",))
 
+    def wrong(message: str, line: int | None = None, key: str | None = None) -> None:
+        problems.add(KeyProblem(message, line, path.name, key))
+
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         if len(pairs) > MAX_NAMES:
             message = f"holds an object of {len(pairs)} keys; expected at most {MAX_NAMES}"
-            problems.add(KeyProblem(message, None, path.name, key=shown(pairs[0][0])))
+            wrong(message, key=shown(pairs[0][0]))
             return {}
         for key, count in Counter(key for key, _ in pairs).items():
             if count > 1:
-                problems.add(KeyProblem(f"stands {count} times; expected once", None, path.name, key=shown(key)))
+                wrong(f"stands {count} times; expected once", key=shown(key))
         return dict(pairs)
 
     try:
         value = json.loads(content.decode("utf-8-sig"), object_pairs_hook=unique)
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        message = f"is not UTF-8 text (byte 0x{content[error.start]:02x}); save it as UTF-8"
-        problems.add(KeyProblem(message, line, path.name))
+        wrong(f"is not UTF-8 text (byte 0x{content[error.start]:02x}); save it as UTF-8", line)
     except json.JSONDecodeError as error:
         found = f"{error.msg} (character {error.colno} of the line)"
         if another := _other_format(content):
             found = f"it looks like {another}; expected {what}"
-        message = f"is not valid JSON: {found}"
-        problems.add(KeyProblem(message, error.lineno, path.name))
+        wrong(f"is not valid JSON: {found}", error.lineno)
     except RecursionError:
-        problems.add(KeyProblem("nests its values too deep", None, path.name))
+        wrong("nests its values too deep")
     except ValueError as error:  # an integer of thousands of digits
-        problems.add(KeyProblem(f"is not valid JSON: {shown(error)}", None, path.name))
+        wrong(f"is not valid JSON: {shown(error)}")
     else:
         if half := _half_characters(value):
-            message = f"holds half a character ('{shown(half)}'), which no file can hold; remove it"
-            problems.add(KeyProblem(message, None, path.name))
+            wrong(f"holds half a character ('{shown(half)}'), which no file can hold; remove it")
         elif isinstance(value, dict):
             return value
         else:
-            problems.add(KeyProblem(f'holds {json_kind(value)}; expected an object {{"key": …}}', None, path.name))
+            wrong(f'holds {json_kind(value)}; expected an object {{"key": …}}')
     return {}
 
 

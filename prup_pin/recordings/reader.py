@@ -179,9 +179,8 @@ def _check_gravity(table: Table, problems: Problems, first: bool) -> None:
         return
     for name in names:
         if first and name not in there:
-            message = (
-                f"is missing beside {', '.join(there)}: gravity has three components; write 0 for one that is zero"
-            )
+            told = f"is missing beside {', '.join(there)}"
+            message = f"{told}: gravity has three components; write 0 for one that is zero"
             problems.add(TableProblem(message, 1, column=name))
     sizes = np.sqrt(sum(np.nan_to_num(table.numbers[name]) ** 2 for name in there))
     lines = table.lines[sizes > LARGEST_GRAVITY].tolist()

@@ -94,20 +94,17 @@ class Together:
 
     def within(self, kinds: Mapping[str, float]) -> Together:
         """Return the same recordings with one standard deviation of some kinds declared, which then hold for all."""
-        sources = tuple(
-            replace(
-                source, recording=replace(source.recording, tolerances=replace(source.recording.tolerances, **kinds))
-            )
-            for source in self.sources
-        )
-        own = replace(self.recording, tolerances=replace(self.recording.tolerances, **kinds))
-        return replace(self, recording=own, sources=sources)
+
+        def declaring(recording: Recording) -> Recording:
+            return replace(recording, tolerances=replace(recording.tolerances, **kinds))
+
+        sources = tuple(replace(source, recording=declaring(source.recording)) for source in self.sources)
+        return replace(self, recording=declaring(self.recording), sources=sources)
 
     def with_own(self, sensor: str) -> Together:
         """Return the same recordings, each with a sensor of its own."""
-        own = [tuple(dict.fromkeys((*source.own, sensor))) for source in self.sources]
-        sources = (replace(source, own=names) for source, names in zip(self.sources, own, strict=True))
-        return replace(self, sources=tuple(sources))
+        own = (replace(source, own=tuple(dict.fromkeys((*source.own, sensor)))) for source in self.sources)
+        return replace(self, sources=tuple(own))
 
     def with_runs_of(self, sensor: str) -> Together:
         """Return the same recordings, each run with a sensor of its own."""
@@ -182,9 +179,7 @@ class Together:
 def _names(recordings: Sequence[Recording]) -> list[str]:
     """Return a name of each for people: its file's, as short as tells them apart."""
     short = [Path(recording.path).name for recording in recordings]
-    told = [
-        name if short.count(name) == 1 else recording.path for name, recording in zip(short, recordings, strict=True)
-    ]
+    told = (own if short.count(own) == 1 else each.path for own, each in zip(short, recordings, strict=True))
     return [name or f"recording {place}" for place, name in enumerate(told, 1)]
 
 
@@ -227,15 +222,9 @@ def _same(one: Recording, other: Recording) -> bool:
 def _own_sensors(recordings: Sequence[Recording]) -> list[tuple[str, ...]]:
     """Return the sensors that each recording has for itself: by its own word, or by another tolerance."""
     other = {
-        sensor
-        for sensor, kinds in SENSORS.items()
-        for kind in kinds
-        if len(set(_declared(recordings, kind).values())) > 1
+        sensor for sensor, kinds in SENSORS.items() if any(len({*_declared(recordings, k).values()}) > 1 for k in kinds)
     }
-    return [
-        tuple(sensor for sensor in SENSORS if sensor in recording.own_sensors or sensor in other)
-        for recording in recordings
-    ]
+    return [tuple(each for each in SENSORS if each in item.own_sensors or each in other) for item in recordings]
 
 
 def _declared(recordings: Sequence[Recording], kind: str) -> dict[int, float]:

@@ -6,7 +6,7 @@ import pytest
 
 import prup_pin
 from prup_pin.mechanism.assumed import masses_in_doubt
-from prup_pin.mechanism.links import links_of
+from prup_pin.mechanism.frames import links_of
 
 LINK = (
     '<link name="{0}"><inertial><origin xyz="0.1 0 0"/><mass value="{1}"/>'

@@ -39,7 +39,7 @@ def test_a_planar_robot_is_seen_from_where_its_axes_are_as_in_books(tmp_path, ax
     """One in x and y with its weight along -y was seen from behind, x to the left."""
     robot = two_links(tmp_path, axis, pull)
     camera = camera_of(robot, robot.home)
-    page = camera.flat(np.eye(3))
+    page = np.eye(3) @ camera.plane.T
     assert page[right][0] > 0.5
     assert page[up][1] > 0.5
 

@@ -24,6 +24,7 @@ from ..scene.painter import pose_scene
 from ..scene.scene import Legend
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text
+from .figures import NARROW, WIDE, SceneDrawing, scene_figure
 from .plotting import (
     Figure,
     Line2D,
@@ -34,7 +35,6 @@ from .plotting import (
     sheet,
     zero_lines,
 )
-from .scene_figure import NARROW, WIDE, SceneDrawing, scene_figure
 
 #: What was measured.
 _MEASURED = "#23272E"
@@ -79,7 +79,7 @@ def _points(robot: Robot, pose: ClosedPose, parts: Skeleton, name: str) -> Array
     if module is not None and isinstance(module.kind, DriveModule):
         return seats.get(str(mechanism.model.names[module.joint]))  # drawn where its joint has its seat
     if module is not None:
-        return (pose.placements[module.frame.joint] @ module.frame.placement)[None, :3, 3]
+        return module.frame.at(pose.placements)[None, :3, 3]
     lengths = [length for length in mechanism.description.lengths if length.parameter.owner == name]
     for joint in (joint for length in lengths for joint, _ in length.moves if mechanism.model.existJointName(joint)):
         return seats.get(joint)
@@ -115,10 +115,8 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, *, narrow: bool = False) ->
 
 def _finding_lines(diagnosis: Diagnosis, found: Sequence[Mark], most: int, width: int) -> list[str]:
     """Return the findings by the numbers of their marks, and last what marks without a number are."""
-    lines = []
-    for index, finding in enumerate(diagnosis.told, 1):
-        text = f"{index}  {finding_text(finding)}"
-        lines += wrap(text, width, subsequent_indent="    ", break_on_hyphens=False)
+    texts = [f"{index}  {finding_text(finding)}" for index, finding in enumerate(diagnosis.told, 1)]
+    lines = [line for text in texts for line in wrap(text, width, subsequent_indent="    ", break_on_hyphens=False)]
     if len(lines) > most:
         lines[most - 1 :] = ["…"]
     shown = {tuple(np.round(mark.points, 6).ravel()) for mark in found if mark.number}

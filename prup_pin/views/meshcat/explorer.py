@@ -22,8 +22,7 @@ from ..scene.painter import Painter
 from ..scene.scene import Scene
 from ..text.answer import Answer, rigid_texts, stiffness_table
 from ..text.values import clean, coordinate_dimensions, dimension, limits
-from .server import Served
-from .view import message
+from .view import Served, message
 
 #: How far sliders of task coordinates reach from where they start: share of the robot's size [m], and [rad].
 REACH, TURN = 0.5, np.radians(45)

@@ -87,10 +87,8 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording
     if len(recordings) > 1:
         rows += [(name, [*texts]) for name, *texts in words.recording_rows(diagnosis)]
     rows.append(("Length", [words.length_of(diagnosis, recording)]))
-    sizes = []
-    for block, unit in ((slice(0, 3), "N"), (slice(3, 6), "N m")):
-        size = np.linalg.norm(np.nan_to_num(recording.wrench[:, block]), axis=1).max(initial=0.0)
-        sizes.append(f"up to {number(float(size), 3)} {unit}")
+    loads = np.linalg.norm(np.nan_to_num(recording.wrench).reshape(-1, 2, 3), axis=2).max(axis=0, initial=0.0)
+    sizes = [f"up to {number(size, 3)} {unit}" for size, unit in zip(loads.tolist(), ("N", "N m"), strict=True)]
     moving = diagnosis.efforts is not None and not diagnosis.efforts.standing
     unloaded = f"none measured: its own weight{' and motion' if moving else ''}"
     rows.append(("Loads", sizes if recording.has_wrench else [unloaded]))

@@ -28,10 +28,6 @@ class Camera:
         self.up, viewers, planes = _seen(gravity, np.array([azimuth]), elevation)
         self.viewer, self.plane = viewers[0], planes[0]
 
-    def flat(self, points: Array) -> Array:
-        """Return (..., 2) coordinates on the page."""
-        return np.asarray(points) @ self.plane.T
-
 
 def _seen(gravity: Array, azimuths: Array, elevation: float) -> tuple[Array, Array, Array]:
     """Return what is up, and by azimuth [deg] the direction to the viewer (n, 3) and the axes of the page (n, 2, 3)."""

@@ -117,7 +117,7 @@ def _shapes(pose: ClosedPose, origins: Array) -> Array:
     frames = [frame for loop in mechanism.loops for frame in (loop.first, loop.second)]
     frames += [frame for module in mechanism.modules for frame in (module.frame, module.root) if frame is not None]
     for frame in frames:
-        points[frame.joint].append((pose.placements[frame.joint] @ frame.placement)[:3, 3])
+        points[frame.joint].append(frame.at(pose.placements)[:3, 3])
     shapes = np.tile(np.eye(3), (model.njoints, 1, 1))
     for body, found in enumerate(points):
         arms = np.array(found).reshape(-1, 3) - origins[body]
@@ -130,8 +130,7 @@ def _shapes(pose: ClosedPose, origins: Array) -> Array:
 def beam_frame(module: Module, pose: ClosedPose) -> tuple[Array, float]:
     """Return base_from_beam (root at the origin, z to the tip) and the length from root to tip [m]."""
     assert module.root is not None
-    root = (pose.placements[module.root.joint] @ module.root.placement)[:3, 3]
-    tip = pose.placements[module.frame.joint] @ module.frame.placement
+    root, tip = module.root.at(pose.placements)[:3, 3], module.frame.at(pose.placements)
     line = tip[:3, 3] - root
     length = float(np.linalg.norm(line))
     turn = tip[:3, :3]

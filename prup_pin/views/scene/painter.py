@@ -150,7 +150,7 @@ class Painter:
                 folder = "base" if self.base_links == 1 else f"base/{link}"
             for index, visual in enumerate(shapes):
                 name = folder if len(shapes) == 1 else f"{folder}/{index + 1}"
-                seat = pose.placements[frame.joint] @ frame.placement
+                seat = frame.at(pose.placements)
                 at = seat @ visual.placement
                 colour = visual.colour if colours is None else grey_of(visual.colour)
                 if beam is not None:
@@ -170,13 +170,9 @@ class Painter:
         return parts
 
     def _beam_radius(self, module: Module) -> float:
-        values = module.values
-        for key in ("diameter", "root_diameter"):
-            value = float(np.max(values.get(key, np.nan)))
-            if np.isfinite(value):
-                return value / 2
-        area = float(np.max(values.get("area", np.nan)))
-        return float(np.sqrt(area / np.pi)) if np.isfinite(area) else 0.012 * self.size
+        largest = {key: float(np.max(module.values.get(key, np.nan))) for key in ("diameter", "root_diameter", "area")}
+        halves = (largest["diameter"] / 2, largest["root_diameter"] / 2, float(np.sqrt(largest["area"] / np.pi)))
+        return next(filter(np.isfinite, halves), 0.012 * self.size)
 
     def _bent(
         self, beam: Module, pose: ClosedPose, moved: Deflections | None, scale: float, visual: Visual, at: Array

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...kinematics import ClosedPose
-from ...mechanism import Frame
 from ...spatial import Array
 
 
@@ -71,9 +70,6 @@ def skeleton(pose: ClosedPose) -> Skeleton:
     """Return the skeleton of a pose: beams from root to tip, links between the joints of a body."""
     mechanism, model, placements = pose.mechanism, pose.mechanism.model, pose.placements
 
-    def position(frame: Frame) -> Array:
-        return (placements[frame.joint] @ frame.placement)[:3, 3]
-
     beams = [module for module in mechanism.modules if module.root is not None]
     spanned = {module.joint for module in beams}
     segments: list[Segment] = []
@@ -84,7 +80,7 @@ def skeleton(pose: ClosedPose) -> Skeleton:
     for module in beams:
         assert module.root is not None
         root, tip = module.root, module.frame
-        at = position(root), position(tip)
+        at = root.at(placements)[:3, 3], tip.at(placements)[:3, 3]
         segments.append(Segment("beam", *at, (root.joint, tip.joint), module.name))
         for end, there in zip((root, tip), at, strict=True):
             points[end.joint].append(there)
@@ -100,12 +96,13 @@ def skeleton(pose: ClosedPose) -> Skeleton:
         joints.append(Joint(name, seat, parent))
     for module in mechanism.modules:
         if module.leg and module.leg not in legs:
-            legs[module.leg] = position(module.root) if module.root is not None else placements[module.joint][:3, 3]
+            seat = placements[module.joint] if module.root is None else module.root.at(placements)
+            legs[module.leg] = seat[:3, 3]
     for loop in mechanism.loops:
         for end in (loop.first, loop.second):
-            points[end.joint].append(position(end))
+            points[end.joint].append(end.at(placements)[:3, 3])
     tool = mechanism.tip
-    points[tool.joint].append(position(tool))
+    points[tool.joint].append(tool.at(placements)[:3, 3])
     anchors = _unique(points[0])
     if len(anchors) <= 1 and model.njoints > 1:
         points[0].append(np.zeros(3))

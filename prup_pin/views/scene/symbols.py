@@ -63,7 +63,7 @@ def symbols(pose: ClosedPose, size: float, middle: Array, radii: Mapping[str, fl
 def _sign(pose: ClosedPose, module: Module, size: float, slot: int, sliding: bool, radius: float) -> list[Symbol]:
     """Return the sign of one module at its frame; several on one joint stand in a row along its axis."""
     kind = module.kind.kind
-    base = pose.placements[module.frame.joint] @ module.frame.placement
+    base = module.frame.at(pose.placements)
     joint = pose.mechanism.joint(module.joint)
     if kind not in _BEARINGS and joint.nv == 1:
         turn = axis_as_z(joint.axis)
@@ -101,7 +101,7 @@ def _drive(pose: ClosedPose, joint: int, modules: list[Module], size: float, mid
     origin, end = seat[:3, 3], pose.placements[joint][:3, 3]
     beam = next((m for m in mechanism.modules if m.joint == joint and m.root is not None), None)
     if beam is not None:
-        end = (pose.placements[beam.frame.joint] @ beam.frame.placement)[:3, 3]
+        end = beam.frame.at(pose.placements)[:3, 3]
     travel = float((end - origin) @ axis)
     if travel < 0:
         axis, travel = -axis, -travel

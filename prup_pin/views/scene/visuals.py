@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lxml import etree
 
 from ...mechanism import Mechanism
-from ...mechanism.mesh_paths import mesh_problem
+from ...mechanism.xml_file import mesh_places, mesh_problem, parse_again
 from ...robots import example_folder
 from ...spatial import Array, placement, rotation_rpy
 from .colours import hex_of
@@ -47,9 +46,7 @@ def visuals(mechanism: Mechanism) -> tuple[dict[str, list[Visual]], tuple[str, .
     folders, examples = (*getattr(description, "package_folders", ()),), example_folder()
     if examples is not None and description.path.is_relative_to(examples):
         folders = (*folders, examples.parents[1], examples.parent)
-    root = etree.fromstring(
-        description.content, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True, huge_tree=False)
-    )
+    root = parse_again(description.content)
     named = {each.get("name"): each.xpath("string(color/@rgba)") for each in root.findall("material")}
     found: dict[str, list[Visual]] = {}
     notes: list[str] = []
@@ -137,11 +134,7 @@ def _mesh_path(name: str, home: Path, folders: Sequence[Path]) -> Path:
     problem = mesh_problem(name, home, folders)
     if problem:
         raise ValueError(problem)
-    scheme, _, rest = name.replace("\\", "/").rpartition("://")
-    places = [os.path.join(folder, rest) for folder in (home, *folders)]
-    if scheme in ("package", "model") and "/" in rest:
-        places += [os.path.join(folder, rest.split("/", 1)[1]) for folder in (home, *folders)]
-    for place in places:
+    for place in mesh_places(name, [home, *folders]):
         if os.path.isfile(place):
             return Path(os.path.realpath(place))
     raise ValueError(f"mesh '{name[:120]}' is missing")

@@ -25,11 +25,6 @@ from .scene import Label, Legend, Lines, Mesh, Part, Row, Scene, dots
 _VIEWER = np.array([0.62, -0.66, 0.42])
 
 
-def softest_translation(compliance: Compliance) -> float:
-    """Return the largest translational compliance at the tool [m/N]: the longest semi-axis of the ellipsoid."""
-    return float(np.linalg.eigvalsh(compliance.C[:3, :3])[-1])
-
-
 def workspace_cloud(
     robot: Robot,
     poses: Sequence[ClosedPose],
@@ -48,7 +43,7 @@ def workspace_cloud(
     title, unit, factor = (
         ("Largest compliance", "µm/N", 1e6) if index is None else (getattr(index, "__name__", "index"), "", 1.0)
     )
-    index = index or softest_translation
+    index = index or (lambda compliance: np.linalg.eigvalsh(compliance.C[:3, :3])[-1])  # the longest semi-axis
     values = factor * np.array([float(index(compliance_of(robot, pose))) for pose in poses])
     if not np.isfinite(values).all():
         raise InputError(f"the index is not finite at {int((~np.isfinite(values)).sum())} of {len(poses)} poses")

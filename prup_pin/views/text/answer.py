@@ -145,16 +145,6 @@ class Answer:
         return axes.tolist(), np.asarray(np.linalg.inv(block), float)
 
     @cached_property
-    def yielding_length(self) -> float | None:
-        """The length [m] of the arcs on which K_yielding depends; None where it depends on none.
-
-        It depends on none where what is rigid are forces and moments apart.
-        """
-        rigid = self.compliance.rigid_directions
-        parts = [np.linalg.matrix_rank(rigid[:, block], tol=_NO_COMPONENT) for block in (slice(0, 3), slice(3, 6))]
-        return self.compliance.characteristic_length if sum(parts) > len(rigid) else None
-
-    @cached_property
     def deflection(self) -> Array:
         """Deflection (6,) of the tool [m, rad]; what is only rounding is zero."""
         c, w = self.compliance.C, self.load.wrench
@@ -330,18 +320,19 @@ def stiffness_tables(answer: Answer) -> tuple[MatrixTable, ...]:
     found = [] if k is None else [k]
     if answer.task_stiffness is not None:
         tasks = [(task.name, task.name, task.component not in "xyz") for task in answer.mechanism.tasks]
-        found.append(
-            _stiffness("Stiffness K_task", f"{at}, in the task coordinates", answer.task_stiffness, _TASK, tasks)
-        )
+        where = f"{at}, in the task coordinates"
+        found.append(_stiffness("Stiffness K_task", where, answer.task_stiffness, _TASK, tasks))
     if found:
         return tuple(found)
     if answer.translation_stiffness is not None:
         directions, block = answer.translation_stiffness
         forces, where = [_AXES[i] for i in directions], f"inv(C_tt), {at}, under forces alone, base axes"
         found.append(_stiffness("Translational stiffness", where, block, _FORCES, forces))
-    if len(answer.compliance.rigid_directions) < 6:
-        length = answer.yielding_length
-        note = "" if length is None else _AS_ARCS.format(number(length * 1e3, 4))
+    rigid = answer.compliance.rigid_directions
+    if len(rigid) < 6:
+        parts = [np.linalg.matrix_rank(rigid[:, block], tol=_NO_COMPONENT) for block in (slice(0, 3), slice(3, 6))]
+        arcs = sum(parts) > len(rigid)  # not where forces and moments are rigid each for itself
+        note = _AS_ARCS.format(number(answer.compliance.characteristic_length * 1e3, 4)) if arcs else ""
         where = f"{at}, K where it yields, base axes"
         found.append(_stiffness("K_yielding", where, answer.compliance.K_yielding, note))
     return tuple(found)
@@ -554,6 +545,5 @@ def first_shares(shares: Mapping[str, float], most: int) -> list[tuple[str, floa
     """Return the largest shares, at most so many, and that of all others together; one more is named."""
     names = ranked(shares)
     shown = names[:most] if len(names) > most + 1 else names
-    rows = [(name, shares[name]) for name in shown]
-    rest = names[len(shown) :]
+    rows, rest = [(name, shares[name]) for name in shown], names[len(shown) :]
     return [*rows, (f"{len(rest)} others", sum(shares[name] for name in rest))] if rest else rows

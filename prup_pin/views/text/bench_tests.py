@@ -339,10 +339,8 @@ def print_exported(out: Console, made: Exported) -> None:
         show_table(out, ("physics", "place", "values"), rows)
     if made.left_out:
         heading(out, "Left out", "  and what its effect explained of the held-out squared residual")
-        lost = []
-        for left in made.left_out:
-            share = "unknown" if left.share is None else f"{number(100 * left.share, 3)} %"
-            lost.append((left.physics, left.place, left.what, share))
+        explained = ["unknown" if x.share is None else f"{number(100 * x.share, 3)} %" for x in made.left_out]
+        lost = [(x.physics, x.place, x.what, share) for x, share in zip(made.left_out, explained, strict=True)]
         show_table(out, ("physics", "place", "what", ">explained"), lost)
     if made.remarks:
         heading(out, "To know")

@@ -73,9 +73,8 @@ def verdict_text(diagnosis: Diagnosis) -> str:
         return verdict_since(diagnosis, diagnosis.since)
     if math.isnan(before) and alone is None and unknown is not None:
         return f"{capital(unknown.statement)}."
-    drawn, left = (
-        "" if efforts is None else _of_all_efforts(efforts.shares["all"][key]) for key in ("rigid", "heldout")
-    )
+    shares = [] if efforts is None else [_percent(efforts.shares["all"][key]) for key in ("rigid", "heldout")]
+    drawn, left = [f"{share} of the efforts" for share in shares] or ("", "")
     if diagnosis.verdict == "nothing_missing":
         return _nothing_missing(diagnosis, left)
     if alone is not None and not alone.declared and math.isfinite(after):
@@ -175,10 +174,6 @@ def _of_efforts(shares: Mapping[str, float], after: float, ends_there: bool) -> 
     falls = f"the residual of the efforts falls from {rigid} to {left}"
     stands = f"the residual is {left} of the efforts" if rigid == left else falls
     return f"{stands}, {number(after, 3)} times the scatter of a single sample{_NO_MOTION if ends_there else ''}"
-
-
-def _of_all_efforts(share: float) -> str:
-    return f"{_percent(share)} of the efforts"
 
 
 def _percent(share: float) -> str:

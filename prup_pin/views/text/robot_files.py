@@ -15,6 +15,7 @@ from ...errors import MissingExtraError, PrupPinError, UnknownNameError
 from ...laws import LAWS, Law, Place, brought_laws
 from ...laws.efforts import EFFORT_LAWS, EffortLaw
 from ...mechanism import Mechanism
+from ...mechanism.description import COMPONENTS
 from ...mechanism.second_reader import second_opinion
 from ...mechanism.tolerances import value_tolerances
 from ...modules import KINDS, CompliantModule
@@ -103,10 +104,8 @@ def _print_loops(out: Console, robot: Robot) -> None:
     heading(out, f"Loops: {len(loops) or 'none'}")
     if not loops:
         return
-    rows = []
-    for loop in loops:
-        free = [axis for axis in ("x", "y", "z", "rx", "ry", "rz") if axis in loop.free]
-        rows.append((loop.name, loop.first.name, loop.second.name, " ".join(free) or "nothing"))
+    free = [" ".join(axis for axis in COMPONENTS if axis in loop.free) or "nothing" for loop in loops]
+    rows = [(loop.name, loop.first.name, loop.second.name, axes) for loop, axes in zip(loops, free, strict=True)]
     show_table(out, ("name", "frame 1", "frame 2", "free between them"), rows)
 
 
@@ -157,19 +156,18 @@ def _print_parameters(
 ) -> None:
     known = any(parameter.name in tolerances for parameter in parameters)
     columns = ("parameter", ">value", "unit", *["tolerance"] * known, "source")
-    rows = []
-    for parameter in parameters:
-        name = parameter.name if full else parameter.short
-        off = [_tolerance_text(parameter, tolerances.get(parameter.name))] if known else []
-        rows.append((name, value_text(parameter.value), parameter.unit, *off, parameter.source))
+    rows = [
+        (p.name if full else p.short, value_text(p.value), p.unit, *[_tolerance_text(p, tolerances)] * known, p.source)
+        for p in parameters
+    ]
     show_table(out, columns, rows, indent=4)
 
 
-def _tolerance_text(parameter: Parameter, tolerance: float | None) -> str:
+def _tolerance_text(parameter: Parameter, tolerances: Mapping[str, float]) -> str:
     """Return one standard deviation as a share of the value, or in its unit where it was declared so."""
+    tolerance, declared = tolerances.get(parameter.name), parameter.declared_tolerance
     if tolerance is None:
         return ""
-    declared = parameter.declared_tolerance
     if declared is not None and not declared.relative:
         return value_text(tolerance)
     return f"{number(100 * tolerance / abs(parameter.value), 3)} %"
@@ -235,10 +233,7 @@ def print_kinds(out: Console, kinds: Sequence[CompliantModule] = KINDS) -> None:
             out.print()
         title(out, kind.kind)
         traits = ["body" if kind.is_body else "joint", f"loads {' '.join(kind.loads)}"]
-        if kind.spans_frames:
-            traits.append("needs root and tip")
-        if kind.nonlinear:
-            traits.append("nonlinear")
+        traits += ["needs root and tip"] * kind.spans_frames + ["nonlinear"] * kind.nonlinear
         paragraph(out, f"{kind.summary[0].upper()}{kind.summary[1:]}.")
         listed(out, "", traits, "; ")
         if kind.kind in brought:
@@ -403,7 +398,9 @@ def print_laws(out: Console, laws: Sequence[Law], robot: Robot) -> None:
         for quantities, there in _parameters(law, places, mechanism):
             if len(places) > len(there):
                 listed(out, "at", _grouped(there), ", ")
-            _print_quantities(out, quantities)
+            starts = [number(float(x.default)) if isinstance(x.default, int | float) else "-" for x in quantities]
+            rows = [(x.name, x.unit, _range(x), at, x.description) for x, at in zip(quantities, starts, strict=True)]
+            show_table(out, ("parameter", "unit", "range", ">start", ""), rows)
 
 
 def _grouped(places: Sequence[Place]) -> list[str]:
@@ -427,14 +424,6 @@ def _parameters(
     for place in places:
         found.setdefault(law.quantities_at(place, mechanism), []).append(place)
     return list(found.items()) or [(law.quantities, [])]
-
-
-def _print_quantities(out: Console, quantities: Sequence[Quantity]) -> None:
-    rows = []
-    for each in quantities:
-        start = number(float(each.default)) if isinstance(each.default, int | float) else "-"
-        rows.append((each.name, each.unit, _range(each), start, each.description))
-    show_table(out, ("parameter", "unit", "range", ">start", ""), rows)
 
 
 def _range(quantity: Quantity) -> str:

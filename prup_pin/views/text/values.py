@@ -51,11 +51,8 @@ def dimension(mechanism: Mechanism, name: str) -> str:
 
 def limits(mechanism: Mechanism, name: str) -> tuple[float, float] | None:
     """Return the limits [m or rad] of a joint, or None where it has none."""
-    model, joint = mechanism.model, mechanism.joint(name)
-    if joint.nq != 1 or joint.nv != 1:
-        return None
-    low, high = float(model.lowerPositionLimit[joint.first_q]), float(model.upperPositionLimit[joint.first_q])
-    return (low, high) if low < high and np.isfinite([low, high]).all() and max(-low, high) < MOST_POSITION else None
+    low, high = (float(limit[mechanism.joint(name).first_q]) for limit in mechanism.limits)
+    return (low, high) if max(-low, high) < MOST_POSITION else None
 
 
 def joint_role(mechanism: Mechanism, name: str) -> str:
