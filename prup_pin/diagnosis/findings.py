@@ -281,7 +281,7 @@ def too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Findi
 def no_noise(problem: Problem, fit: Fit, blocks: np.ndarray) -> Finding | None:
     """Return the finding that what is left is no noise, where its size was taken from nothing but itself.
 
-    It follows time or pose, or is too much of what the sensor saw move. None where it may be noise. blocks (N,).
+    It follows time, pose or load, or is too much of what the sensor saw move. None where it may be noise. blocks (N,).
     """
     sizes = np.sqrt((fit.residual**2).mean(axis=0))
     alike = replace(fit, residual=fit.residual / np.where(sizes > 0, sizes, 1.0))
@@ -290,7 +290,7 @@ def no_noise(problem: Problem, fit: Fit, blocks: np.ndarray) -> Finding | None:
     if share > GAIN:
         why = f"it is {number(100 * share, 2)} % of what was seen to move, and no pose sensor scatters so much"
     elif could_show_structure(labels) and not is_white(problem, alike, labels):
-        why = "it follows time or pose, and noise does not"
+        why = "it follows time, pose or load, and noise does not"
     else:
         return None
     return unknown_at(

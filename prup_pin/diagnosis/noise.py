@@ -25,6 +25,7 @@ from .criteria import (
     GAIN,
     INDISTINCT,
     LITTLE,
+    ROUNDING,
     STRUCTURE_CHANCE,
     SURE,
     USUAL_POSITION_NOISE,
@@ -133,7 +134,7 @@ def repeats(inputs: Inputs, here: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def is_white(problem: Problem, fit: Fit, blocks: np.ndarray) -> bool:
-    """Return True where a whitened residual follows neither time, nor pose, nor any module's load.
+    """Return True where a whitened residual follows neither time, nor pose, nor load, nor any module's load.
 
     blocks (n,): labels of the fit's samples between two moves of the actuators.
     """
@@ -159,17 +160,22 @@ def is_white(problem: Problem, fit: Fit, blocks: np.ndarray) -> bool:
 
 
 def _slopes_of_each(problem: Problem, fit: Fit, actuators: Array) -> Iterator[Array]:
-    """Yield the slopes (n, k) over each recording's samples: what is off in one of them is no noise of all."""
-    sources = problem.simulator.inputs.sources
-    if sources is None:
-        yield _slopes(actuators)
-        return
-    for place in np.unique(sources[fit.samples]):
-        here = sources[fit.samples] == place
-        own = _slopes(actuators[here])
-        slopes = np.zeros((len(here), own.shape[1]))
-        slopes[here] = own
-        yield slopes
+    """Yield orthonormal columns (n, k) over each recording's samples: what is off in one of them is no noise of all.
+
+    By position, and by loads that do at each position something else, as whatever yields does.
+    """
+    inputs = problem.simulator.inputs
+    sources = np.zeros(len(actuators), int) if inputs.sources is None else inputs.sources[fit.samples]
+    loads = inputs.wrench[fit.samples]
+    for place in np.unique(sources):
+        here = sources == place
+        by_position, by_load = _slopes(actuators[here]), _orthonormal(loads[here])
+        of_both = _orthonormal((by_load[:, :, None] * by_position[:, None]).reshape(len(by_load), -1))
+        for own in (by_position, by_load, of_both):
+            if 2 * own.shape[1] <= len(own):  # else there is nothing that it might not follow
+                slopes = np.zeros((len(here), own.shape[1]))
+                slopes[here] = own
+                yield slopes
 
 
 def could_show_structure(blocks: np.ndarray) -> bool:
@@ -203,10 +209,14 @@ def _neighbours(actuators: Array, blocks: np.ndarray) -> np.ndarray:
 
 def _slopes(actuators: Array) -> Array:
     """Return orthonormal columns (n, k) of a constant and the actuators' positions."""
-    columns = np.column_stack((np.ones(len(actuators)), actuators - actuators.mean(axis=0)))
+    return _orthonormal(np.column_stack((np.ones(len(actuators)), actuators - actuators.mean(axis=0))))
+
+
+def _orthonormal(columns: Array) -> Array:
+    """Return orthonormal columns (n, r) of the same span as some columns (n, k), all of them of equal weight."""
     sizes = np.linalg.norm(columns, axis=0)
     basis, found, _ = np.linalg.svd(columns / np.where(sizes > 0, sizes, 1.0), full_matrices=False)
-    return basis[:, found > 1e-9]
+    return basis[:, found > ROUNDING]
 
 
 def noise_of_the_rest(problem: Problem, fit: Fit, blocks: np.ndarray) -> Problem | None:

@@ -16,12 +16,13 @@ import numpy as np
 from ..laws import Effect
 from ..numbers import counted, percent
 from .candidates import Term
-from .criteria import FEWEST_NUMBERS, FOLLOWED, GAIN, IMITATED, LITTLE, MOST, ROUGHLY, clean_bound
+from .criteria import FEWEST_NUMBERS, FOLLOWED, GAIN, IMITATED, LITTLE, MOST, ROUGHLY, chance_bound, clean_bound
 from .diagnosis import Finding
 from .evidence import cross_validated
 from .findings import chi2_without, finding_of, nothing_compared, rms_of_sum, too_few_poses, unknown_at, without_place
 from .intervals import parameters_of
 from .locate import LOAD, Located, locate, tilting_base
+from .noise import could_show_structure, noise_of_the_rest
 from .prepare import Prepared, Tell
 from .problem import Fit, Problem
 from .search import Selection, select
@@ -119,13 +120,15 @@ def _unexplained(problem: Problem, last: Fit, count: int) -> bool:
 
     Toleranced parameters shift the load at which a gap closes or a joint slides: beside them a law may be roughly right
     that takes away all but little of what there is while they are held. A robot file that is taken at its word leaves
-    noise or something.
+    noise or something. A little more than the noise that was declared is noise where it follows nothing.
     """
     rms = rms_of_sum(last.chi2, count)
     began = rms_of_sum(last.chi2 + float((problem.change(last, ()) ** 2).sum()), count)
     beside = bool(len(problem.prior.toleranced) and last.terms)
     rough = beside and rms <= ROUGHLY and (rms**2 - 1) <= GAIN * (began**2 - 1)
-    return rms > clean_bound(count) and not rough
+    blocks = problem.simulator.inputs.blocks[last.samples]
+    more = could_show_structure(blocks) and noise_of_the_rest(problem, last, blocks) is None
+    return (rms > clean_bound(count) or (rms > chance_bound(count) and more)) and not rough
 
 
 def _beside_unknown(

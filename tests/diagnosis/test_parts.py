@@ -244,6 +244,20 @@ def test_noise_is_white_and_structure_is_not(robot, simulator):
     assert not is_white(other, other.fit_at((), other.first), blocks)
 
 
+def test_what_a_load_does_at_one_position_and_not_at_another_is_no_noise(robot):
+    """A foot that gives way, and a cell that takes one force for another, follow no module's load and no position."""
+    simulator = Simulator(robot, inputs_of(inputs(robot, poses=16, cycle=(0.0, 1.0, 0.5, -0.5, -1.0)), robot))
+    problem = problem_of(simulator, [])
+    fit = problem.first
+    blocks = simulator.inputs.blocks[fit.samples]
+    force, position = simulator.inputs.wrench[fit.samples, 2], simulator.inputs.actuators[fit.samples, 0]
+    follows = force * (position - position.mean())
+    residual = fit.residual.copy()
+    residual[:, 4] += 0.7 * follows / follows.std()
+    assert is_white(problem, fit, blocks)
+    assert not is_white(problem, replace(fit, residual=residual), blocks)
+
+
 @pytest.mark.parametrize("scatter", [4.0, 100.0])
 def test_noise_that_was_declared_too_small_is_measured(simulator, scatter):
     problem = problem_of(simulator, [], scatter)
