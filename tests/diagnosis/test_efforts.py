@@ -26,6 +26,7 @@ from prup_pin.views.report.diagnosis_report import diagnosis_html
 from prup_pin.views.text.diagnosis_words import cost_text, diagnosis_text, parameter_texts, summary_text, verdict_text
 from tests.reference.concealed.efforts import draw_efforts, write
 
+from ..as_written import as_written
 from ..elsewhere import EMPS, needs_emps
 from .test_effort_band import changed_bodies
 
@@ -544,7 +545,7 @@ def test_ten_samples_are_too_little_to_compare_and_no_law_is_blamed():
 
 
 def test_a_drift_and_a_drive_at_its_limit_are_told_where_something_is_unknown():
-    robot, whole, joint = load("ur5"), swung(20), "elbow_joint"
+    robot, whole, joint = load("ur5"), as_written(swung(20), "q tau"), "elbow_joint"
     drifting = np.asarray(whole.efforts[joint]) + np.linspace(0, 8, len(whole))
     found = diagnose(robot, replace(whole, efforts=whole.efforts | {joint: drifting}))
     (unknown,) = (finding for finding in found.findings if finding.physics == "unknown")
