@@ -509,7 +509,7 @@ def bumped(robot_log, joint, force=5.0, at=0.7, width=0.03):
 
 def test_what_pinches_at_one_place_of_one_joint_is_not_explained():
     """Its joint is left at a few times its noise, with little of its effort, and all joints at hardly more than one."""
-    robot, whole = load("ur5"), swung(30)
+    robot, whole = load("ur5"), as_written(swung(30), "q tau")
     found = diagnose(robot, bumped(whole, "elbow_joint"))
     assert found.verdict == "unexplained"
     assert named(found) == {("viscous_friction", "shoulder_lift_joint"), ("unknown", "elbow_joint")}
