@@ -13,6 +13,7 @@ from prup_pin.laws import Place, law_at
 from prup_pin.laws.in_recording import lasting
 from prup_pin.recordings import Noise, Recording
 
+from ..as_written import as_written
 from ..reference.posed_tree import PosedTree, placed, turned
 
 WRIST = """<robot name="wrist">
@@ -59,7 +60,7 @@ def seen(path, seed: int, speed=(0.0, 0.0, 0.0), step=(0.0, 0.0, 0.0), **of_tree
     found = tree.seen(q, ("ball", "fore"), NOISE, seed)
     moved = np.outer(time - time[0], speed) + np.array(step)
     found = {name: values + moved for name, values in found.items()}
-    return Recording(time, positions=q, markers=found, noise=Noise(position=NOISE), path=f"day{seed}.csv")
+    return as_written(Recording(time, positions=q, markers=found, noise=Noise(position=NOISE), path=f"day{seed}.csv"))
 
 
 def told(path, *recordings: Recording):

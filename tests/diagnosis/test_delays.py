@@ -15,6 +15,7 @@ from prup_pin.diagnosis.toleranced import toleranced_of
 from prup_pin.recordings import TYPICAL, Recording, read_recording
 from prup_pin.simulation import inputs_of, simulate, trajectory_of
 
+from ..as_written import as_written
 from ..reference.concealed.efforts import KINDS
 from ..reference.concealed.tracked import draw_tracked, write
 
@@ -43,7 +44,7 @@ def delays(found) -> dict[str, float]:
 )
 def test_one_clock_beside_the_encoders_is_one_delay(late, speeds, tmp_path):
     device, robot, recording, heldout = drawn(tmp_path, 0, "ur5", rows=500, late=late, yields=False, speeds=speeds)
-    found = diagnose(robot, recording)
+    found = diagnose(robot, as_written(recording))
     assert found.verdict == "explained"
     assert delays(found) == (pytest.approx({"encoders.delay": late}, abs=2e-5) if late else {})
     if late:

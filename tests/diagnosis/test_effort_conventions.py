@@ -107,12 +107,12 @@ OPPOSITE = "wrist_3_joint,wrist_2_joint,wrist_1_joint,elbow_joint,shoulder_lift_
         (f"tau=order:{EXCHANGED}",),
         (f"q=order:{OPPOSITE}",),
         ("q.elbow_joint=plus:shoulder_lift_joint",),
-        ("q.elbow_joint=quarter_turns:1",),
+        pytest.param(("q.elbow_joint=quarter_turns:1",), marks=pytest.mark.slow),
         ("q.shoulder_lift_joint=quarter_turns:1", "q.elbow_joint=quarter_turns:3"),
         ("tau=N_mm",),
         pytest.param(("tau=kgf_m",), marks=pytest.mark.slow),
         ("q=gear:100", "tau=gear:100"),
-        ("time=ms",),
+        pytest.param(("time=ms",), marks=pytest.mark.slow),
         ("time=ms", "q=deg"),
         pytest.param(
             ("time=ms", "q=deg", "q.shoulder_lift_joint=reversed", "tau.shoulder_lift_joint=reversed"),
@@ -211,31 +211,30 @@ def test_of_friction_alone_nobody_can_tell_whether_effort_or_position_is_turned_
     assert all(f"--convention {group}.wrist_3_joint=reversed" in str(told_so.value) for group in ("q", "tau"))
 
 
-def test_noise_of_positions_is_not_less_motion_in_another_unit(ur5):
+@pytest.mark.parametrize("turned", [None, pytest.param("elbow_joint", marks=pytest.mark.slow)])
+def test_noise_of_positions_is_not_less_motion_in_another_unit(ur5, turned):
     """In degrees a joint would need next to nothing, and what positions scatter by would be no effort."""
-    assert told(ur5, slow_log(ur5, None, friction=1.0)) == []
-    assert told(ur5, slow_log(ur5, "elbow_joint", friction=1.0)) == ["tau.elbow_joint=reversed"]
-
-
-def searched(ur5, recording):
-    """What a search reads otherwise, gains that are told beside masses included."""
-    return EffortReadings.of(ur5, recording).found
+    assert told(ur5, slow_log(ur5, turned, friction=1.0)) == ([f"tau.{turned}=reversed"] if turned else [])
 
 
 def test_nearly_equal_gains_of_all_drives_are_a_unit_that_is_told_once(ur5, recording):
     """A gain that was read as exact was told again as six other ones, and neither was what the log reports."""
     log = written(recording, "tau=gain:0.09")
-    (found,) = searched(ur5, log).conventions
+    readings = EffortReadings.of(ur5, log)
+    (found,) = readings.found.conventions  # gains that are told beside masses included
     assert str(found).startswith("tau=gain:")
     assert found.argument[0] == pytest.approx(0.09, rel=0.05)
-    assert told(ur5, log) == []
+    assert readings.evidence() is None
+    declared = replace(log, conventions=(convention_of("tau", "gain:1", joints_of(log)),))
+    assert EffortReadings.of(ur5, declared).found.conventions == ()  # no unit is looked for
     assert gains_of(InMotion.of(ur5, motion_of(log, ur5)), {}).gains[:3] == pytest.approx(np.full(3, 0.09), rel=0.05)
 
 
 def test_what_else_is_read_otherwise_is_told_without_the_gain_beside_it(ur5, recording):
     log = written(recording, "tau=gain:0.09", "tau.elbow_joint=reversed")
-    assert {item.word for item in searched(ur5, log).conventions} == {"gain", "reversed"}
-    found = conventions_of_efforts(ur5, log)
+    readings = EffortReadings.of(ur5, log)
+    assert {item.word for item in readings.found.conventions} == {"gain", "reversed"}
+    found = readings.evidence()
     assert [str(item) for item in found.conventions] == ["tau.elbow_joint=reversed"]
     plain = conventions_of_efforts(ur5, written(recording, "tau.elbow_joint=reversed"))
     assert found.written == pytest.approx(plain.written, rel=0.05)  # both as they are read in N m
@@ -278,12 +277,20 @@ def test_a_robot_that_hangs_from_the_ceiling_has_no_sign_turned_round(ur5, recor
     ]
 
 
+#: What drives of an arm report in A per N m.
+AMPERES = (1 / 12, 1 / 12, 1 / 12, 1 / 8, 1 / 8, 1 / 8)
+
+
 def test_drives_in_units_of_their_own_are_told_by_their_sizes(ur5, recording):
-    amperes = dict(zip(recording.efforts, (1 / 12, 1 / 12, 1 / 12, 1 / 8, 1 / 8, 1 / 8), strict=True))
-    (doubt,) = checked(ur5, changed(recording, "efforts", amperes))
+    (doubt,) = checked(ur5, changed(recording, "efforts", dict(zip(recording.efforts, AMPERES, strict=True))))
     assert "tau.elbow_joint 0.08" in doubt
     assert "are they in per cent or A?" in doubt
     assert '"tolerances": {"effort_gain": 1} in the JSON file' in doubt
+
+
+@pytest.mark.slow
+def test_a_sign_is_told_of_drives_in_units_of_their_own(ur5, recording):
+    amperes = dict(zip(recording.efforts, AMPERES, strict=True))
     turned = changed(recording, "efforts", amperes | {"elbow_joint": -1 / 12})
     assert "tau.elbow_joint=reversed" in told(ur5, turned)
 
@@ -325,6 +332,7 @@ def test_a_position_that_never_changes_while_its_speed_does_is_told(ur5, recordi
         checked(ur5, wrong)
 
 
+@pytest.mark.slow
 def test_a_larger_effort_added_to_a_noisy_one_leaves_no_less(tmp_path):
     """A faultless arm whose log is late and of few bits: three wrists were told to count together."""
     write(draw_elastic(230000, "ur10"), tmp_path, tmp_path, "arm")
@@ -351,7 +359,7 @@ def loaded_log(ur5, recording):
     return replace(recording.select(known.motion.rows), efforts=dict(zip(ur5.actuated, tau.T, strict=True)))
 
 
-@pytest.mark.parametrize("joint", ["shoulder_lift_joint", "elbow_joint"])
+@pytest.mark.parametrize("joint", [pytest.param("shoulder_lift_joint", marks=pytest.mark.slow), "elbow_joint"])
 def test_a_joint_that_counts_the_other_way_round_is_found_under_a_load(ur5, loaded_log, joint):
     """The load leaves most of the wrists' efforts whichever way columns are read."""
     turned = {f"q.{joint}=reversed", f"tau.{joint}=reversed"}
@@ -363,7 +371,7 @@ def test_a_joint_that_counts_the_other_way_round_is_found_under_a_load(ur5, load
     assert set(told(ur5, log)) == turned
 
 
-@pytest.mark.parametrize("joint", ["elbow_joint", "wrist_1_joint"])
+@pytest.mark.parametrize("joint", [pytest.param("elbow_joint", marks=pytest.mark.slow), "wrist_1_joint"])
 def test_an_effort_that_is_turned_round_is_found_under_a_load(ur5, loaded_log, joint):
     efforts = {name: (-1 if name == joint else 1) * tau for name, tau in loaded_log.efforts.items()}
     assert told(ur5, replace(loaded_log, efforts=efforts)) == [f"tau.{joint}=reversed"]
@@ -397,13 +405,6 @@ def test_what_a_lone_drive_reports_per_newton_is_told_without_the_name_of_a_unit
     told = found.conventions if found else ()
     assert [item.word for item in told] == ([] if 1 / 3 < gain < 100 else ["gain"])
     assert all(item.argument[0] == pytest.approx(gain, rel=0.1) for item in told)
-
-
-def test_no_unit_is_looked_for_where_one_is_declared(ur5, recording):
-    log = written(recording, "tau=gain:0.09")
-    assert [item.word for item in searched(ur5, log).conventions] == ["gain"]
-    declared = replace(log, conventions=(convention_of("tau", "gain:1", joints_of(log)),))
-    assert searched(ur5, declared).conventions == ()
 
 
 def test_a_third_of_a_second_at_one_posture_does_not_say_how_it_is_written(ur5):
@@ -451,7 +452,7 @@ def five_bar(tmp_path_factory):
     "said",
     [
         (),
-        ("q=deg",),
+        pytest.param(("q=deg",), marks=pytest.mark.slow),
         ("q=gear:50",),
         pytest.param(("q=order:{1},{0}", "tau=order:{1},{0}"), marks=pytest.mark.slow),
         ("q.{1}=reversed", "tau.{1}=reversed"),

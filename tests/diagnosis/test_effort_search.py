@@ -23,8 +23,9 @@ from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.laws import Place
 from prup_pin.laws.efforts.joint_coupling import SpringAcross
 from prup_pin.laws.efforts.viscous_friction import Damping
-from prup_pin.recordings import Convention, Recording
+from prup_pin.recordings import Recording
 from prup_pin.simulation import simulate
+from tests.as_written import as_written
 from tests.diagnosis.test_efforts import AXIS, axis, device
 
 
@@ -288,7 +289,7 @@ def one_way(seed):
 def test_friction_of_which_no_joint_is_sure_alone_foretells_the_next_motion():
     """Nothing is surely there of any drive by itself: the drawing alone leaves 27 % of the next motion."""
     robot, (slow, following) = load("ur5"), one_way(1)
-    found = diagnose(robot, slow)
+    found = diagnose(robot, as_written(slow, "q tau"))
     predicted = simulate(robot, following, found.effects)
     left, whole = 0.0, 0.0
     for name, efforts in following.efforts.items():
@@ -312,10 +313,10 @@ def test_two_joints_that_carry_the_arm_tell_the_unit_of_all_its_efforts():
     assert "tau so many times the effort: A, per cent of a rating (0.128)" in first.statement
 
 
-@pytest.mark.parametrize("times", [1, 3])
+@pytest.mark.parametrize("times", [pytest.param(1, marks=pytest.mark.slow), 3])
 def test_a_robot_much_heavier_than_its_drawing_may_be_a_log_in_another_unit(times):
     """Masses of all links that are three times as large are said to be what a unit looks like, where none is asked."""
-    log = replace(scaled(one_way(2)[1], times), conventions=(Convention("tau", "as_written"),))
+    log = as_written(scaled(one_way(2)[1], times), "q tau")
     told = [text for text in diagnose(load("ur5"), log).remarks if "as heavy as" in text]
     assert len(told) == (times == 3)
     assert all("2.8 times" in text and '"effort_gain": 1' in text for text in told)

@@ -26,6 +26,7 @@ from prup_pin.views.report.diagnosis_report import diagnosis_html
 from prup_pin.views.text.diagnosis_words import cost_text, diagnosis_text, parameter_texts, summary_text, verdict_text
 from tests.reference.concealed.efforts import draw_efforts, write
 
+from ..as_written import as_written
 from ..elsewhere import EMPS, needs_emps
 from .test_effort_band import changed_bodies
 
@@ -508,7 +509,7 @@ def bumped(robot_log, joint, force=5.0, at=0.7, width=0.03):
 
 def test_what_pinches_at_one_place_of_one_joint_is_not_explained():
     """Its joint is left at a few times its noise, with little of its effort, and all joints at hardly more than one."""
-    robot, whole = load("ur5"), swung(30)
+    robot, whole = load("ur5"), as_written(swung(30), "q tau")
     found = diagnose(robot, bumped(whole, "elbow_joint"))
     assert found.verdict == "unexplained"
     assert named(found) == {("viscous_friction", "shoulder_lift_joint"), ("unknown", "elbow_joint")}
@@ -544,7 +545,7 @@ def test_ten_samples_are_too_little_to_compare_and_no_law_is_blamed():
 
 
 def test_a_drift_and_a_drive_at_its_limit_are_told_where_something_is_unknown():
-    robot, whole, joint = load("ur5"), swung(20), "elbow_joint"
+    robot, whole, joint = load("ur5"), as_written(swung(20), "q tau"), "elbow_joint"
     drifting = np.asarray(whole.efforts[joint]) + np.linspace(0, 8, len(whole))
     found = diagnose(robot, replace(whole, efforts=whole.efforts | {joint: drifting}))
     (unknown,) = (finding for finding in found.findings if finding.physics == "unknown")

@@ -23,6 +23,7 @@ from prup_pin.simulation import Prediction, compare
 from prup_pin.simulation.moving_efforts import efforts_in_motion
 from prup_pin.views.text.diagnosis_words import noise_text, parameter_texts
 
+from ..as_written import as_written
 from .test_efforts import device
 
 GAINS = np.array([0.08, 0.09, 0.11, 2.0, 2.4, 1.7])
@@ -116,6 +117,7 @@ def logged(robot, moving):
         efforts=dict(zip(motion.driven, (motion.efforts * GAINS).T, strict=True)),
         tolerances=Tolerances(effort_gain=1.0),
     )
+    recording = as_written(recording, "q")
     return recording, diagnose(robot, recording)
 
 

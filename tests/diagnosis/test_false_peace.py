@@ -21,6 +21,8 @@ from prup_pin.views.report.as_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_files import write_diagnosis
 from prup_pin.views.text.diagnosis_words import finding_lines, verdict_text
 
+from ..as_written import as_written
+
 NOISE = Noise(position=2e-5, rotation=1e-4)
 SPRING = {"shoulder_pan_joint": 1e4}
 
@@ -89,7 +91,7 @@ def test_what_no_module_can_do_is_unknown_at_the_robot(raised):
 
 
 def test_where_it_turns_without_a_reason_the_rotation_is_named(sprung):
-    recording = bench_of(sprung)
+    recording = as_written(bench_of(sprung, loads=(0.0, 1.0, -1.0)))
     tilt = 0.01 * np.sin(7 * recording.positions["elbow_joint"])
     turned = rotation_exp(tilt[:, None] * [1.0, 0.0, 0.0]) @ rotation_exp(np.array(recording.rotation))
     finding = the_unknown(diagnose(sprung, recording.with_measurements(rotation=rotation_log(turned))))
@@ -226,7 +228,7 @@ def test_speeds_of_all_actuators_are_used(rigid):
 def test_no_finding_makes_it_worse():
     """An arm that yields in every joint: some joint takes part of it, and no law beside that may add to the rest."""
     robot = prup_pin.load("ur5", joint_stiffness=1e4)
-    diagnosis = diagnose(robot, lifted(bench_of(robot, 6)))
+    diagnosis = diagnose(robot, lifted(bench_of(robot, 4)))
     finding = the_unknown(diagnosis)
     assert finding.location in robot.mechanism.actuated
     assert finding.curve is not None

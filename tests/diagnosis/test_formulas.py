@@ -104,7 +104,7 @@ def test_its_file_keeps_the_contract_and_explains_the_recording(found, carriage,
 @pytest.mark.parametrize(
     ("effort", "word"),
     [
-        (bumped, "confirmed"),
+        pytest.param(bumped, "confirmed", marks=pytest.mark.slow),  # as the command says
         (lambda q, v, t: 0.0 * q, "refuted"),
         (lambda q, v, t: 0.7 * bumped(q, v, t), "refuted"),
         (lambda q, v, t: 0.5 * bumped(q, v, t) + 0.5 * bumped(q + 0.08, v, t), "refuted"),
@@ -225,19 +225,13 @@ def test_what_the_shape_of_a_formula_leaves_is_a_curve_beside_it_and_in_its_file
     assert again.verdict == "explained"
 
 
-def test_of_noise_nothing_is_proposed(carriage):
-    for seed in range(3):
-        assert not diagnose(
-            carriage, recorded(lambda q, v, t: 0.0 * q, n=1500, seed=seed), propose=["carriage"]
-        ).proposals
-
-
-def test_terms_are_compared_and_never_fitted_beside_each_other(carriage, monkeypatch):
-    recording, sizes, add = recorded(lambda q, v, t: 0.0 * q, n=1500), [], DesignMatrix.add
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 2))])
+def test_of_noise_nothing_is_proposed_and_terms_are_never_fitted_beside_each_other(carriage, monkeypatch, seed):
+    recording, sizes, add = recorded(lambda q, v, t: 0.0 * q, n=1500, seed=seed), [], DesignMatrix.add
     monkeypatch.setattr(
         DesignMatrix, "add", lambda self, *parts, **after: (add(self, *parts, **after), sizes.append(self.size))[0]
     )
-    diagnose(carriage, recording, propose=["carriage"])
+    assert not diagnose(carriage, recording, propose=["carriage"]).proposals
     at = InMotion.of(carriage.mechanism, motion_of(recording, carriage.mechanism))
     assert max(sizes) < sum(len(list(tried(term, at, "carriage"))) for term in library(at, "carriage"))
 

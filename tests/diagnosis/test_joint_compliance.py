@@ -12,6 +12,7 @@ import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.recordings import Noise, Recording, Tolerances
 
+from ..as_written import as_written
 from ..reference.posed_tree import PosedTree
 
 TORSO = Path(__file__).parents[1] / "robots/torso/torso.urdf"
@@ -23,12 +24,8 @@ NOISE = 2e-4
 
 def bench(tree: PosedTree, count: int = 40, seed: int = 2, noise: float = NOISE) -> Recording:
     q = tree.postures(JOINTS, count, seed)
-    return Recording(
-        np.arange(float(count)),
-        positions=q,
-        markers=tree.seen(q, MARKERS, noise, seed),
-        noise=Noise(position=noise),
-    )
+    seen = tree.seen(q, MARKERS, noise, seed)
+    return as_written(Recording(np.arange(float(count)), positions=q, markers=seen, noise=Noise(position=noise)))
 
 
 def named(found):

@@ -13,6 +13,7 @@ from prup_pin.diagnosis import diagnose, variance_components
 from prup_pin.diagnosis.criteria import GAIN
 from prup_pin.recordings import read_recording
 
+from ..as_written import as_written
 from ..reference.concealed.efforts import KINDS
 from ..reference.concealed.tracked import draw_tracked, write
 
@@ -54,7 +55,7 @@ def test_what_no_sensor_scatters_is_no_noise(robot, tmp_path):
 
 def test_an_arm_at_rest_of_which_nothing_was_told_is_explained(tmp_path):
     device, robot, recording = drawn(tmp_path, 32, "ur5", moving=False, rows=60)
-    found = diagnose(robot, recording)
+    found = diagnose(robot, as_written(recording))
     assert found.verdict == "explained"
     assert found.noise.position == pytest.approx(device["noise"]["position"], rel=0.35)
 

@@ -90,7 +90,7 @@ def standing_on(robot, turning, moving):
     )
 
 
-@pytest.mark.parametrize("turning", [1e4, 3e3])
+@pytest.mark.parametrize("turning", [pytest.param(1e4, marks=pytest.mark.slow), 3e3])
 def test_pounds_force_are_told_beside_a_base_that_yields_and_only_where_they_are(robot, turning):
     log = standing_on(robot, turning, 300 * turning)
     assert conventions_of_loads(robot, log) is None
@@ -140,10 +140,10 @@ def test_what_is_declared_to_be_as_written_is_read_in_no_other_way(robot, bench,
         "vector part of a quaternion",
         "all joints in mm",
         "two joints exchanged",
-        "reaction",
-        "wrench in the tool's axes",
+        pytest.param("reaction", marks=pytest.mark.slow),  # as of recordings that are written alike
+        pytest.param("wrench in the tool's axes", marks=pytest.mark.slow),  # as of a reaction in them
         "moments about the base's origin",
-        "forces in kN",
+        pytest.param("forces in kN", marks=pytest.mark.slow),  # as beside other units
         pytest.param("moments in N mm", marks=pytest.mark.slow),  # moments that no robot bears take long to follow
         "reaction in the tool's axes",
         "mm, and inverse rotation",
@@ -260,7 +260,7 @@ def test_the_point_of_a_sensor_is_found(robot, bench, tmp_path):
     np.testing.assert_allclose(convention.argument, [0.03, -0.01, 0.11], atol=5e-3)
 
 
-@pytest.mark.parametrize("seed", [6, 9])
+@pytest.mark.parametrize("seed", [6, pytest.param(9, marks=pytest.mark.slow)])
 def test_the_point_of_a_sensor_is_found_beside_a_module_that_is_softer(robot, tmp_path, seed):
     """It was sought with every module as drawn, and two centimetres off."""
     draw.write(draw.draw(seed, ["stiffness_changed"], level=60.0, poses=(8, 1)), tmp_path, tmp_path / "sealed", "bench")

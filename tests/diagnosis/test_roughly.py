@@ -9,6 +9,8 @@ from prup_pin.diagnosis.criteria import ROUGHLY, clean_bound
 from prup_pin.recordings import Noise, Recording, add_noise
 from prup_pin.simulation import effect_named
 
+from ..as_written import as_written
+
 NOISE = Noise(position=2e-5, rotation=5e-5)
 
 
@@ -29,7 +31,7 @@ def test_a_law_that_leaves_more_than_noise_stands_beside_what_is_unknown(wanderi
     seen = prup_pin.simulate(arm, asked, [effect_named(*each, arm.mechanism) for each in words])
     shifts = np.repeat(generator.normal(0, wandering * NOISE.position, (24, 3)), 4, axis=0)
     moved = asked.with_measurements(position=seen.position + shifts, rotation=seen.rotation)
-    found = diagnose(arm, add_noise(moved, NOISE, 8))
+    found = diagnose(arm, add_noise(as_written(moved, "q p r wrench"), NOISE, 8))
     assert found.verdict == verdict
     (soft,) = (law for law in found.findings if law.physics == "stiffness_changed")
     np.testing.assert_allclose(soft.parameters["factor"].value, 0.5, rtol=0.02)

@@ -33,6 +33,8 @@ from prup_pin.recordings import (
 from prup_pin.simulation import Simulator, effect_named, inputs_of
 from prup_pin.simulation.model_file import law_named
 
+from ..as_written import as_written
+
 ARM = Path(__file__).parents[1] / "robots/elastic_arm/elastic_arm.urdf"
 NOISE = Noise(position=2e-6, rotation=1e-5)
 COARSE = Noise(position=2e-5, rotation=1e-4)
@@ -363,7 +365,8 @@ def test_one_device_has_one_tolerance_of_a_kind(arm):
 
 
 def test_an_error_names_the_recording(arm):
-    first, second = (replace(measured(arm, standing(arm, poses(6, seed))), path=f"{seed}.csv") for seed in (1, 2))
+    seen = (as_written(measured(arm, standing(arm, poses(6, seed)))) for seed in (1, 2))
+    first, second = (replace(recording, path=f"{day}.csv") for day, recording in enumerate(seen, 1))
     with pytest.raises(InputError, match=r"^2.csv: measured and simulated .* this is another robot") as told:
         prup_pin.diagnose(arm, [first, replace(second, position=second.position[::-1] + 30.0)])
     # a row to look at: where it was measured, where the robot file has it

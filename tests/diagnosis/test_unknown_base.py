@@ -10,6 +10,7 @@ from prup_pin.recordings import Noise, Recording, add_noise
 from prup_pin.simulation import Simulator, effect_named
 from prup_pin.spatial import rotation_exp, rotation_log
 
+from ..as_written import as_written
 from ..laws.bench import inputs, robot
 
 NOISE = Noise(position=2e-5, rotation=5e-5)
@@ -51,7 +52,8 @@ def test_what_lifts_to_one_side_is_told_where_it_does(where):
         turned = positions.copy()
         turned[:, 1] += lifted
         position, rotation = (getattr(seen(turned)[1], name) for name in ("position", "rotation"))
-    found = diagnose(arm, add_noise(asked.with_measurements(position=position, rotation=rotation), NOISE, 6))
+    moved = as_written(asked.with_measurements(position=position, rotation=rotation), "q p r wrench")
+    found = diagnose(arm, add_noise(moved, NOISE, 6))
     assert found.verdict == "unexplained"
     (unknown,) = (finding for finding in found.findings if finding.physics == "unknown")
     assert unknown.location == where

@@ -46,6 +46,8 @@ from prup_pin.views.text.diagnosis_words import (
 from prup_pin.views.text.robot_files import _alike
 from prup_pin.views.text.terminal import console
 
+from ..as_written import as_written
+
 
 def test_what_is_left_after_a_log_is_read_otherwise_is_told_as_such(diagnosed):
     _, _, diagnosis = diagnosed
@@ -304,7 +306,7 @@ def test_a_clean_recording_of_the_drawing_under_large_loads_misses_nothing():
     drawn = Recording(np.arange(30.0), positions=dict(zip(names, q.T, strict=True)), wrench=load)
     seen = simulate(robot, drawn)
     measured = replace(drawn, position=seen.position, rotation=seen.rotation, noise=Noise(position=1e-5, rotation=3e-5))
-    found = diagnose(robot, add_noise(measured, measured.noise, 3))
+    found = diagnose(robot, as_written(add_noise(measured, measured.noise, 3), "q p r wrench"))
     assert {finding.physics for finding in found.findings} == {"finite_deflection"}
     assert found.verdict == "nothing_missing"
     assert verdict_text(found).startswith("Nothing is missing: ")
