@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from ..laws import Effect
 from ..spatial import Array
 from .candidates import Candidate, Term
-from .criteria import WIDEST_STEP
+from .criteria import MOST_SIMULATED, WIDEST_STEP
 from .nuisance import Nuisance, without
 from .problem import Fit, Problem
 
@@ -59,8 +59,8 @@ class FirstOrderFit:
     def best(self, thorough: bool = False, promising: float = np.inf) -> tuple[float, Term, Array]:
         """Return chi squared, the fitted term, and what it changes (n, K) that the nuisance cannot.
 
-        From the start that leaves least; thorough: from each, since no step leads out of where a parameter tells
-        nothing. What leaves more than `promising` at its best size, or where its slopes lead, is fitted no further.
+        From the start that leaves least; thorough: from each of the best, since no step leads out of where a parameter
+        tells nothing. What leaves more than `promising` at its best size, or where slopes lead, is fitted no further.
         """
         begins = [np.clip(start, *self.bounds) for start in self.candidate.scan()]
         if self.candidate.is_proportional:
@@ -69,7 +69,7 @@ class FirstOrderFit:
         if self.candidate.is_proportional and self.chi_squared(begins[0]) > promising:
             found = begins[:1]
         else:
-            found = [self._fitted(begin, promising) for begin in (begins if thorough else begins[:1])]
+            found = [self._fitted(begin, promising) for begin in begins[: MOST_SIMULATED if thorough else 1]]
         coordinates = min(found, key=self.chi_squared)
         change, left = self._at(coordinates)
         chi2 = float(left @ left) - float((self.candidate.prior_residuals(coordinates) ** 2).sum())

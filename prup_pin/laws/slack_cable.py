@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import ClassVar
 
 import numpy as np
@@ -20,6 +21,8 @@ _AXES = "xyz"
 #: A fit starts with an anchor so far beside the tool at home along each axis [m] and a cable that is taut there, and
 #: may end so many times the robot's size away from there.
 _BESIDE, _SLACK, _FAR = 0.1, 0.12, 4.0
+#: Lengths of cables that a fit starts with beside that, in the robot's size.
+_LENGTHS = np.array([0.5, 2.0])
 
 
 class SlackCable(Law):
@@ -66,6 +69,19 @@ class SlackCable(Law):
     def usual_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, tuple[float, float]]:
         home = home_of(mechanism)
         return {axis: (at, size_of(home)) for axis, at in zip(_AXES, home.tolist(), strict=True)}
+
+    def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
+        """Return a cable beside home, and those from each side, near and far, that are taut in half of all positions.
+
+        No step leads from an anchor on one side of the tool to one on the other.
+        """
+        home, beside = home_of(mechanism), super().starts(place, mechanism)
+        sides = [np.array(side, float) for side in product((-1, 0, 1), repeat=3) if any(side)]
+        for length in _LENGTHS * size_of(home):
+            anchors = (home + length * side / np.linalg.norm(side) for side in sides)
+            at = (dict(zip(_AXES, anchor.tolist(), strict=True)) for anchor in anchors)
+            beside = [*beside, *({**beside[0], "slack_length": float(length), **anchor} for anchor in at)]
+        return beside
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         yield ToolCable(values["stiffness"], values["slack_length"], tuple(values[axis] for axis in _AXES))

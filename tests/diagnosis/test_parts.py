@@ -64,6 +64,23 @@ def term(library, name, *values):
 # -- fits to first order -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("side", [(-0.3, -0.4, 0.1), (0.5, -0.2, 0.0)])
+def test_a_cable_is_found_on_whatever_side_its_anchor_is(robot, simulator, library, side):
+    """No step leads from one side of the tool to the other."""
+    home = robot.home.placement(robot.mechanism.tool.name)[:3, 3]
+    values = {"stiffness": 900.0, "slack_length": 0.97 * float(np.linalg.norm(side))}
+    values |= dict(zip("xyz", (home + np.array(side)).tolist(), strict=True))
+    problem = problem_of(simulator, [effect_named("slack_cable", "environment", "", values, robot.mechanism)])
+    first = problem.first
+    chi2, found, _ = FirstOrderFit(Remainder(problem, first, ()), library["slack_cable at environment"]).best(
+        thorough=True
+    )
+    assert first.chi2 > 100 * first.residual.size
+    assert chi2 < 3 * first.residual.size
+    at = np.array([found.effect.values[axis] for axis in "xyz"]) - home
+    assert at @ side > 0.9 * np.linalg.norm(at) * np.linalg.norm(side)
+
+
 def test_a_fit_may_start_where_the_effect_is_nothing(simulator, library, monkeypatch):
     """There a coordinate is zero, and steps in proportion to it would be nothing too."""
     truth = term(library, "stiffness_changed at leg3/linear_rod", 0.9)
