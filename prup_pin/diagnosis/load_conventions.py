@@ -133,18 +133,22 @@ def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
     """Return other ways in which the wrench seems to be written, a place yielding besides, by a play too or not."""
     drawn = Drawn(tool=lambda _: loaded.tool)
     begin = Recording(time=np.arange(len(loaded.wrench), dtype=float), wrench=loaded.wrench)
-    first = _left(loaded, loaded.wrench)
-    if first.yielding < loaded.shown:
+    as_written = _left(loaded, loaded.wrench)
+    if as_written.yielding < loaded.shown:
         return None
     alike = loaded.by_chance
 
-    def better(now: Recording, least: _Left, taken: Reading) -> list[Tried[_Left]]:
+    def tries(
+        now: Recording, least: _Left, taken: Reading, first: Tried[_Left] | None = None, only: Reading = ()
+    ) -> list[Tried[_Left]]:
         """What is nearly as good as the best is told by the commonest word; a point is no other way to say another."""
         tried: list[Tried[_Left]] = []
-        for some in chain(readings(recording, Columns(), "wrench"), [_of_wrench_point(loaded, now.wrench, recording)]):
+        ways = chain(readings(recording, Columns(), "wrench"), [_of_wrench_point(loaded, now.wrench, recording)])
+        for some in [[only]] if only else ways:
             for reading in some:
                 other = read_as(now, reading, drawn)
-                tried.append(Tried(0.0, reading, other, _left(loaded, other.wrench)))
+                whole = (*first.reading, *reading) if first else reading
+                tried.append(Tried(0.0, whole, other, _left(loaded, other.wrench)))
             best = min((item.score for item in tried), key=lambda left: left.yielding, default=least)
             if best.yielding < alike and best.tells_against(least):
                 break  # a commoner word does
@@ -154,7 +158,7 @@ def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
         others = (item for item in tried if item.score.yielding <= near and not item.reading[0].argument)
         return [*good[:1], *(item._replace(cost=1.0) for item in others if item is not good[0])]
 
-    found = likeliest(begin, first, better, 2.0)
+    found = likeliest(begin, as_written, tries, 2.0)
     if not found.conventions:
         return None
     half = np.unique(loaded.blocks, return_inverse=True)[1] % 2 == 0
@@ -165,7 +169,7 @@ def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
     if not (read.tells_against(written) or read.yielding < judged.by_chance < judged.shown < written.yielding):
         return None
     size = float((loaded.free(loaded.moved) ** 2).sum())
-    before, after = (float(np.sqrt(item.yielding / size)) for item in (first, found.score))
+    before, after = (float(np.sqrt(item.yielding / size)) for item in (as_written, found.score))
     saved = 1 - read.yielding / written.yielding
     return Evidence(found.conventions, "what loads move", "", before, after, saved, found.others)
 

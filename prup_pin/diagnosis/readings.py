@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise, permutations, product
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -219,14 +219,20 @@ READINGS = (
 )
 
 
-def readings(recording: Recording, columns: Columns, *of: str) -> Iterator[list[Reading]]:
-    """Yield lists of readings of what is asked, the commonest first, but what a log declares to be as it says."""
+def readings(recording: Recording, columns: Columns, *of: str, second: bool = False) -> Iterator[list[Reading]]:
+    """Yield lists of readings of what is asked, the commonest first, but what a log declares to be as it says.
+
+    second: beside another reading: of the rarest, those of one joint alone.
+    """
     seen: set[Reading] = set()
     for rarer_than in range(3):
         kinds = (kind for kind in READINGS if kind.of in of and kind.rarer_than == rarer_than)
         found = dict.fromkeys(reading for kind in kinds for reading in kind.yielded(columns) if reading not in seen)
         seen |= found.keys()
-        if some := [reading for reading in found if may_be_read(recording, reading)]:
+        some = [reading for reading in found if may_be_read(recording, reading)]
+        if second and rarer_than == 2:
+            some = [reading for reading in some if len({item.joint for item in reading}) == 1 and reading[0].joint]
+        if some:
             yield some
 
 
@@ -234,13 +240,17 @@ S = TypeVar("S")
 
 
 class Tried(NamedTuple, Generic[S]):
-    """A reading, the log as it is read so, how well that fits, and the same as a cost; beside: what is read with it."""
+    """A reading, the log as it is read so, how well that fits, and the same as a cost; beside: what is read with it.
+
+    wins: whether it is better than none, by the margin of each of its steps.
+    """
 
     cost: float
     reading: Reading
     read: Recording
     score: S
     beside: Reading = ()
+    wins: bool = True
 
 
 class Found(NamedTuple, Generic[S]):
@@ -252,32 +262,48 @@ class Found(NamedTuple, Generic[S]):
     others: tuple[Reading, ...] = ()
 
 
-def likeliest(
-    written: Recording,
-    score: S,
-    better: Callable[[Recording, S, Reading], Sequence[Tried[S]]],
-    as_good: float,
-) -> Found[S]:
+class Tries(Protocol[S]):
+    """Tries readings of a log: as it is read by those taken, which fits by a score; costs are of all that is taken.
+
+    first: one more, beside which no more than the second of two steps is tried; only: what else is not.
+    """
+
+    def __call__(
+        self, read: Recording, score: S, taken: Reading, first: Tried[S] | None = None, only: Reading = ()
+    ) -> Sequence[Tried[S]]: ...
+
+
+def likeliest(written: Recording, score: S, tries: Tries[S], as_good: float, firsts: int = 0) -> Found[S]:
     """Return the readings by which a log fits best, one after the other, as far as any is better than none.
 
-    better: returns those that are, beside what was taken already; as_good: what two of them cost that are as good, of
-    which the first is taken.
+    Where no single one is, two are, of which the first is one of so many that come nearest. as_good: what two of them
+    cost that are as good, of which the first is taken.
     """
     taken: Reading = ()
-    others: list[Reading] = []
+    others: list[tuple[Tried[S], S, Reading]] = []
     read = written
     for _ in range(_MOST):
-        if not (tried := better(read, score, taken)):
+        tried = tries(read, score, taken)
+        if not any(item.wins for item in tried):
+            nearest = sorted(tried, key=lambda item: round(item.cost, 2))[:firsts]
+            tried = [item for first in nearest for item in tries(read, score, taken, first)]
+        if not (tried := [item for item in tried if item.wins]):
             break
         best = min(tried, key=lambda item: round(item.cost, 2))
-        alike = [
-            (*item.beside, *taken, *item.reading)
-            for item in tried
-            if item.cost < best.cost + as_good and item is not best and not _same(item.read, best.read)
+        # what was as good as an earlier reading is to be so beside this one
+        again = (
+            (item, before, had)
+            for first, before, had in others
+            for item in tries(first.read, before, had, first, best.reading)
+        )
+        others = [
+            each
+            for each in (*again, *((item, score, taken) for item in tried))
+            if each[0].cost < best.cost + as_good and each[0] is not best and not _same(each[0].read, best.read)
         ]
-        others = [*((*other, *best.reading) for other in others), *alike]
         taken, read, score = (*taken, *best.reading), best.read, best.score
-    return Found(taken, read, score, tuple(dict.fromkeys(others)))
+    alike = ((*item.beside, *had, *item.reading) for item, _, had in others)
+    return Found(taken, read, score, tuple(dict.fromkeys(alike)))
 
 
 def _same(one: Recording, other: Recording) -> bool:

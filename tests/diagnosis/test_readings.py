@@ -71,7 +71,7 @@ def test_the_likeliest_readings_are_found_by_any_measure_of_what_is_left(said):
     way = [convention_of(*text.split("="), {"q": JOINTS, "tau": JOINTS}) for text in said]
     written = written_as(true, way, Drawn())
 
-    def better(read, left, taken):
+    def tries(read, left, taken, first=None, only=()):
         tried = [(reading, read_as(read, reading, Drawn())) for reading in every(Columns(q=JOINTS), of=["joints"])]
         found = [Tried(far(log, true) + 1e-3 * len(reading), reading, log, far(log, true)) for reading, log in tried]
         return [item for item in found if item.cost < left]
