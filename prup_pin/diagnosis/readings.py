@@ -284,9 +284,11 @@ def likeliest(written: Recording, score: S, tries: Tries[S], as_good: float, fir
     read = written
     for _ in range(_MOST):
         tried = tries(read, score, taken)
-        if not any(item.wins for item in tried):
-            nearest = sorted(tried, key=lambda item: round(item.cost, 2))[:firsts]
-            tried = [item for first in nearest for item in tries(read, score, taken, first)]
+        if not taken and not any(item.wins for item in tried):
+            nearest: dict[object, Tried[S]] = {}  # one of a kind: a ratio next to another one is as near
+            for item in sorted(tried, key=lambda item: round(item.cost, 2)):
+                nearest.setdefault(tuple((each.columns, each.word) for each in item.reading), item)
+            tried = [item for first in list(nearest.values())[:firsts] for item in tries(read, score, taken, first)]
         if not (tried := [item for item in tried if item.wins]):
             break
         best = min(tried, key=lambda item: round(item.cost, 2))

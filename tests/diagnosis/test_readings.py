@@ -76,7 +76,7 @@ def test_the_likeliest_readings_are_found_by_any_measure_of_what_is_left(said):
         found = [Tried(far(log, true) + 1e-3 * len(reading), reading, log, far(log, true)) for reading, log in tried]
         return [item for item in found if item.cost < left]
 
-    found = likeliest(written, far(written, true), better, 0.0)
+    found = likeliest(written, far(written, true), tries, 0.0)
     assert sorted(map(str, found.conventions)) == sorted(said)
 
 
