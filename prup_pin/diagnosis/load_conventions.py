@@ -140,7 +140,7 @@ def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
     alike = loaded.by_chance
 
     def tries(
-        now: Recording, least: _Left, taken: Reading, first: Tried[_Left] | None = None, only: Reading = ()
+        now: Recording, least: _Left, taken: Reading, first: Tried[_Left] | None, only: Reading
     ) -> list[Tried[_Left]]:
         """What is nearly as good as the best is told by the commonest word; a point is no other way to say another."""
         tried: list[Tried[_Left]] = []
@@ -166,7 +166,7 @@ def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
         others = (item for item in tried if item.score.yielding <= near and not item.reading[0].argument)
         return [told._replace(cost=0.0), *(item._replace(cost=1.0, wins=True) for item in others if item is not told)]
 
-    found = likeliest(begin, as_written, tries, 2.0, FEW_ROUNDS)
+    found = likeliest(begin, as_written, tries, 2.0, 0 if loaded.resting else FEW_ROUNDS)
     if not found.conventions:
         return None
     half = np.unique(loaded.blocks, return_inverse=True)[1] % 2 == 0

@@ -49,6 +49,9 @@ class _Misfit:
         return np.sqrt(sums / np.maximum(known.sum(axis=0), 1))
 
 
+_Read = Found[_Misfit]
+
+
 class _Postures:
     """A few postures of a recording and the drawn robot in them, with one question: how far apart are they?"""
 
@@ -129,18 +132,17 @@ class _Postures:
         if not recordings:
             return []
         k, n = len(recordings), len(recordings[0])
-        keys, places, spreads = zip(*map(self._drawn_at, recordings if joints is None else [joints]), strict=True)
-        if joints is not None:
-            keys, places, spreads = k * keys, k * places, k * spreads
+        at = [self._drawn_at(item) for item in recordings] if joints is None else k * [self._drawn_at(joints)]
+        keys, places = [each[0] for each in at], [each[1] for each in at]
         fitted = np.ones(n, bool) if fitted is None else fitted
         squares, counts = np.zeros((2, k, n, 2))
-        spreads = np.array(spreads)
+        spreads = np.array([each[2] for each in at])
         turns = np.tile(np.eye(3), (k, 1, 1))
         names = [name for name in places[0] if _position(recordings[0], name) is not None]
         if names:
             seen = np.array([[_position(item, name) for name in names] for item in recordings])
             same = fitted.tobytes(), bytes((near,))
-            keys = tuple(b"".join((key, own.tobytes(), *same)) for key, own in zip(keys, seen, strict=True))
+            keys = [b"".join((key, own.tobytes(), *same)) for key, own in zip(keys, seen, strict=True)]
             # readings of orientations leave positions as they are
             if new := {key: index for index, key in enumerate(keys) if key not in self._placed}:
                 rows = list(new.values())
@@ -352,18 +354,19 @@ def _of_all(postures: _Postures, written: Recording, near: bool, mirrors: bool =
     """
     columns, as_good = _columns(postures, written), float(np.log(AS_GOOD))
 
-    def cost(found: Found[_Misfit], joints: Reading) -> float:
+    def cost(found: _Read, joints: Reading = ()) -> float:
         return postures.cost(found.score, len(found.conventions) + len(joints))
 
     def tries(
-        read: Recording, now: Found[_Misfit], taken: Reading,
-        first: Tried[Found[_Misfit]] | None = None, only: Reading = (),
-    ) -> list[Tried[Found[_Misfit]]]:  # fmt: skip
-        tried: list[Tried[Found[_Misfit]]] = []
+        read: Recording, now: _Read, taken: Reading, first: Tried[_Read] | None, only: Reading
+    ) -> list[Tried[_Read]]:
+        tried: list[Tried[_Read]] = []
         begin, ahead, measured = (read, (), ()) if first is None else (first.read, first.reading, first.beside)
-        of = ("joints", "zeros") if first else ("joints",)
-        for some in [[only]] if only else readings(written, columns, *of, second=first is not None):
-            if any(item.wins and postures.fine(item.score.score).all() for item in tried) or postures.fine(now.score).all():
+        second = bool(first or taken)
+        for some in [[only]] if only else readings(written, columns, "joints", *["zeros"] * second, second=second):
+            if any(
+                postures.fine(each).all() for each in (now.score, *(item.score.score for item in tried if item.wins))
+            ):
                 break  # rarer ways do no better
             ways: list[tuple[Reading, Recording]] = []
             for reading in some:
@@ -376,7 +379,7 @@ def _of_all(postures: _Postures, written: Recording, near: bool, mirrors: bool =
             for (reading, other), misfit in asked:
                 found = _of_measured(postures, other, near, mirrors, None if measured else misfit)
                 whole = (*ahead, *reading)
-                wins = postures.better(now.score, found.score, 1 + bool(ahead)) and cost(found, taken) < cost(now, taken)
+                wins = postures.better(now.score, found.score, 1 + bool(ahead)) and cost(found) < cost(now)
                 tried.append(Tried(cost(found, (*taken, *whole)), whole, other, found, found.conventions, wins))
         return tried
 
@@ -406,7 +409,7 @@ def _of_measured(
     """
 
     def tries(
-        read: Recording, now: _Misfit, taken: Reading, first: Tried[_Misfit] | None = None, only: Reading = ()
+        read: Recording, now: _Misfit, taken: Reading, first: Tried[_Misfit] | None, only: Reading
     ) -> list[Tried[_Misfit]]:
         far = ~postures.fine(now)
         if far[0]:
@@ -439,14 +442,14 @@ def _with_quarter_turns(postures: _Postures, written: Recording, found: Found[_M
     begin = read_as(written, measured, postures.drawn)
     few, columns = begin.select(evenly_spaced(len(written), _POSTURES)), _columns(postures, written)
 
-    def tries(read: Recording, now: _Misfit, taken: Reading, *_: object) -> list[Tried[_Misfit]]:
+    def tries(read: Recording, now: _Misfit, *_: object) -> list[Tried[_Misfit]]:
         ways = [each for some in readings(written, columns, "zeros") for each in some]
         others = [read_as(read, way, postures.drawn) for way in ways]
-        misfits, now_costs = postures.misfits(others, near), postures.cost(now)
-        costs = [postures.cost(each) - len(way) * float(np.log(MOSTLY)) for way, each in zip(ways, misfits, strict=True)]
-        return [
-            Tried(cost, *each, wins=cost < now_costs) for cost, *each in zip(costs, ways, others, misfits, strict=True)
-        ]
+        tried = []
+        for way, other, misfit in zip(ways, others, postures.misfits(others, near), strict=True):
+            cost = postures.cost(misfit) - len(way) * float(np.log(MOSTLY))
+            tried.append(Tried(cost, way, other, misfit, wins=cost < postures.cost(now)))
+        return tried
 
     turns = likeliest(few, postures.misfit(few, near), tries, 0.0).conventions
     read = read_as(begin, turns, postures.drawn)

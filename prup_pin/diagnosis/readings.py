@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise, permutations, product
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -222,7 +222,7 @@ READINGS = (
 def readings(recording: Recording, columns: Columns, *of: str, second: bool = False) -> Iterator[list[Reading]]:
     """Yield lists of readings of what is asked, the commonest first, but what a log declares to be as it says.
 
-    second: beside another reading: of the rarest, those of one joint alone.
+    second: beside another reading: of the rarest, those that are not of two joints.
     """
     seen: set[Reading] = set()
     for rarer_than in range(3):
@@ -231,7 +231,7 @@ def readings(recording: Recording, columns: Columns, *of: str, second: bool = Fa
         seen |= found.keys()
         some = [reading for reading in found if may_be_read(recording, reading)]
         if second and rarer_than == 2:
-            some = [reading for reading in some if len({item.joint for item in reading}) == 1 and reading[0].joint]
+            some = [reading for reading in some if len({item.joint for item in reading}) == 1]
         if some:
             yield some
 
@@ -262,48 +262,46 @@ class Found(NamedTuple, Generic[S]):
     others: tuple[Reading, ...] = ()
 
 
-class Tries(Protocol[S]):
-    """Tries readings of a log: as it is read by those taken, which fits by a score; costs are of all that is taken.
-
-    first: one more, beside which no more than the second of two steps is tried; only: what else is not.
-    """
-
-    def __call__(
-        self, read: Recording, score: S, taken: Reading, first: Tried[S] | None = None, only: Reading = ()
-    ) -> Sequence[Tried[S]]: ...
-
-
-def likeliest(written: Recording, score: S, tries: Tries[S], as_good: float, firsts: int = 0) -> Found[S]:
+def likeliest(
+    written: Recording,
+    score: S,
+    tries: Callable[[Recording, S, Reading, Tried[S] | None, Reading], Sequence[Tried[S]]],
+    as_good: float,
+    firsts: int = 0,
+) -> Found[S]:
     """Return the readings by which a log fits best, one after the other, as far as any is better than none.
 
     Where no single one is, two are, of which the first is one of so many that come nearest. as_good: what two of them
-    cost that are as good, of which the first is taken.
+    cost that are as good, of which the first is taken. tries: tries readings of a log that fits by a score, beside
+    those taken; beside a first one those that are to be better with it than none; or one that is given and no other.
     """
     taken: Reading = ()
     others: list[tuple[Tried[S], S, Reading]] = []
     read = written
     for _ in range(_MOST):
-        tried = tries(read, score, taken)
+        tried = tries(read, score, taken, None, ())
         if not taken and not any(item.wins for item in tried):
             nearest: dict[object, Tried[S]] = {}  # one of a kind: a ratio next to another one is as near
             for item in sorted(tried, key=lambda item: round(item.cost, 2)):
                 nearest.setdefault(tuple((each.columns, each.word) for each in item.reading), item)
-            tried = [item for first in list(nearest.values())[:firsts] for item in tries(read, score, taken, first)]
+            tried = [item for first in list(nearest.values())[:firsts] for item in tries(read, score, taken, first, ())]
         if not (tried := [item for item in tried if item.wins]):
             break
-        best = min(tried, key=lambda item: round(item.cost, 2))
-        # what was as good as an earlier reading is to be so beside this one
-        again = (
+        next_one = min(tried, key=lambda item: round(item.cost, 2)).reading
+        rivals = [(item, score, taken) for item in tried]
+        # what was as good as an earlier reading is asked beside this one, too: it may be worse now, or better
+        rivals += [
             (item, before, had)
             for first, before, had in others
-            for item in tries(first.read, before, had, first, best.reading)
-        )
+            for item in tries(first.read, before, had, first, next_one)
+        ]
+        best, _, had = min((each for each in rivals if each[0].wins), key=lambda each: round(each[0].cost, 2))
         others = [
             each
-            for each in (*again, *((item, score, taken) for item in tried))
+            for each in rivals
             if each[0].cost < best.cost + as_good and each[0] is not best and not _same(each[0].read, best.read)
         ]
-        taken, read, score = (*taken, *best.reading), best.read, best.score
+        taken, read, score = (*had, *best.reading), best.read, best.score
     alike = ((*item.beside, *had, *item.reading) for item, _, had in others)
     return Found(taken, read, score, tuple(dict.fromkeys(alike)))
 

@@ -38,12 +38,12 @@ def positions_left(drawn: Array, seen: Array, near: bool, fitted: np.ndarray, re
 
 
 def _fitted(at: Array, body: Array, seen: Array, told: np.ndarray, reach: float) -> tuple[Array, Array, Array]:
-    """Return the turns (k, 3, 3) and shifts (k, 3) of sensors, and targets (k, m, 3) beside their frames, that fit best.
+    """Return turns (k, 3, 3) and shifts (k, 3) of sensors, and targets (k, m, 3) beside their frames, that fit best.
 
     Levenberg and Marquardt's steps from the closed form, in which targets sit where they are drawn: what hardly tells
     where they do moves them little. told (k, m, n, 3): which components of seen were measured.
     """
-    k, m, n = at.shape[:3]
+    k, m = at.shape[:2]
     weights = told.any(axis=3).reshape(k, -1).astype(float)
     turn, shift = _closed_form(at.reshape(k, -1, 3), np.where(told, seen, at).reshape(k, -1, 3), weights)
     asides, alone = np.zeros((k, m, 3)), np.eye(m)[:, None, None, :, None]

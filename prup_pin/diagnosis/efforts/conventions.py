@@ -23,9 +23,9 @@ from ...spatial import Array
 from ..criteria import (
     AS_GOOD,
     FAR_LESS,
+    FEW_ROUNDS,
     FEWEST_NUMBERS,
     FEWEST_OF_KIND,
-    FEW_ROUNDS,
     GAIN,
     LITTLE,
     MOST,
@@ -309,9 +309,8 @@ class EffortReadings:
         return self.written.nats if self.found is None else self.found.score.nats
 
     def _tries(
-        self, read: Recording, unlikely: Unlikely, taken: Reading,
-        first: Tried[Unlikely] | None = None, only: Reading = (),
-    ) -> list[Tried[Unlikely]]:  # fmt: skip
+        self, read: Recording, unlikely: Unlikely, taken: Reading, first: Tried[Unlikely] | None, only: Reading
+    ) -> list[Tried[Unlikely]]:
         """Return readings, those surely likelier marked; rarer ones only where no commoner one explains the log."""
         tried: list[Tried[Unlikely]] = []
         begin, ahead = (read, ()) if first is None else (first.read, first.reading)
