@@ -30,6 +30,7 @@ from .criteria import (
     CHANCE_DEVIATIONS,
     COARSE,
     FAR_LESS,
+    FEW_ROUNDS,
     FEWEST_IN_BLOCK,
     GAIN,
     LEVER,
@@ -133,28 +134,39 @@ def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
     """Return other ways in which the wrench seems to be written, a place yielding besides, by a play too or not."""
     drawn = Drawn(tool=lambda _: loaded.tool)
     begin = Recording(time=np.arange(len(loaded.wrench), dtype=float), wrench=loaded.wrench)
-    first = _left(loaded, loaded.wrench)
-    if first.yielding < loaded.shown:
+    as_written = _left(loaded, loaded.wrench)
+    if as_written.yielding < loaded.shown:
         return None
     alike = loaded.by_chance
 
-    def better(now: Recording, least: _Left, taken: Reading) -> list[Tried[_Left]]:
+    def tries(
+        now: Recording, least: _Left, taken: Reading, first: Tried[_Left] | None, only: Reading
+    ) -> list[Tried[_Left]]:
         """What is nearly as good as the best is told by the commonest word; a point is no other way to say another."""
         tried: list[Tried[_Left]] = []
-        for some in chain(readings(recording, Columns(), "wrench"), [_of_wrench_point(loaded, now.wrench, recording)]):
+        steps = 1 + (first is not None)
+        ways = chain(
+            readings(recording, Columns(), "wrench", second=first is not None),
+            [] if first else [_of_wrench_point(loaded, now.wrench, recording)],
+        )
+        for some in [[only]] if only else ways:
             for reading in some:
-                other = read_as(now, reading, drawn)
-                tried.append(Tried(0.0, reading, other, _left(loaded, other.wrench)))
+                other = read_as(first.read if first else now, reading, drawn)
+                whole = (*first.reading, *reading) if first else reading
+                left = _left(loaded, other.wrench)
+                tried.append(Tried(left.yielding, whole, other, left, wins=left.tells_against(least, steps)))
             best = min((item.score for item in tried), key=lambda left: left.yielding, default=least)
-            if best.yielding < alike and best.tells_against(least):
+            if best.yielding < alike and best.tells_against(least, steps):
                 break  # a commoner word does
         near = max(AS_GOOD * best.yielding, alike)
-        good = [item for item in tried if item.score.yielding <= near and item.score.tells_against(least)]
-        near = max(AS_GOOD**2 * good[0].score.yielding, alike) if good else 0.0
+        told = next((item for item in tried if item.wins and item.score.yielding <= near), None)
+        if told is None:
+            return [item._replace(wins=False) for item in tried]
+        near = max(AS_GOOD**2 * told.score.yielding, alike)
         others = (item for item in tried if item.score.yielding <= near and not item.reading[0].argument)
-        return [*good[:1], *(item._replace(cost=1.0) for item in others if item is not good[0])]
+        return [told._replace(cost=0.0), *(item._replace(cost=1.0, wins=True) for item in others if item is not told)]
 
-    found = likeliest(begin, first, better, 2.0)
+    found = likeliest(begin, as_written, tries, 2.0, 0 if loaded.resting else FEW_ROUNDS)
     if not found.conventions:
         return None
     half = np.unique(loaded.blocks, return_inverse=True)[1] % 2 == 0
@@ -165,7 +177,7 @@ def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
     if not (read.tells_against(written) or read.yielding < judged.by_chance < judged.shown < written.yielding):
         return None
     size = float((loaded.free(loaded.moved) ** 2).sum())
-    before, after = (float(np.sqrt(item.yielding / size)) for item in (first, found.score))
+    before, after = (float(np.sqrt(item.yielding / size)) for item in (as_written, found.score))
     saved = 1 - read.yielding / written.yielding
     return Evidence(found.conventions, "what loads move", "", before, after, saved, found.others)
 
@@ -302,15 +314,17 @@ class _Left(NamedTuple):
     yielding: float
     play: bool
 
-    def tells_against(self, other: _Left) -> bool:
+    def tells_against(self, other: _Left, steps: int = 1) -> bool:
         """Return whether another wrench leaves drastically more than this, and is not as good where a place yields.
+
+        steps: how many were taken, each of which must leave so much less.
 
         A play that explains nearly all of a log as it is written is what it is: what it leaves tells of no reading.
         """
         if self.play and not LITTLE * other.softened < other.yielding:
             return False
         worse = other.yielding if self.play else other.softened
-        return self.yielding < FAR_LESS**2 * worse and AS_GOOD * self.yielding < other.yielding
+        return self.yielding < FAR_LESS ** (2 * steps) * worse and AS_GOOD**steps * self.yielding < other.yielding
 
 
 def _left(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) -> _Left:

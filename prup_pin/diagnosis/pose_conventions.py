@@ -7,7 +7,7 @@ postures that were held out too. Of positions, whatever components were measured
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -20,27 +20,25 @@ from ..recordings import Convention, Recording, read_as
 from ..recordings.conventions import Evidence, is_right_handed, merged
 from ..robot import Robot
 from ..simulation import drawn_for
-from ..spatial import Array, rigid_motion, rotation_exp, turn_between
-from .criteria import AS_GOOD, CONVENTION_FINE, CONVENTION_NEAR, FAR_LESS, ITERATIONS, LEAST_REACH, MOSTLY, ROUNDS
+from ..spatial import Array, rotation_exp, turn_between
+from .criteria import AS_GOOD, CONVENTION_FINE, FAR_LESS, FEW_ROUNDS, LEAST_REACH, MOSTLY
 from .readings import Columns, Found, Reading, Tried, likeliest, readings
+from .sensor_frames import nearest_turns, orientations_left, positions_left
 from .thinning import evenly_spaced
 
 #: Postures that are looked at, of robots with loops, which take longer to close, and of others.
 _POSTURES, _OF_TREES = 12, 40
-#: Components of positions that tell where a sensor stands: those of four points.
-_FEWEST_TOLD = 12
 
 
 @dataclass(frozen=True, eq=False)
 class _Misfit:
     """Root mean squares of positions [m] and orientations [rad] against the drawing, by posture (n,); NaN: unmeasured.
 
-    near: sensor and target stand nearly as drawn. squares (n, 2). spread (2,): how far the drawn postures are apart, or
+    squares (n, 2). spread (2,): how far the drawn postures are apart, or
     measured positions as they are read where these are nearer to each other.
     """
 
     squares: Array
-    near: bool
     spread: Array
 
     @property
@@ -49,6 +47,9 @@ class _Misfit:
         known = np.isfinite(self.squares)
         sums = np.where(known, self.squares, 0.0).sum(axis=0)
         return np.sqrt(sums / np.maximum(known.sum(axis=0), 1))
+
+
+_Read = Found[_Misfit]
 
 
 class _Postures:
@@ -61,8 +62,8 @@ class _Postures:
         self.recording = recording.select(_quietest(recording, self.mechanism, few))
         frames = [name for name in recording.marker_names if name in self.mechanism.frame_names]
         self.frames = list(dict.fromkeys(frames))
-        self._places: dict[bytes, dict[str, Array]] = {}
-        self._placed: dict[bytes, tuple[list[Array], Array, bool]] = {}
+        self._places: dict[bytes, tuple[dict[str, Array], Array]] = {}
+        self._placed: dict[bytes, tuple[Array, Array]] = {}
         self._ways: dict[tuple[Reading, tuple[bool, bool]], list[tuple[Reading, Recording]]] = {}
         self.turning = np.array([self.mechanism.joint(name).turns for name in self.mechanism.actuated], bool)
         home = robot.home.base_from_tool if self.mechanism.tool is not None else np.eye(4)
@@ -76,6 +77,10 @@ class _Postures:
 
     def places(self, recording: Recording) -> dict[str, Array]:
         """Return placements (n, 4, 4) of the tool ('') and the markers as drawn; NaN where the robot cannot be."""
+        return self._drawn_at(recording)[1]
+
+    def _drawn_at(self, recording: Recording) -> tuple[bytes, dict[str, Array], Array]:
+        """Return the postures of a recording, as a key, what is drawn in them, and how far that is apart."""
         actuators = recording.actuator_positions(self.mechanism.actuated)
         key = actuators.tobytes()
         if key not in self._places:
@@ -86,8 +91,8 @@ class _Postures:
             for row, pose in self._poses(actuators):
                 for name, frame in frames.items():
                     found[name][row] = pose.placements[frame.joint] @ frame.placement
-            self._places[key] = found
-        return self._places[key]
+            self._places[key] = found, self._spread(recording, found)
+        return key, *self._places[key]
 
     def beyond(self, recording: Recording) -> bool:
         """Return whether there are postures that the robot cannot be in."""
@@ -123,51 +128,53 @@ class _Postures:
         fitted: np.ndarray | None = None,
         joints: Recording | None = None,
     ) -> list[_Misfit]:
-        """Return the misfits of readings of what one log measured, its joints as they are in `joints` or the first."""
+        """Return the misfits of readings of what one log measured, their joints as they are in `joints` where given."""
         if not recordings:
             return []
-        joints = recordings[0] if joints is None else joints
-        places, n = self.places(joints), len(joints)
+        k, n = len(recordings), len(recordings[0])
+        at = [self._drawn_at(item) for item in recordings] if joints is None else k * [self._drawn_at(joints)]
+        keys, places = [each[0] for each in at], [each[1] for each in at]
         fitted = np.ones(n, bool) if fitted is None else fitted
-        squares, counts = np.zeros((2, len(recordings), n, 2))
-        turns, stays = np.tile(np.eye(3), (len(recordings), 1, 1)), [True] * len(recordings)
-        for index, recording in enumerate(recordings):
-            seen_at = [("", recording.position), *((name, recording.markers.get(name)) for name in self.frames)]
-            points = [(places[name], seen) for name, seen in seen_at if name in places and seen is not None]
-            if not points:
-                continue
-            read = [joints.actuator_positions(self.mechanism.actuated), *(seen for _, seen in points)]
-            key = b"".join((*(item.tobytes() for item in read), fitted.tobytes(), bytes((near,))))
-            if key not in self._placed:  # readings of orientations leave positions as they are
-                self._placed[key] = _positions(points, near, fitted, self.reach)
-            left, turns[index], stays[index] = self._placed[key]
-            for own, (_, seen) in zip(left, points, strict=True):
-                known = np.isfinite(seen).any(axis=1)
-                size = np.minimum(np.nan_to_num(own, nan=np.inf), 1e3 * self.reach) ** 2
-                squares[index, known, 0] += size[known]
-                counts[index, known, 0] += 1
-        for name in ("", *self.frames):
+        squares, counts = np.zeros((2, k, n, 2))
+        spreads = np.array([each[2] for each in at])
+        turns = np.tile(np.eye(3), (k, 1, 1))
+        names = [name for name in places[0] if _position(recordings[0], name) is not None]
+        if names:
+            seen = np.array([[_position(item, name) for name in names] for item in recordings])
+            same = fitted.tobytes(), bytes((near,))
+            keys = [b"".join((key, own.tobytes(), *same)) for key, own in zip(keys, seen, strict=True)]
+            # readings of orientations leave positions as they are
+            if new := {key: index for index, key in enumerate(keys) if key not in self._placed}:
+                rows = list(new.values())
+                drawn = np.array([[places[row][name] for name in names] for row in rows])
+                found = positions_left(drawn, seen[rows], near, fitted, self.reach)
+                self._placed.update(zip(new, zip(*found, strict=True), strict=True))
+            left, turns = (np.array(part) for part in zip(*(self._placed[key] for key in keys), strict=True))
+            known = np.isfinite(seen).any(axis=3)
+            size = np.minimum(np.nan_to_num(left, nan=np.inf), 1e3 * self.reach) ** 2
+            squares[..., 0], counts[..., 0] = np.where(known, size, 0.0).sum(axis=1), known.sum(axis=1)
+            # a unit so small that all positions are one point is near to whatever can be one
+            told, total = np.isfinite(seen), np.nan_to_num(seen).sum(axis=2, keepdims=True)
+            off = np.where(told, seen - total / np.maximum(told.sum(axis=2, keepdims=True), 1), 0.0)
+            spreads[:, 0] = np.minimum(spreads[:, 0], np.sqrt((off**2).sum(axis=(2, 3)) / n).max(axis=1))
+        for name in places[0]:
             vectors = [item.marker_rotations.get(name) if name else item.rotation for item in recordings]
-            given = [vector for vector in vectors if vector is not None]
-            if name not in places or not given:
+            if vectors[0] is None:  # a log has orientations however they are read
                 continue
-            seen = np.stack(given)  # a log has orientations however they are read
-            known = np.isfinite(seen).all(axis=(0, 2))
-            own = _orientations(places[name][:, :3, :3], rotation_exp(np.nan_to_num(seen)), known & fitted, near, turns)
-            squares[:, known, 1] += np.nan_to_num(own[:, known], nan=np.pi) ** 2
-            counts[:, known, 1] += 1
+            seen, drawn = np.array(vectors), np.array([each[name][:, :3, :3] for each in places])
+            known = np.isfinite(seen).all(axis=2)
+            own = orientations_left(drawn, rotation_exp(np.nan_to_num(seen)), known & fitted, near, turns)
+            squares[..., 1] += np.where(known, np.nan_to_num(own, nan=np.pi), 0.0) ** 2
+            counts[..., 1] += known
         with np.errstate(invalid="ignore"):
             apart = np.where(counts > 0, squares / counts, np.nan)
-        drawn = self.spread(joints)
-        spreads = [np.array([min(drawn[0], self._seen_spread(item, places)), drawn[1]]) for item in recordings]
-        return [_Misfit(own, still, spread) for own, still, spread in zip(apart, stays, spreads, strict=True)]
+        return [_Misfit(*each) for each in zip(apart, spreads, strict=True)]
 
     def least_apart(self, recording: Recording, joints: Recording) -> float:
         """Return how far positions are from drawn ones at least, in any unit, axes and frames [m]; joints as there."""
         squares, count = 0.0, 0
         for name, at in self.places(joints).items():
-            seen = recording.markers.get(name) if name else recording.position
-            if seen is not None:
+            if (seen := _position(recording, name)) is not None:
                 known = np.isfinite(seen).any(axis=1)
                 squares += _least_squares(at[known], seen[known], 1e3 * self.reach)
                 count += int(known.sum())
@@ -184,44 +191,31 @@ class _Postures:
             self._ways[taken, asked] = ways
         return self._ways[taken, asked]
 
-    def spread(self, recording: Recording) -> Array:
+    def _spread(self, recording: Recording, places: dict[str, Array]) -> Array:
         """Return how far the drawn postures are apart: positions [m] and orientations [rad], root mean squares (2,).
 
         Of positions, in the components that were measured.
         """
-        placed = {name: at[np.isfinite(at[:, 0, 0])] for name, at in self.places(recording).items()}
+        placed = {name: at[np.isfinite(at[:, 0, 0])] for name, at in places.items()}
         placed = {name: at for name, at in placed.items() if len(at)}
         if not placed:
             return np.zeros(2)
         ways = []
         for name, at in placed.items():
-            seen = recording.markers.get(name) if name else recording.position
+            seen = _position(recording, name)
             told = np.ones(3, bool) if seen is None else np.isfinite(seen).any(axis=0)
             ways.append(np.sqrt(((at[:, :3, 3] - at[:, :3, 3].mean(axis=0))[:, told] ** 2).sum(axis=1).mean()))
-        turns = [turn_between(_nearest(at[:, :3, :3].sum(axis=0)), at[:, :3, :3]) for at in placed.values()]
+        turns = [turn_between(nearest_turns(at[:, :3, :3].sum(axis=0)), at[:, :3, :3]) for at in placed.values()]
         return np.array([max(ways), max(np.sqrt((turn**2).sum(axis=1).mean()) for turn in turns)])
-
-    def _seen_spread(self, recording: Recording, names: Iterable[str]) -> float:
-        """Return how far measured positions are apart as they are read [m]; infinite where none were measured.
-
-        A unit so small that all of them are one point is near to whatever can be one.
-        """
-        found = []
-        for name in names:
-            seen = recording.markers.get(name) if name else recording.position
-            if seen is not None and np.isfinite(seen).any():
-                told = seen[:, np.isfinite(seen).any(axis=0)]
-                found.append(float(np.sqrt(np.nansum((told - np.nanmean(told, axis=0)) ** 2) / len(told))))
-        return max(found, default=np.inf)
 
     def fine(self, misfit: _Misfit) -> np.ndarray:
         """Return whether positions and orientations are as near to the drawing as a convention can tell (2,)."""
         return misfit.sizes <= 10 * self.floor
 
-    def better(self, first: _Misfit, other: _Misfit) -> bool:
-        """Return whether one of both leaves a third and the other no more than before."""
+    def better(self, first: _Misfit, other: _Misfit, steps: int = 1) -> bool:
+        """Return whether one of both leaves a third, for each step, and the other no more than before."""
         ratio = self._shares(other) / self._shares(first)
-        return bool((ratio < FAR_LESS).any() and (ratio < 1.3).all())
+        return bool((ratio < FAR_LESS**steps).any() and (ratio < 1.3).all())
 
     def cost(self, misfit: _Misfit, words: int = 0) -> float:
         """Return the logarithm of what is left; each of so many words must leave far less."""
@@ -230,6 +224,11 @@ class _Postures:
     def _shares(self, misfit: _Misfit) -> Array:
         """Return what is left as shares of the drawn motion, as small as a convention can tell: units shrink both."""
         return np.maximum(misfit.sizes, self.floor) / np.maximum(misfit.spread, self.floor)
+
+
+def _position(recording: Recording, name: str) -> Array | None:
+    """Return where a marker, or the tool (''), was measured."""
+    return recording.markers.get(name) if name else recording.position
 
 
 def _quietest(recording: Recording, mechanism: Mechanism, few: int) -> np.ndarray:
@@ -251,46 +250,6 @@ def _quietest(recording: Recording, mechanism: Mechanism, few: int) -> np.ndarra
     return np.sort(first[evenly_spaced(len(first), few)]) if len(first) else first
 
 
-def _positions(
-    points: Sequence[tuple[Array, Array]], near: bool, fitted: np.ndarray, reach: float
-) -> tuple[list[Array], Array, bool]:
-    """Return distances (n,) of each frame's measured and drawn positions, the sensor's turn, and whether it is small.
-
-    Targets may sit beside their frames, on their bodies, where the sensor may stand anywhere. A component that was not
-    measured is taken to be where the others' fit puts it, which is least squares of those that were (Green and Gower;
-    ten Berge and Knol, Psychometrika 49, 1984).
-    """
-    shifts = [np.zeros(3) for _ in points]
-    turn, shift = np.eye(3), np.zeros(3)
-    good = [fitted & np.isfinite(at[:, 0, 3]) & np.isfinite(seen).any(axis=1) for at, seen in points]
-    told = sum(int(np.isfinite(seen[rows]).sum()) for (_, seen), rows in zip(points, good, strict=True))
-    whole = all(np.isfinite(seen[rows]).all() for (_, seen), rows in zip(points, good, strict=True))
-    stays = told < _FEWEST_TOLD
-    if not stays:
-        for _ in range(ROUNDS if whole else ITERATIONS):
-            own = [at[:, :3, 3] + at[:, :3, :3] @ aside for (at, _), aside in zip(points, shifts, strict=True)]
-            put = [at @ turn.T + shift for at in own]
-            full = [np.where(np.isfinite(seen), seen, at) for (_, seen), at in zip(points, put, strict=True)]
-            drawn, aim = (np.concatenate([a[rows] for a, rows in zip(each, good, strict=True)]) for each in (own, full))
-            turn, shift = rigid_motion(drawn, aim, np.ones(len(aim))) or (turn, shift)
-            for index, ((at, _), seen, rows) in enumerate(zip(points, full, good, strict=True)):
-                if rows.any():
-                    rest = (seen[rows] - shift) @ turn - at[rows, :3, 3]
-                    shifts[index] = (at[rows, :3, :3].mT @ rest[..., None])[..., 0].mean(axis=0)
-        if near:
-            angle = np.linalg.norm(turn_between(np.eye(3), turn))
-            beside = max(float(np.linalg.norm(each)) for each in (shift, *shifts))
-            stays = not (angle < CONVENTION_NEAR and beside < CONVENTION_NEAR * reach)
-    if near and stays:
-        turn, shift, shifts = np.eye(3), np.zeros(3), [np.zeros(3) for _ in points]
-    out = []
-    for (at, seen), aside in zip(points, shifts, strict=True):
-        own = (at[:, :3, 3] + at[:, :3, :3] @ aside) @ turn.T + shift
-        away = np.linalg.norm(np.nan_to_num(seen - own), axis=1)
-        out.append(np.where(np.isfinite(seen).any(axis=1) & np.isfinite(own[:, 0]), away, np.nan))
-    return out, turn, not stays
-
-
 def _least_squares(drawn: Array, seen: Array, far: float) -> float:
     """Return what any affine map of positions (n, 3) leaves of drawn ones, beside a target anywhere on its body.
 
@@ -304,39 +263,6 @@ def _least_squares(drawn: Array, seen: Array, far: float) -> float:
     by = np.column_stack((linear, drawn[there, :3, :3].reshape(-1, 3)))
     aim = drawn[there, :3, 3].ravel()
     return lost + float(((aim - by @ np.linalg.lstsq(by, aim)[0]) ** 2).sum())
-
-
-def _orientations(drawn: Array, seen: Array, fitted: np.ndarray, near: bool, turns: Array) -> Array:
-    """Return angles (k, n) between drawn orientations (n, 3, 3) and each of k readings of the measured ones.
-
-    turns (k, 3, 3): the sensor's by positions. NaN where the robot cannot be.
-    """
-    there = np.isfinite(drawn[:, 0, 0])
-    good = fitted & there
-    left = np.stack((np.broadcast_to(np.eye(3), turns.shape), turns), axis=1)  # from two starts at once
-    right = np.broadcast_to(np.eye(3), left.shape)
-    # sums of all products of entries say what any turn of the sensor or the target does
-    sums = np.einsum("nia,knjb->kijab", drawn[good], seen[:, good], optimize=True).reshape(-1, 9, 9)
-    flat = (*left.shape[:2], 9)
-    for _ in range(ROUNDS if good.any() else 1):
-        right = _nearest((left.mT.reshape(flat) @ sums).reshape(left.shape))
-        left = _nearest((right.reshape(flat) @ sums.mT).reshape(left.shape).mT)
-    if near:
-        turned = np.maximum(*(np.linalg.norm(turn_between(np.eye(3), each), axis=-1) for each in (left, right)))
-        left, right = (np.where(turned[..., None, None] > CONVENTION_NEAR, np.eye(3), each) for each in (left, right))
-    angles = np.full((*left.shape[:2], len(drawn)), np.nan)
-    own = left[:, :, None] @ drawn[there] @ right[:, :, None]
-    angles[..., there] = np.linalg.norm(turn_between(own, seen[:, None, there]), axis=-1)
-    sizes = (angles[..., good] ** 2).mean(axis=-1) if good.any() else np.zeros(left.shape[:2])
-    return np.where((sizes[:, 1] < sizes[:, 0])[:, None], angles[:, 1], angles[:, 0])
-
-
-def _nearest(matrix: Array) -> Array:
-    """Return the rotations nearest to matrices (..., 3, 3)."""
-    left, _, right = np.linalg.svd(matrix)
-    signs = np.ones(matrix.shape[:-1])
-    signs[..., 2] = np.sign(np.linalg.det(left @ right))
-    return (left * signs[..., None, :]) @ right
 
 
 def conventions_of_poses(robot: Robot, recording: Recording, anywhere: bool) -> Evidence | None:
@@ -426,25 +352,38 @@ def _of_all(postures: _Postures, written: Recording, near: bool, mirrors: bool =
     So joints are read in one way after the other, each beside the readings of both that suit it best: whichever of the
     three are written otherwise together, they are found.
     """
-    columns = _columns(postures, written)
+    columns, as_good = _columns(postures, written), float(np.log(AS_GOOD))
 
-    def cost(found: Found[_Misfit], reading: Reading = ()) -> float:
-        return postures.cost(found.score, len(found.conventions) + len(reading))
+    def cost(found: _Read, joints: Reading = ()) -> float:
+        return postures.cost(found.score, len(found.conventions) + len(joints))
 
-    def better(read: Recording, now: Found[_Misfit], taken: Reading) -> list[Tried[Found[_Misfit]]]:
-        tried: list[Tried[Found[_Misfit]]] = []
-        for some in readings(written, columns, "joints"):
-            if any(postures.fine(item.score.score).all() for item in tried) or postures.fine(now.score).all():
+    def tries(
+        read: Recording, now: _Read, taken: Reading, first: Tried[_Read] | None, only: Reading
+    ) -> list[Tried[_Read]]:
+        tried: list[Tried[_Read]] = []
+        begin, ahead, measured = (read, (), ()) if first is None else (first.read, first.reading, first.beside)
+        second = bool(first or taken)
+        for some in [[only]] if only else readings(written, columns, "joints", *["zeros"] * second, second=second):
+            if any(
+                postures.fine(each).all() for each in (now.score, *(item.score.score for item in tried if item.wins))
+            ):
                 break  # rarer ways do no better
+            ways: list[tuple[Reading, Recording]] = []
             for reading in some:
                 with suppress(PrupPinError):
-                    other = read_as(read, reading, postures.drawn)
-                    found = _of_measured(postures, other, near, mirrors)
-                    if postures.better(now.score, found.score) and cost(found) < cost(now):
-                        tried.append(Tried(cost(found, reading), reading, other, found, found.conventions))
+                    ways.append((reading, read_as(begin, reading, postures.drawn)))
+            misfits = postures.misfits([read_as(other, measured, postures.drawn) for _, other in ways], near)
+            asked = list(zip(ways, misfits, strict=True))
+            if first:
+                asked = sorted(asked, key=lambda way: postures.cost(way[1]))[:FEW_ROUNDS]
+            for (reading, other), misfit in asked:
+                found = _of_measured(postures, other, near, mirrors, None if measured else misfit)
+                whole = (*ahead, *reading)
+                wins = postures.better(now.score, found.score, 1 + bool(ahead)) and cost(found) < cost(now)
+                tried.append(Tried(cost(found, (*taken, *whole)), whole, other, found, found.conventions, wins))
         return tried
 
-    joints = likeliest(written, _of_measured(postures, written, near, mirrors), better, float(np.log(AS_GOOD)))
+    joints = likeliest(written, _of_measured(postures, written, near, mirrors), tries, as_good, FEW_ROUNDS)
     seen = joints.score
     others = (*joints.others, *((*other, *joints.conventions) for other in seen.others))
     return Found((*seen.conventions, *joints.conventions), seen.read, seen.score, others)
@@ -461,22 +400,34 @@ def _is_mirror(convention: Convention) -> bool:
     return of_axes and not is_right_handed([str(axis) for axis in convention.argument])
 
 
-def _of_measured(postures: _Postures, joints: Recording, near: bool, mirrors: bool = True) -> Found[_Misfit]:
-    """Return readings of positions and orientations that each leave far less than before; the joints as they are."""
+def _of_measured(
+    postures: _Postures, joints: Recording, near: bool, mirrors: bool = True, written: _Misfit | None = None
+) -> Found[_Misfit]:
+    """Return readings of positions and orientations that each leave far less than before; the joints as they are.
 
-    def better(read: Recording, now: _Misfit, taken: Reading) -> list[Tried[_Misfit]]:
+    written: the misfit of the log as it is written, where it is known.
+    """
+
+    def tries(
+        read: Recording, now: _Misfit, taken: Reading, first: Tried[_Misfit] | None, only: Reading
+    ) -> list[Tried[_Misfit]]:
         far = ~postures.fine(now)
         if far[0]:
             far[0] = postures.least_apart(read, joints) < FAR_LESS * now.sizes[0]
-        ways = [way for way in postures.ways(taken, (bool(far[0]), bool(far[1]))) if mirrors or not _is_mirror(*way[0])]
+        ahead = first.reading if first else ()
+        ways = [
+            way
+            for way in postures.ways((*taken, *ahead), (bool(far[0]), bool(far[1])))
+            if (mirrors or not _is_mirror(*way[0])) and (not only or way[0] == only)
+        ]
         misfits = postures.misfits([other for _, other in ways], near, joints=joints)
         return [
-            Tried(postures.cost(misfit), reading, other, misfit)
+            Tried(postures.cost(misfit), (*ahead, *reading), other, misfit, wins=postures.better(now, misfit))
             for (reading, other), misfit in zip(ways, misfits, strict=True)
-            if postures.better(now, misfit)
         ]
 
-    found = likeliest(joints, postures.misfit(joints, near), better, float(np.log(AS_GOOD)))
+    written = postures.misfit(joints, near) if written is None else written
+    found = likeliest(joints, written, tries, float(np.log(AS_GOOD)))
     return found._replace(read=read_as(joints, found.conventions, postures.drawn))
 
 
@@ -491,17 +442,16 @@ def _with_quarter_turns(postures: _Postures, written: Recording, found: Found[_M
     begin = read_as(written, measured, postures.drawn)
     few, columns = begin.select(evenly_spaced(len(written), _POSTURES)), _columns(postures, written)
 
-    def better(read: Recording, now: _Misfit, taken: Reading) -> list[Tried[_Misfit]]:
+    def tries(read: Recording, now: _Misfit, *_: object) -> list[Tried[_Misfit]]:
+        ways = [each for some in readings(written, columns, "zeros") for each in some]
+        others = [read_as(read, way, postures.drawn) for way in ways]
         tried = []
-        for reading in (each for some in readings(written, columns, "zeros") for each in some):
-            other = read_as(read, reading, postures.drawn)
-            misfit = postures.misfit(other, near)
-            cost = postures.cost(misfit) - len(reading) * float(np.log(MOSTLY))
-            if cost < postures.cost(now):
-                tried.append(Tried(cost, reading, other, misfit))
+        for way, other, misfit in zip(ways, others, postures.misfits(others, near), strict=True):
+            cost = postures.cost(misfit) - len(way) * float(np.log(MOSTLY))
+            tried.append(Tried(cost, way, other, misfit, wins=cost < postures.cost(now)))
         return tried
 
-    turns = likeliest(few, postures.misfit(few, near), better, 0.0).conventions
+    turns = likeliest(few, postures.misfit(few, near), tries, 0.0).conventions
     read = read_as(begin, turns, postures.drawn)
     misfit = postures.misfit(read, near)
     if not postures.better(found.score, misfit):

@@ -219,14 +219,20 @@ READINGS = (
 )
 
 
-def readings(recording: Recording, columns: Columns, *of: str) -> Iterator[list[Reading]]:
-    """Yield lists of readings of what is asked, the commonest first, but what a log declares to be as it says."""
+def readings(recording: Recording, columns: Columns, *of: str, second: bool = False) -> Iterator[list[Reading]]:
+    """Yield lists of readings of what is asked, the commonest first, but what a log declares to be as it says.
+
+    second: beside another reading: of the rarest, those that are not of two joints.
+    """
     seen: set[Reading] = set()
     for rarer_than in range(3):
         kinds = (kind for kind in READINGS if kind.of in of and kind.rarer_than == rarer_than)
         found = dict.fromkeys(reading for kind in kinds for reading in kind.yielded(columns) if reading not in seen)
         seen |= found.keys()
-        if some := [reading for reading in found if may_be_read(recording, reading)]:
+        some = [reading for reading in found if may_be_read(recording, reading)]
+        if second and rarer_than == 2:
+            some = [reading for reading in some if len({item.joint for item in reading}) == 1]
+        if some:
             yield some
 
 
@@ -234,13 +240,17 @@ S = TypeVar("S")
 
 
 class Tried(NamedTuple, Generic[S]):
-    """A reading, the log as it is read so, how well that fits, and the same as a cost; beside: what is read with it."""
+    """A reading, the log as it is read so, how well that fits, and the same as a cost; beside: what is read with it.
+
+    wins: whether it is better than none, by the margin of each of its steps.
+    """
 
     cost: float
     reading: Reading
     read: Recording
     score: S
     beside: Reading = ()
+    wins: bool = True
 
 
 class Found(NamedTuple, Generic[S]):
@@ -255,29 +265,45 @@ class Found(NamedTuple, Generic[S]):
 def likeliest(
     written: Recording,
     score: S,
-    better: Callable[[Recording, S, Reading], Sequence[Tried[S]]],
+    tries: Callable[[Recording, S, Reading, Tried[S] | None, Reading], Sequence[Tried[S]]],
     as_good: float,
+    firsts: int = 0,
 ) -> Found[S]:
     """Return the readings by which a log fits best, one after the other, as far as any is better than none.
 
-    better: returns those that are, beside what was taken already; as_good: what two of them cost that are as good, of
-    which the first is taken.
+    Where no single one is, two are, of which the first is one of so many that come nearest. as_good: what two of them
+    cost that are as good, of which the first is taken. tries: tries readings of a log that fits by a score, beside
+    those taken; beside a first one those that are to be better with it than none; or one that is given and no other.
     """
     taken: Reading = ()
-    others: list[Reading] = []
+    others: list[tuple[Tried[S], S, Reading]] = []
     read = written
     for _ in range(_MOST):
-        if not (tried := better(read, score, taken)):
+        tried = tries(read, score, taken, None, ())
+        if not taken and not any(item.wins for item in tried):
+            nearest: dict[object, Tried[S]] = {}  # one of a kind: a ratio next to another one is as near
+            for item in sorted(tried, key=lambda item: round(item.cost, 2)):
+                nearest.setdefault(tuple((each.columns, each.word) for each in item.reading), item)
+            tried = [item for first in list(nearest.values())[:firsts] for item in tries(read, score, taken, first, ())]
+        if not (tried := [item for item in tried if item.wins]):
             break
-        best = min(tried, key=lambda item: round(item.cost, 2))
-        alike = [
-            (*item.beside, *taken, *item.reading)
-            for item in tried
-            if item.cost < best.cost + as_good and item is not best and not _same(item.read, best.read)
+        next_one = min(tried, key=lambda item: round(item.cost, 2)).reading
+        rivals = [(item, score, taken) for item in tried]
+        # what was as good as an earlier reading is asked beside this one, too: it may be worse now, or better
+        rivals += [
+            (item, before, had)
+            for first, before, had in others
+            for item in tries(first.read, before, had, first, next_one)
         ]
-        others = [*((*other, *best.reading) for other in others), *alike]
-        taken, read, score = (*taken, *best.reading), best.read, best.score
-    return Found(taken, read, score, tuple(dict.fromkeys(others)))
+        best, _, had = min((each for each in rivals if each[0].wins), key=lambda each: round(each[0].cost, 2))
+        others = [
+            each
+            for each in rivals
+            if each[0].cost < best.cost + as_good and each[0] is not best and not _same(each[0].read, best.read)
+        ]
+        taken, read, score = (*had, *best.reading), best.read, best.score
+    alike = ((*item.beside, *had, *item.reading) for item, _, had in others)
+    return Found(taken, read, score, tuple(dict.fromkeys(alike)))
 
 
 def _same(one: Recording, other: Recording) -> bool:

@@ -206,6 +206,58 @@ def test_an_arm_in_other_units_throughout_is_read_as_it_is_meant(said, tracker):
     assert read_logs(arm, true).conventions == ((),)
 
 
+def of_arm(arm, renamed=lambda name: name, count=12):
+    """A log of an arm's positions and orientations, its joints by other names."""
+    rng = np.random.default_rng(5)
+    q = rng.uniform(-1.2, 1.2, (count, 6))
+    seen = np.array([arm.pose_from_actuators(row).base_from_tool for row in q])
+    return Recording(
+        time=np.arange(float(count)),
+        positions={renamed(name): column for name, column in zip(arm.mechanism.actuated, q.T, strict=True)},
+        position=seen[:, :3, 3] + 1e-5 * rng.normal(size=(count, 3)),
+        rotation=rotation_log(seen[:, :3, :3]),
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "said",
+    [
+        ("q=deg", "q.elbow_joint=reversed"),
+        ("q=deg", "q.wrist_1_joint=quarter_turns:1"),
+        ("q.shoulder_lift_joint=reversed", "q.wrist_1_joint=reversed"),
+        ("q.elbow_joint=deg", "q.wrist_2_joint=reversed"),
+        ("p=mm", "r=euler_xyz"),
+    ],
+    ids=" ".join,
+)
+def test_two_misreadings_of_an_arm_are_both_told(said):
+    """The joint that counts the other way round made nonsense of the right unit, and nothing was told."""
+    arm = load("ur5")
+    true = of_arm(arm)
+    way = [convention_of(*item.split("="), joints_of(true)) for item in said]
+    logs = read_logs(arm, written_as(true, way, Drawn()))
+    assert sorted(map(str, logs.conventions[0])) == sorted(said)
+
+
+@pytest.mark.parametrize("turned_round", [SLIDES[:2], SLIDES[1:]])
+def test_two_legs_that_count_the_other_way_round_are_told(robot, bench, turned_round):
+    true = read_recording(bench)
+    way = [Convention(f"q.{name}", "reversed") for name in turned_round]
+    logs = read_logs(robot, written_as(true, way, Drawn(slides=frozenset(SLIDES))))
+    for name in SLIDES:  # all three, and one of them back again, is the same
+        np.testing.assert_allclose(logs.recordings[0].positions[name], true.positions[name], atol=1e-12)
+
+
+@pytest.mark.parametrize("order", [SLIDES, SLIDES[::-1]])
+def test_a_unit_and_a_leg_turned_round_are_told_whatever_the_order_of_columns(robot, bench, order):
+    true = read_recording(bench)
+    true = replace(true, positions={name: true.positions[name] for name in order})
+    way = [Convention("q", "mm"), Convention(f"q.{SLIDES[1]}", "reversed")]
+    logs = read_logs(robot, written_as(true, way, Drawn(slides=frozenset(SLIDES))))
+    assert sorted(map(str, logs.conventions[0])) == sorted(map(str, way))
+
+
 GANTRY = """<robot name="gantry"><link name="base"/>
 {joints}<prup_pin version="1"><tool frame="z_part"/><actuated joints="x y z"/></prup_pin></robot>"""
 

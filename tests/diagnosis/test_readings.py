@@ -71,13 +71,60 @@ def test_the_likeliest_readings_are_found_by_any_measure_of_what_is_left(said):
     way = [convention_of(*text.split("="), {"q": JOINTS, "tau": JOINTS}) for text in said]
     written = written_as(true, way, Drawn())
 
-    def better(read, left, taken):
+    def tries(read, left, *_):
         tried = [(reading, read_as(read, reading, Drawn())) for reading in every(Columns(q=JOINTS), of=["joints"])]
         found = [Tried(far(log, true) + 1e-3 * len(reading), reading, log, far(log, true)) for reading, log in tried]
         return [item for item in found if item.cost < left]
 
-    found = likeliest(written, far(written, true), better, 0.0)
+    found = likeliest(written, far(written, true), tries, 0.0)
     assert sorted(map(str, found.conventions)) == sorted(said)
+
+
+#: What each reading leaves of a log, and of one that is read by another before.
+LEAVES = {
+    "deg": {"": 90.0, "reversed": 1.0},
+    "mm": {"": 85.0, "reversed": 40.0},
+    "reversed": {"": 99.0, "deg": 1.0, "mm": 40.0},
+}
+
+
+def searched(leaves, wins_below, as_good=0.1, firsts=3):
+    """What is found where readings of q leave so much of a log of which 100 are left as it is written."""
+
+    def tries(read, left, taken, first, only):
+        had = first.reading[0].word if first else taken[-1].word if taken else ""
+        tried = []
+        for word, left_beside in leaves.items():
+            reading = (Convention("q", word),)
+            if had in left_beside and (not only or reading == only):
+                whole, now = (*(first.reading if first else ()), *reading), left_beside[had]
+                wins = now < left * wins_below ** len(whole)
+                log = replace(LOG, positions={"a": LOG.time + sum(map(ord, had + word))})
+                tried.append(Tried(float(np.log(now)), whole, log, now, wins=wins))
+        return tried
+
+    return likeliest(LOG, 100.0, tries, as_good, firsts)
+
+
+def test_two_readings_are_told_of_which_neither_alone_brings_a_log_nearer():
+    assert [item.word for item in searched(LEAVES, 1 / 3).conventions] == ["deg", "reversed"]
+    assert searched(LEAVES, 1 / 3, firsts=0).conventions == ()
+
+
+def test_two_readings_are_to_win_by_the_margin_of_both():
+    almost = LEAVES | {"deg": {"": 90.0, "reversed": 30.0}, "reversed": {"": 99.0, "deg": 30.0, "mm": 40.0}}
+    assert searched(almost, 1 / 3).conventions == ()
+    assert len(searched(almost, 0.6).conventions) == 2
+
+
+@pytest.mark.parametrize(("beside", "others"), [(0.5, 0), (0.01, 1)])
+def test_what_was_as_good_as_a_first_reading_is_asked_again_beside_the_second(beside, others):
+    """In degrees or by a gear of 35 a log was as far off while another joint was turned round; beside it only one is
+    near, and yet both were told, and the log refused."""
+    left = {"deg": {"": 20.0}, "revolutions": {"": 20.5}, "reversed": {"": 99.0, "deg": 0.01, "revolutions": beside}}
+    found = searched(left, 1 / 3)
+    assert [item.word for item in found.conventions] == ["deg", "reversed"]
+    assert [[item.word for item in other] for other in found.others] == [["revolutions", "reversed"]] * others
 
 
 def test_a_reading_of_ones_own_is_one_function_and_one_line(monkeypatch):

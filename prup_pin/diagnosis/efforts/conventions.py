@@ -23,6 +23,7 @@ from ...spatial import Array
 from ..criteria import (
     AS_GOOD,
     FAR_LESS,
+    FEW_ROUNDS,
     FEWEST_NUMBERS,
     FEWEST_OF_KIND,
     GAIN,
@@ -295,11 +296,11 @@ class EffortReadings:
         tried = []
         if unit := self._unit():
             begin = read_as(self.log, unit, self.drawn)
-            found = likeliest(begin, self.unlikely(begin), self._better, _WORD)
+            found = likeliest(begin, self.unlikely(begin), self._tries, _WORD, FEW_ROUNDS)
             tried.append(found._replace(conventions=(*unit, *found.conventions)))
             if len(self.motion.driven) < FEWEST_OF_KIND or (found.score.surely and not found.conventions):
                 return tried[0]
-        tried.append(likeliest(self.log, self._hung(), self._better, _WORD))
+        tried.append(likeliest(self.log, self._hung(), self._tries, _WORD, FEW_ROUNDS))
         return min(tried, key=lambda found: found.score.nats + _price(found.conventions))
 
     @property
@@ -307,24 +308,29 @@ class EffortReadings:
         """How unlikely the log is as it is likeliest read, in nats."""
         return self.written.nats if self.found is None else self.found.score.nats
 
-    def _better(self, read: Recording, unlikely: Unlikely, taken: Reading) -> list[Tried[Unlikely]]:
-        """Return the readings by which a log is surely likelier, rarer ones only where no commoner one explains it."""
+    def _tries(
+        self, read: Recording, unlikely: Unlikely, taken: Reading, first: Tried[Unlikely] | None, only: Reading
+    ) -> list[Tried[Unlikely]]:
+        """Return readings, those surely likelier marked; rarer ones only where no commoner one explains the log."""
         tried: list[Tried[Unlikely]] = []
+        begin, ahead = (read, ()) if first is None else (first.read, first.reading)
         columns = Columns.of(self.mechanism, self.log, list(self.log.positions), list(self.log.efforts))
         whole = replace(columns, q_whole=set(self.recording.positions) <= set(columns.q), spins=True,
                         tau_whole=set(self.recording.efforts) <= set(columns.tau))  # fmt: skip
-        fits = self._left(read)[0] <= FAR_LESS
-        for some in chain([self._by_gains(read)], readings(self.log, whole, "joints", "zeros")):
-            if unlikely.surely or any(item.score.surely for item in tried):
+        fits = self._left(begin)[0] <= FAR_LESS
+        ways = chain([self._by_gains(begin)], readings(self.log, whole, "joints", "zeros", second=first is not None))
+        for some in [[only]] if only else ways:
+            if unlikely.surely or any(item.wins and item.score.surely for item in tried):
                 break
             for reading in some:
                 if fits and any(item.word != "reversed" for item in reading):
                     continue  # where most of a log fits, a joint or two count the other way round
-                other = read_as(read, reading, self.drawn)
-                score = self.unlikely(other)
-                cost = score.nats + _price(reading)
-                if cost < unlikely.nats - SURELY and self._makes_sense(reading, other):
-                    tried.append(Tried(cost, reading, other, score))
+                other = read_as(begin, reading, self.drawn)
+                score, both = self.unlikely(other), (*ahead, *reading)
+                price = _price(ahead) + _price(reading)
+                margin = SURELY * (1 + bool(ahead))
+                wins = score.nats + price < unlikely.nats - margin and self._makes_sense(both, other)
+                tried.append(Tried(score.nats + price + _price(taken), both, other, score, wins=wins))
         return tried
 
     def _makes_sense(self, reading: Reading, read: Recording) -> bool:
