@@ -63,7 +63,7 @@ class _Postures:
         frames = [name for name in recording.marker_names if name in self.mechanism.frame_names]
         self.frames = list(dict.fromkeys(frames))
         self._places: dict[bytes, tuple[dict[str, Array], Array]] = {}
-        self._placed: dict[bytes, tuple[Array, Array]] = {}
+        self._placed: dict[bytes, Array] = {}
         self._ways: dict[tuple[Reading, tuple[bool, bool]], list[tuple[Reading, Recording]]] = {}
         self.turning = np.array([self.mechanism.joint(name).turns for name in self.mechanism.actuated], bool)
         home = robot.home.base_from_tool if self.mechanism.tool is not None else np.eye(4)
@@ -137,7 +137,6 @@ class _Postures:
         fitted = np.ones(n, bool) if fitted is None else fitted
         squares, counts = np.zeros((2, k, n, 2))
         spreads = np.array([each[2] for each in at])
-        turns = np.tile(np.eye(3), (k, 1, 1))
         names = [name for name in places[0] if _position(recordings[0], name) is not None]
         if names:
             seen = np.array([[_position(item, name) for name in names] for item in recordings])
@@ -148,8 +147,8 @@ class _Postures:
                 rows = list(new.values())
                 drawn = np.array([[places[row][name] for name in names] for row in rows])
                 found = positions_left(drawn, seen[rows], near, fitted, self.reach)
-                self._placed.update(zip(new, zip(*found, strict=True), strict=True))
-            left, turns = (np.array(part) for part in zip(*(self._placed[key] for key in keys), strict=True))
+                self._placed.update(zip(new, found, strict=True))
+            left = np.array([self._placed[key] for key in keys])
             known = np.isfinite(seen).any(axis=3)
             size = np.minimum(np.nan_to_num(left, nan=np.inf), 1e3 * self.reach) ** 2
             squares[..., 0], counts[..., 0] = np.where(known, size, 0.0).sum(axis=1), known.sum(axis=1)
@@ -163,7 +162,7 @@ class _Postures:
                 continue
             seen, drawn = np.array(vectors), np.array([each[name][:, :3, :3] for each in places])
             known = np.isfinite(seen).all(axis=2)
-            own = orientations_left(drawn, rotation_exp(np.nan_to_num(seen)), known & fitted, near, turns)
+            own = orientations_left(drawn, rotation_exp(np.nan_to_num(seen)), known & fitted, near)
             squares[..., 1] += np.where(known, np.nan_to_num(own, nan=np.pi), 0.0) ** 2
             counts[..., 1] += known
         with np.errstate(invalid="ignore"):

@@ -14,8 +14,8 @@ from .criteria import CONVENTION_NEAR, LITTLE, NOTHING, ROUNDS
 _FEWEST_TOLD = 12
 
 
-def positions_left(drawn: Array, seen: Array, near: bool, fitted: np.ndarray, reach: float) -> tuple[Array, Array]:
-    """Return distances (k, m, n) of measured and drawn positions of m frames, and the sensor's turns (k, 3, 3).
+def positions_left(drawn: Array, seen: Array, near: bool, fitted: np.ndarray, reach: float) -> Array:
+    """Return distances (k, m, n) of measured and drawn positions of m frames.
 
     drawn (k, m, n, 4, 4), NaN where the robot cannot be; seen (k, m, n, 3), of which components may be missing. Targets
     may sit beside their frames, on their bodies. near: only a small frame of the sensor is taken away; fitted (n,):
@@ -34,7 +34,7 @@ def positions_left(drawn: Array, seen: Array, near: bool, fitted: np.ndarray, re
     shift, asides = np.where(stays[:, None], 0.0, shift), np.where(stays[:, None, None], 0.0, asides)
     own = (at + (body @ asides[:, :, None, :, None])[..., 0]) @ turn[:, None].mT + shift[:, None, None]
     away = np.linalg.norm(np.where(known, seen - own, 0.0), axis=3)
-    return np.where(known.any(axis=3) & np.isfinite(at[..., 0]), away, np.nan), turn
+    return np.where(known.any(axis=3) & np.isfinite(at[..., 0]), away, np.nan)
 
 
 def _fitted(at: Array, body: Array, seen: Array, told: np.ndarray, reach: float) -> tuple[Array, Array, Array]:
@@ -99,17 +99,14 @@ def nearest_turns(matrix: Array) -> Array:
     return (left * signs[..., None, :]) @ right
 
 
-def orientations_left(drawn: Array, seen: Array, fitted: np.ndarray, near: bool, turns: Array) -> Array:
-    """Return angles (k, n) between drawn and measured orientations (k, n, 3, 3).
-
-    turns (k, 3, 3): the sensor's by positions. NaN where the robot cannot be.
-    """
+def orientations_left(drawn: Array, seen: Array, fitted: np.ndarray, near: bool) -> Array:
+    """Return angles (k, n) between drawn and measured orientations (k, n, 3, 3). NaN where the robot cannot be."""
     there = np.isfinite(drawn[..., 0, 0])
     weights, (k, n) = (fitted & there).astype(float), there.shape
     drawn = np.where(there[..., None, None], drawn, np.eye(3))
-    # from two starts at once, where those are two
-    rows = np.append(np.arange(k), np.flatnonzero((turns != np.eye(3)).any(axis=(1, 2))))
-    left = np.concatenate((np.tile(np.eye(3), (k, 1, 1)), turns[rows[k:]]))
+    # from two starts at once: one finds what is small, the other what is large
+    rows = np.tile(np.arange(k), 2)
+    left = np.concatenate((np.tile(np.eye(3), (k, 1, 1)), _sensor_turns(drawn, seen, weights)))
     right = np.tile(np.eye(3), (len(rows), 1, 1))
     # sums of all products of entries say what any turn of the sensor or the target does
     sums = (drawn.reshape(k, n, 9) * weights[..., None]).mT @ seen.reshape(k, n, 9)
@@ -123,9 +120,22 @@ def orientations_left(drawn: Array, seen: Array, fitted: np.ndarray, near: bool,
     if near:
         turned = np.maximum(*(np.linalg.norm(turn_between(np.eye(3), each), axis=1) for each in (left, right)))
         left, right = (np.where(turned[:, None, None] > CONVENTION_NEAR, np.eye(3), each) for each in (left, right))
-    own = left[:, None] @ drawn[rows] @ right[:, None]
-    angles = np.linalg.norm(turn_between(own, seen[rows]), axis=2)
+    angles = np.linalg.norm(turn_between(left[:, None] @ drawn[rows] @ right[:, None], seen[rows]), axis=2)
     squares = (angles**2 * weights[rows]).sum(axis=1)
-    other = np.flatnonzero(squares[k:] < squares[rows[k:]])
-    angles[rows[k + other]] = angles[k + other]
-    return np.where(there, angles[:k], np.nan)
+    best = np.where((squares[k:] < squares[:k])[:, None], angles[k:], angles[:k])
+    return np.where(there, best, np.nan)
+
+
+def _sensor_turns(drawn: Array, seen: Array, weights: Array) -> Array:
+    """Return the sensor's turns (k, 3, 3) by how orientations (k, n, 3, 3) turn from their means, of weights (k, n).
+
+    Whatever the target's frame is, a turn of the robot is seen about the sensor's image of its axis: AX = XB (Park and
+    Martin, IEEE Trans. Robotics and Automation 10, 1994). About axes that nothing turned about there is none.
+    """
+    turned = []
+    for each in (seen, drawn):
+        middle = nearest_turns((weights[..., None, None] * each).sum(axis=1))
+        turned.append(turn_between(middle[:, None], each))
+    product = (weights[..., None] * turned[0]).mT @ turned[1]
+    size = np.abs(product).max(axis=(1, 2), initial=NOTHING)
+    return nearest_turns(product + NOTHING * size[:, None, None] * np.eye(3))
