@@ -92,6 +92,11 @@ def test_what_data_do_not_bound_is_not_nothing():
     assert "not determined" not in seen[0][1]
 
 
+def test_an_interval_is_told_with_as_many_digits_as_its_ends_are_apart():
+    ((_, value, interval),) = parameter_texts({"tx": FittedParameter(2.10001, "m", (2.1, 2.10002))})
+    assert (value, interval) == ("2.10001 m", "2.1 to 2.10002 m")
+
+
 def test_a_vector_is_told_in_one_unit():
     centre = {
         axis: FittedParameter(value, "m", (value - 1e-3, value + 1e-3))

@@ -224,7 +224,7 @@ def _beyond_declared(residuals: EffortResiduals) -> Iterator[Finding]:
         yield unknown_at(
             worst,
             f"the residual at {worst} is {multiple} times the declared noise; no law of the library explains it, and "
-            "it depends neither on speed, position, load nor time",
+            "no one curve of speed, position, load or time takes most of it",
         )
 
 

@@ -480,12 +480,23 @@ def _known(fitted: FittedParameter, largest: float) -> tuple[str, str]:
         unit, factor = readable_unit(high, fitted.unit)
         value = f"below {number(factor * high, 3)} {unit}".strip()
     else:
+        digits = _digits(low, high)
         value, drawn, before = (
-            "" if each is None else number(factor * each, 4) for each in (fitted.value, fitted.drawn, fitted.before)
+            "" if each is None else number(factor * each, digits)
+            for each in (fitted.value, fitted.drawn, fitted.before)
         )
         instead = "" if drawn in ("", value) else f" instead of {drawn}"
         value = f"{f'{value} {unit}'.strip()}{instead}{before and f', before {before}'}"
-    return value, f"{_end(factor * low)} to {_end(factor * high)} {unit}".strip()
+    ends = " to ".join(_end(factor * each, _digits(low, high)) for each in (low, high))
+    return value, f"{ends} {unit}".strip()
+
+
+def _digits(low: float, high: float) -> int:
+    """Return how many significant digits tell the ends of an interval apart, four at least."""
+    largest, half = max(abs(low), abs(high)), (high - low) / 2
+    if not 0 < half < np.inf:
+        return 4
+    return min(max(4, 1 + int(np.floor(np.log10(largest)) - np.floor(np.log10(half)))), 9)
 
 
 def _vector(name: str, fitted: FittedParameter) -> tuple[str, str]:
@@ -505,9 +516,9 @@ def by_place(finding: Finding) -> dict[str, list[tuple[str, str, str]]]:
     return {place: parameter_texts(group) for place, group in groups.items()}
 
 
-def _end(value: float) -> str:
+def _end(value: float, digits: int) -> str:
     """Return an end of an interval; beyond a million it means that the data set no bound."""
-    return number(value, 4) if 1e-9 < abs(value) < 1e9 or value == 0 else f"{value:.1e}"
+    return number(value, digits) if 1e-9 < abs(value) < 1e9 or value == 0 else f"{value:.1e}"
 
 
 def no_proposal_text(diagnosis: Diagnosis) -> str:
