@@ -18,6 +18,9 @@ from .joint_places import about, across
 from .law import Law, Place
 from .setup import Setup
 
+#: Lines nearer than this are one [m, rad].
+_ALIKE = 1e-9
+
 
 def _small(name: str, unit: str, description: str, start: float, bound: float) -> Quantity:
     return Quantity(name, unit, description, start, lower=-bound, upper=bound)
@@ -131,6 +134,10 @@ class GuideTwist(OfGuide):
     remedy = "check the guide of {place} with a level, then align its bed, or give the controller this error as a table"
     variant = "twist"
 
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        """Return those of them that carry no free hinge about their own line, which would take the roll up."""
+        return [place for place in super().places(mechanism) if not _spins(mechanism.joint(place.name), mechanism)]
+
     def axes(self, joint: Joint) -> Mapping[str, tuple[str, Array]]:
         return {"roll": ("twist", joint.axis)}
 
@@ -144,6 +151,17 @@ class GuideTwist(OfGuide):
             f"the guide of {place.name} is twisted: what it carries rolls by {twist} per metre of its way, "
             f"and by {roll} at {middle}"
         )
+
+
+def _spins(slide: Joint, mechanism: Mechanism) -> bool:
+    """Return True where what a slide carries hangs on a free hinge about the line along which it slides."""
+    model, driven = mechanism.model, (*mechanism.actuated, *mechanism.coupling.names)
+    carried = [joint for joint in mechanism.joints if int(model.parents[joint.id]) == slide.id]
+    if len(carried) != 1 or carried[0].slides or carried[0].nv != 1 or carried[0].name in driven:
+        return False
+    placed = model.jointPlacements[carried[0].id]
+    beside = np.cross(placed.translation, slide.axis), np.cross(placed.rotation @ carried[0].axis, slide.axis)
+    return bool(np.abs(beside).max() < _ALIKE)
 
 
 def middle_of(joint: Joint, mechanism: Mechanism) -> float:

@@ -13,6 +13,7 @@ from ..numbers import number, quantity
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import Deed, WrenchReading
+from .follows import felt_at_tool
 from .law import Law, Place
 from .setup import Setup
 
@@ -141,8 +142,9 @@ class WrenchSensorCrosstalk(_OfWrenchSensor):
     neutral: ClassVar = {"share": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        pairs = ((one, other) for one in WRENCH_NAMES for other in WRENCH_NAMES if one != other)
-        return [Place("wrench_sensor", f"{one} by {other}") for one, other in pairs]
+        """Return the pairs of channels of which the robot feels the first."""
+        felt = [name for name, moves in zip(WRENCH_NAMES, felt_at_tool(mechanism), strict=True) if moves]
+        return [Place("wrench_sensor", f"{one} by {other}") for one in felt for other in WRENCH_NAMES if one != other]
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         one, other = place.aspect.split(" by ")
