@@ -137,7 +137,9 @@ class WrenchSensorCrosstalk(_OfWrenchSensor):
     summary = "a channel of the wrench sensor that reports another one too"
     source = "ISO 376; Doebelin, Measurement Systems ch. 5: cross axis sensitivity"
     remedy = "calibrate the wrench sensor with known weights along each axis, and enter its whole matrix"
-    called = "cross talk, cross axis sensitivity, coupling, decoupling matrix, calibration matrix, force sensor, load cell"
+    called = (
+        "cross talk, cross axis sensitivity, coupling, decoupling matrix, calibration matrix, force sensor, load cell"
+    )
     quantities = (Quantity("share", "1", "of the other channel", 0.02, lower=-0.5, upper=0.5),)
     neutral: ClassVar = {"share": 0.0}
 

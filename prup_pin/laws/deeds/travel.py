@@ -135,7 +135,9 @@ class MovedLoopEnd(Deed):
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
-        return _by_offsets(setup.loop_offsets, at.setup.loop_offsets, lambda key: at.first.by_loop_end(*key), at.samples)
+        return _by_offsets(
+            setup.loop_offsets, at.setup.loop_offsets, lambda key: at.first.by_loop_end(*key), at.samples
+        )
 
 
 _STILL = np.zeros(6)
