@@ -123,7 +123,7 @@ class WrenchSensorForceBias(WrenchSensorBias):
 
 
 #: Where a fit of cross talk starts, and its bounds, by the unit of the channel that it is in per that it is of.
-_TALK = {"1": (0.02, 0.5), "m": (0.005, 1.0), "1/m": (0.1, 20.0)}
+_TALK = {"1": (0.1, 0.5), "m": (0.02, 1.0), "1/m": (1.0, 20.0)}
 
 
 class WrenchSensorCrosstalk(_OfWrenchSensor):
@@ -140,7 +140,7 @@ class WrenchSensorCrosstalk(_OfWrenchSensor):
     called = (
         "cross talk, cross axis sensitivity, coupling, decoupling matrix, calibration matrix, force sensor, load cell"
     )
-    quantities = (Quantity("share", "1", "of the other channel", 0.02, lower=-0.5, upper=0.5),)
+    quantities = (Quantity("share", "1", "of the other channel", 0.1, lower=-0.5, upper=0.5),)
     neutral: ClassVar = {"share": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:

@@ -93,9 +93,10 @@ def loop_end_motions(
 
 
 def _place_screws(turn: Array, point: Array, drawn: Array, offset: Array) -> Array:
-    """Return the six twists of a place's displacement (N, 6, 6), for a place at (turn, point) that is `offset` now, (6,) or (N, 6).
+    """Return the six twists of a place's displacement (N, 6, 6), for a place at (turn, point) that is `offset` now.
 
-    The rotation of the place is parent drawn exp(offset): translations are along the parent's axes.
+    offset: (6,) or (N, 6). The rotation of the place is parent drawn exp(offset): translations are along the parent's
+    axes.
     """
     now = offset[..., 3:]
     parent = turn @ rotation_exp(now).mT @ drawn.T

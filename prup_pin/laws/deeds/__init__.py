@@ -7,8 +7,8 @@ from .cable import ToolCable
 from .deed import AGREED, BLOCK, RUN, Deed, Felt, History, Moment, Solved
 from .extra_tilt import ExtraTilt
 from .load import HeldMass, ScaledMass, ToolLoad, ToolSpring, TurnedGravity, Weight, WrenchReading
-from .remembered import RememberedStrain
 from .on_the_way import MovedOnTheWay
+from .remembered import RememberedStrain
 from .report import Moved, PoseReport, Wandering
 from .resistance import JointResistance
 from .strain import Along, ExtraStrain, Strain, Strains
