@@ -38,12 +38,14 @@ from .setup import Setup
 from .shear import Shear, Torsion
 from .slack_cable import SlackCable
 from .stiffness_changed import StiffnessChanged
+from .straightness_error import GuideTwist, StraightnessError
 from .target import TargetMisalignment, of_markers, sits_turned
 from .thermal_growth import GrowthFromSupport, ThermalGrowth
 from .viscous_friction import ViscousFriction
 from .wrench_sensor import (
     WrenchSensorBias,
     WrenchSensorCommonGain,
+    WrenchSensorCrosstalk,
     WrenchSensorForceBias,
     WrenchSensorGain,
     WrenchSensorMisalignment,
@@ -88,6 +90,8 @@ _OWN: tuple[Law, ...] = (
     JointDirection(),
     LoopEndPosition(),
     SeatPosition(),
+    StraightnessError(),
+    GuideTwist(),
     EncoderOffset(),
     EncoderDelay(),
     EccentricEncoder(),
@@ -95,6 +99,7 @@ _OWN: tuple[Law, ...] = (
     WrenchSensorMisalignment(),
     WrenchSensorGain(),
     WrenchSensorCommonGain(),
+    WrenchSensorCrosstalk(),
     WrenchSensorBias(),
     WrenchSensorForceBias(),
     PoseSensorMisalignment(),

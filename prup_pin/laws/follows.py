@@ -1,8 +1,9 @@
-"""Which small displacements of its parts a robot's loops can follow: a planar loop does not close askew."""
+"""Which small displacements of its parts a robot can follow, and which loads: a planar loop does not close askew."""
 
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 
 from ..kernel import rank_of
 from ..kinematics import LoopKinematics
@@ -60,3 +61,32 @@ class Followed:
 
     def _closes(self, gaps: Array) -> bool:
         return bool(np.abs(self._open.T @ gaps).max(initial=0.0) < _ASKEW * max(np.abs(gaps).max(initial=0.0), 1e-300))
+
+
+def felt_at_tool(mechanism: Mechanism) -> list[bool]:
+    """Return which components of a wrench on the tool, base axes, can move the robot, of all six.
+
+    Those along which its joints let the tool go near home; all where a module yields otherwise.
+    """
+    tool = mechanism.tool
+    if tool is None or any(isinstance(module.kind, WrenchModule) for module in mechanism.modules):
+        return [True] * 6
+    model, home = mechanism.model, mechanism.home_configuration()
+    data, free = model.createData(), np.eye(model.nv)
+    # a tree's home may be stretched, and hide what any other pose shows
+    poses = [home]
+    if mechanism.loops:
+        kinematics = LoopKinematics(mechanism)
+        free = rank_of(kinematics.evaluate(kinematics.home).closure).right
+        poses = [kinematics.home]
+    else:
+        steps = np.random.default_rng(0).uniform(-0.3, 0.3, (3, model.nv))
+        poses += [pin.integrate(model, home, step) for step in steps]
+    largest = np.zeros(6)
+    for q in poses:
+        pin.computeJointJacobians(model, data, q)
+        twists = pin.getJointJacobian(model, data, tool.joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED) @ free
+        arm = data.oMi[tool.joint].rotation @ tool.placement[:3, 3]
+        twists[:3] += np.cross(twists[3:].T, arm).T
+        largest = np.maximum(largest, np.abs(twists).max(axis=1, initial=0.0))
+    return (largest > _ASKEW * largest.max(initial=1e-300)).tolist()

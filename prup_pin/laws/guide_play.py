@@ -82,11 +82,7 @@ def _way(name: str, setup: Setup) -> Array:
     """Return where a slide stands between its limits, (N,), -1 to 1; in metres from its zero where it has none."""
     mechanism = setup.mechanism
     joint = mechanism.joint(name)
-    q = np.zeros((len(setup.inputs), mechanism.model.nq))
-    for column, actuated in enumerate(mechanism.actuated):
-        mechanism.joint(actuated).place(q, setup.inputs.actuators[:, column])
-    mechanism.coupling.place(q)
-    at = joint.position(q)
+    at = setup.position(name)
     low, high = (float(limit[joint.first_q]) for limit in mechanism.limits)
     if not low < high < np.inf or low == -np.inf:
         low, high = -1.0, 1.0

@@ -48,7 +48,7 @@ class Setup:
     strains: dict[str, list[Strain]] = field(default_factory=dict)
     resistances: list[JointResistance] = field(default_factory=list)
     remembered: list[RememberedStrain] = field(default_factory=list)
-    offsets: dict[int, Array] = field(default_factory=dict)  # of joints' places by joint id, (6,)
+    offsets: dict[int, Array] = field(default_factory=dict)  # of joints' places by joint id, (6,) or (N, 6)
     loop_offsets: dict[tuple[int, int], Array] = field(default_factory=dict)  # of loops' ends, (6,)
     mass_factors: dict[str, float] = field(default_factory=dict)  # of links
     yielding: dict[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)  # of joints, by name and way
@@ -100,6 +100,15 @@ class Setup:
         """Return a module's value as changed so far."""
         name = f"{module}.{quantity}"
         return self.values[name] if name in self.values else self.mechanism.module(module).values[quantity]
+
+    def position(self, name: str) -> Array:
+        """Return where a driven joint, or one that follows such, is reported to stand, (N,) [m or rad]."""
+        mechanism = self.mechanism
+        q = np.zeros((len(self.inputs), mechanism.model.nq))
+        for column, actuated in enumerate(mechanism.actuated):
+            mechanism.joint(actuated).place(q, self.inputs.actuators[:, column])
+        mechanism.coupling.place(q)
+        return np.asarray(mechanism.joint(name).position(q))
 
     def gravity(self, samples: np.ndarray | None = None) -> Array:
         """Return the acceleration of free fall, (3,) of all samples or (n, 3) of some or of all of them."""
@@ -157,7 +166,7 @@ class Setup:
             spread_weight=self.spread_weight,
             strains={name: Strains(item.take(samples) for item in items) for name, items in self.strains.items()},
             actuators=travel if np.any(travel) else None,
-            offsets=dict(self.offsets),
+            offsets={joint: each if each.ndim < 2 else each[samples] for joint, each in self.offsets.items()},
             loop_offsets=dict(self.loop_offsets),
         )
 

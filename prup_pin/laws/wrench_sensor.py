@@ -13,6 +13,7 @@ from ..numbers import number, quantity
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import Deed, WrenchReading
+from .follows import felt_at_tool
 from .law import Law, Place
 from .setup import Setup
 
@@ -119,6 +120,61 @@ class WrenchSensorForceBias(WrenchSensorBias):
     neutral: ClassVar = dict.fromkeys(WRENCH_NAMES[:3], 0.0)
     variant = "forces"
     remedy = "zero the wrench sensor with nothing attached, at the start of each recording"
+
+
+#: Where a fit of cross talk starts, and its bounds, by the unit of the channel that it is in per that it is of.
+_TALK = {"1": (0.1, 0.5), "m": (0.02, 1.0), "1/m": (1.0, 20.0)}
+
+
+class WrenchSensorCrosstalk(_OfWrenchSensor):
+    """A channel also reports a share of what loads another one: reported_i = w_i + share w_j, so w = (I - share E) r.
+
+    One pair of channels at a place. Sensors whose makers state 1 to 5 % of it are usual; of those who read several
+    strain gauges with a wrong matrix, or without one, it is more.
+    """
+
+    physics = "wrench_sensor_crosstalk"
+    summary = "a channel of the wrench sensor that reports another one too"
+    source = "ISO 376; Doebelin, Measurement Systems ch. 5: cross axis sensitivity"
+    remedy = "calibrate the wrench sensor with known weights along each axis, and enter its whole matrix"
+    called = (
+        "cross talk, cross axis sensitivity, coupling, decoupling matrix, calibration matrix, force sensor, load cell"
+    )
+    quantities = (Quantity("share", "1", "of the other channel", 0.1, lower=-0.5, upper=0.5),)
+    neutral: ClassVar = {"share": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        """Return the pairs of channels of which the robot feels the first."""
+        felt = [name for name, moves in zip(WRENCH_NAMES, felt_at_tool(mechanism), strict=True) if moves]
+        return [Place("wrench_sensor", f"{one} by {other}") for one in felt for other in WRENCH_NAMES if one != other]
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        one, other = place.aspect.split(" by ")
+        unit = "1" if one[0] == other[0] else "m" if one[0] == "m" else "1/m"
+        start, most = _TALK[unit]
+        return (_small("share", unit, f"of {other} that {one} reports too", start, most),)
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        one, other = (WRENCH_NAMES.index(name) for name in place.aspect.split(" by "))
+        yield WrenchReading(partial(_without_share, of=other, by=one, share=values["share"]))
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        one, other = place.aspect.split(" by ")
+        unit, share = self.quantities_at(place, mechanism)[0].unit, values["share"]
+        if unit == "1":
+            talk = f"{number(100 * share, 3, signed=True)} % of {other}"
+        elif unit == "m":
+            talk = f"{other} with a lever of {quantity(share, unit, signed=True)}"
+        else:
+            talk = f"{number(share, 3, signed=True)} N per N m of {other}"
+        return f"the wrench sensor's {one} also reports {talk}: its channels talk across"
+
+
+def _without_share(reported: Array, of: int, by: int, share: float) -> Array:
+    """Return wrenches (N, 6) whose channel `by` is without a share of the channel `of`."""
+    true = np.array(reported, float)
+    true[:, by] -= share * reported[:, of]
+    return true
 
 
 def _bias(values: Mapping[str, float]) -> Array:

@@ -95,11 +95,12 @@ def loop_end_motions(
 def _place_screws(turn: Array, point: Array, drawn: Array, offset: Array) -> Array:
     """Return the six twists of a place's displacement (N, 6, 6), for a place at (turn, point) that is `offset` now.
 
-    The rotation of the place is parent drawn exp(offset): translations are along the parent's axes.
+    offset: (6,) or (N, 6). The rotation of the place is parent drawn exp(offset): translations are along the parent's
+    axes.
     """
-    now = offset[3:]
-    parent = turn @ rotation_exp(now).T @ drawn.T
-    spin = turn @ rotation_tangent(now).T
+    now = offset[..., 3:]
+    parent = turn @ rotation_exp(now).mT @ drawn.T
+    spin = turn @ rotation_tangent(now).mT
     screws = np.zeros((len(turn), 6, 6))
     screws[:, :3, :3] = parent.mT
     screws[:, 3:, 3:] = spin.mT

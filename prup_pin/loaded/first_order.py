@@ -163,7 +163,7 @@ class FirstOrder:
             own, offset = found.state.joints[:, joint], found.conditions.offsets.get(joint, np.zeros(6))
             turn = own[:, :3, :3]
             shift = self.by_joint(joint)[..., :3] @ (
-                self.chain.structure.fixed[joint][:3, :3] @ rotation_exp(offset[3:])
+                self.chain.structure.fixed[joint][:3, :3] @ rotation_exp(offset[..., 3:])
             )
             lever = skew(own[:, :3, 3]) @ turn
             turned = self.by_joint(joint)[..., 3:] @ turn + shift @ lever

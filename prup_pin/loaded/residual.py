@@ -147,9 +147,10 @@ def _placed(structure: Structure, state: State, conditions: Conditions) -> tuple
         at = through(placements[:, structure.parents[joint]], structure.inboard_side[joint])
         fixed = structure.fixed[joint]
         if joint in conditions.offsets:
-            fixed = fixed.copy()
-            fixed[:3, 3] += conditions.offsets[joint][:3]
-            fixed[:3, :3] = fixed[:3, :3] @ rotation_exp(conditions.offsets[joint][3:])
+            offset = conditions.offsets[joint]
+            fixed = np.broadcast_to(fixed, (*offset.shape[:-1], 4, 4)).copy()
+            fixed[..., :3, 3] += offset[..., :3]
+            fixed[..., :3, :3] = fixed[..., :3, :3] @ rotation_exp(offset[..., 3:])
         moving[:, joint] = at @ (fixed @ state.joints[:, joint])
         placements[:, joint] = through(moving[:, joint], structure.outboard_side[joint])
     return placements, moving, ModuleFrames(inboard, deformed, turn, rotation_tangent(state.strain[..., 3:]))

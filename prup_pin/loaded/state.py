@@ -34,7 +34,8 @@ class Conditions:
     bear; `strains` gives a module's deformation beyond
     its own law: by its name a function of its load (N, k) that returns the deformation (N, k) and its derivative
     (N, k, k); `actuators` (N, actuated joints) is added to the positions of the pose; `offsets` moves the place of
-    joints, by joint id: (6,), a translation in the axes of the parent's frame and a rotation vector in the joint's own;
+    joints, by joint id: (6,), or (N, 6) where it differs, a translation in the axes of the parent's frame and a
+    rotation vector in the joint's own;
     `loop_offsets` likewise that of loops' ends on their bodies, by the loop's place and 0 or 1 for its first or second
     end; `mass_factors` (links,) multiplies the masses of `Mechanism.links`; `springs` pull the tool point by
     where it is; `inertia` (N, links, 6) are what the motion of the same links loads them with, dead wrenches about
@@ -70,6 +71,7 @@ class Conditions:
             inertia=None if self.inertia is None else self.inertia[rows],
             actuators=None if self.actuators is None else self.actuators[rows],
             strains={name: _taken(strain, rows) for name, strain in self.strains.items()},
+            offsets={joint: offset if offset.ndim < 2 else offset[rows] for joint, offset in self.offsets.items()},
         )
 
 

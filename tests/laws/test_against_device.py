@@ -84,7 +84,7 @@ def creep(module, direction, aspect="", within=0.05, **marks):
 
 
 #: Laws that other tests compare with trees that have such joints, by their word and place.
-ELSEWHERE = {"GuidePlay", "UnevenJointCompliance"}
+ELSEWHERE = {"GuidePlay", "UnevenJointCompliance", "StraightnessError", "GuideTwist"}
 #: A rod on an actuator that is off: the device's is as long as it stands, ours as long as the encoder says.
 AS_LONG_AS_TOLD = 0.12
 
@@ -171,6 +171,12 @@ CASES = [
          effect(laws.WrenchSensorGain, "wrench_sensor", fx=1 / 1.1, fy=1.0, fz=1.25, mx=0.8, my=1.0, mz=1.0)),
     case("wrench sensor's amplifier", "wrench_sensor_gain", "wrench_sensor", {"gain": 1.25},
          effect(laws.WrenchSensorCommonGain, "wrench_sensor", "all channels", gain=0.8)),
+    case("a force in the channel of another", "wrench_sensor_crosstalk", "wrench_sensor",
+         {"channel": "fx", "of": "fz", "share": 0.1},
+         effect(laws.WrenchSensorCrosstalk, "wrench_sensor", "fx by fz", share=0.1)),
+    case("a force in the channel of a moment", "wrench_sensor_crosstalk", "wrench_sensor",
+         {"channel": "my", "of": "fx", "share": -0.01},
+         effect(laws.WrenchSensorCrosstalk, "wrench_sensor", "my by fx", share=-0.01), beyond=1.0),
     case("wrench sensor at rest", "wrench_sensor_bias", "wrench_sensor", {"bias": [1.0, 2.0, 3.0, 0.1, 0.2, 0.3]},
          effect(laws.WrenchSensorBias, "wrench_sensor", fx=1.0, fy=2.0, fz=3.0, mx=0.1, my=0.2, mz=0.3)),
     creep("leg2/R_theta_P", "radial", "radial", within=0.2),

@@ -224,8 +224,8 @@ def outcome(effects):
     return (*names, sorted(map(repr, setup.resistances)), setup.spread_weight), numbers
 
 
-#: What a wrench sensor does to a wrench has an order: amplifier and frame do not commute.
-ORDERED = {"wrench_sensor_misalignment", "wrench_sensor_gain", "wrench_sensor_bias"}
+#: What a wrench sensor does to a wrench has an order: amplifier, cross talk and frame do not commute.
+ORDERED = {"wrench_sensor_misalignment", "wrench_sensor_gain", "wrench_sensor_crosstalk", "wrench_sensor_bias"}
 
 
 def test_laws_compose_in_any_order():

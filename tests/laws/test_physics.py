@@ -585,6 +585,10 @@ def test_a_wrench_sensor_by_hand():
     np.testing.assert_allclose(
         sensed(of(laws.WrenchSensorCommonGain, "wrench_sensor", "all channels", gain=1.2)), 1.2 * REPORTED
     )
+    talk = of(laws.WrenchSensorCrosstalk, "wrench_sensor", "fx by fz", share=0.1)
+    np.testing.assert_allclose(sensed(talk), [7, -20, 30, 1, 2, -3])
+    lever = of(laws.WrenchSensorCrosstalk, "wrench_sensor", "mz by fy", share=-0.05)
+    np.testing.assert_allclose(sensed(lever), [10, -20, 30, 1, 2, -4])
     bias = of(laws.WrenchSensorBias, "wrench_sensor", fx=1.0, fy=2.0, fz=3.0, mx=0.1, my=0.2, mz=0.3)
     np.testing.assert_allclose(sensed(bias), REPORTED - [1, 2, 3, 0.1, 0.2, 0.3])
     forces = of(laws.WrenchSensorForceBias, "wrench_sensor", "forces", fx=1.0, fy=2.0, fz=3.0)

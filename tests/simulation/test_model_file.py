@@ -78,6 +78,7 @@ def test_every_law_survives_the_file(tmp_path, robot):
         "EveryJointCompliance",
         "GrowthFromSupport",
         "GuidePlay",
+        "GuideTwist",
         "JointCompliance",
         "LoopEndPosition",
         "ModelEquationError",

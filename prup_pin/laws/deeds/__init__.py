@@ -7,6 +7,7 @@ from .cable import ToolCable
 from .deed import AGREED, BLOCK, RUN, Deed, Felt, History, Moment, Solved
 from .extra_tilt import ExtraTilt
 from .load import HeldMass, ScaledMass, ToolLoad, ToolSpring, TurnedGravity, Weight, WrenchReading
+from .on_the_way import MovedOnTheWay
 from .remembered import RememberedStrain
 from .report import Moved, PoseReport, Wandering
 from .resistance import JointResistance
@@ -33,6 +34,7 @@ DEEDS: tuple[type[Deed], ...] = (
     ScaledMass,
     ChangedLength,
     MovedJoint,
+    MovedOnTheWay,
     MovedLoopEnd,
     YieldingJoint,
     ExtraTilt,
@@ -59,6 +61,7 @@ __all__ = [
     "Moved",
     "MovedJoint",
     "MovedLoopEnd",
+    "MovedOnTheWay",
     "PoseReport",
     "RememberedStrain",
     "ScaledMass",

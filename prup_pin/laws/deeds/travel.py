@@ -108,7 +108,7 @@ class MovedJoint(Deed):
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
-        return _by_offsets(setup.offsets, at.setup.offsets, at.first.by_joint)
+        return _by_offsets(setup.offsets, at.setup.offsets, at.first.by_joint, at.samples)
 
 
 @dataclass(frozen=True)
@@ -135,21 +135,24 @@ class MovedLoopEnd(Deed):
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
-        return _by_offsets(setup.loop_offsets, at.setup.loop_offsets, lambda key: at.first.by_loop_end(*key))
+        return _by_offsets(
+            setup.loop_offsets, at.setup.loop_offsets, lambda key: at.first.by_loop_end(*key), at.samples
+        )
 
 
 _STILL = np.zeros(6)
 
 
 def _by_offsets(
-    new: Mapping[Any, Array], old: Mapping[Any, Array], by_place: Callable[[Any], Array]
+    new: Mapping[Any, Array], old: Mapping[Any, Array], by_place: Callable[[Any], Array], samples: np.ndarray
 ) -> Iterator[Array]:
-    """Yield what is watched by displaced places, (n, R), with `by_place` (n, R, 6) of each."""
+    """Yield what is watched by displaced places, (n, R), with `by_place` (n, R, 6) of each, at samples (n,)."""
     for key in {**new, **old}:
         after, before = new.get(key, _STILL), old.get(key, _STILL)
         if after is before:
             continue
         step = after - before
-        axes = np.flatnonzero(step)  # the others may be such that no loop closes
+        step = step[samples] if step.ndim > 1 else step[None]
+        axes = np.flatnonzero(step.any(axis=0))  # the others may be such that no loop closes
         if len(axes):
-            yield by_place(key)[..., axes] @ step[axes]
+            yield (by_place(key)[..., axes] @ step[:, axes, None])[..., 0]

@@ -325,6 +325,7 @@ class Device:
         self.wrench_gain = np.ones(6)
         self.wrench_bias = np.zeros(6)
         self.wrench_turn = np.zeros(3)
+        self.wrench_talk = np.eye(6)
         self.pose_turn = np.zeros(3)
         self.pose_shift = np.zeros(3)
         self.ground = Ground()
@@ -514,6 +515,10 @@ class Device:
         """gain (6 or scalar): reported = gain * true, by component."""
         self.wrench_gain = self.wrench_gain * np.asarray(e["gain"], float)
 
+    def _effect_wrench_sensor_crosstalk(self, e):
+        """Channel `channel` reports `share` of what another one, `of`, is loaded with."""
+        self.wrench_talk[WRENCH.index(e["channel"]), WRENCH.index(e["of"])] += e["share"]
+
     def _effect_wrench_sensor_bias(self, e):
         """bias (6; N, N m): reported = true + bias."""
         self.wrench_bias += np.asarray(e["bias"], float)
@@ -567,7 +572,7 @@ class Device:
         """Wrench (N, 6) that the sensor reports for a true one, without noise."""
         rot = _qmat(_qexp(tuple(self.wrench_turn)))
         turned = np.hstack([w[:, :3] @ rot.T, w[:, 3:] @ rot.T])
-        return turned * self.wrench_gain + self.wrench_bias
+        return (turned @ self.wrench_talk.T) * self.wrench_gain + self.wrench_bias
 
     def report_position(self, q: np.ndarray, speeds: np.ndarray) -> np.ndarray:
         """Positions (N, 3) that the encoders report at true ones and speeds, without noise."""
@@ -576,7 +581,7 @@ class Device:
     def true_wrench(self, reported: np.ndarray) -> np.ndarray:
         """Inverse of `report_wrench`."""
         rot = _qmat(_qexp(tuple(self.wrench_turn)))
-        w = (reported - self.wrench_bias) / self.wrench_gain
+        w = np.linalg.solve(self.wrench_talk, ((reported - self.wrench_bias) / self.wrench_gain).T).T
         return np.hstack([w[:, :3] @ rot, w[:, 3:] @ rot])
 
     # ---- one leg -----------------------------------------------------------------------------------------------
