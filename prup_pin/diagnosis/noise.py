@@ -171,11 +171,11 @@ def _slopes_of_each(problem: Problem, fit: Fit, actuators: Array) -> Iterator[Ar
         here = sources == place
         by_position, by_load = _slopes(actuators[here]), _orthonormal(loads[here])
         of_both = _orthonormal((by_load[:, :, None] * by_position[:, None]).reshape(len(by_load), -1))
-        for own in (by_position, by_load, of_both):
-            if 2 * own.shape[1] <= len(own):  # else there is nothing that it might not follow
-                slopes = np.zeros((len(here), own.shape[1]))
-                slopes[here] = own
-                yield slopes
+        # few samples follow whatever has as many columns
+        for own in (by_position, *(each for each in (by_load, of_both) if 2 * each.shape[1] <= len(each))):
+            slopes = np.zeros((len(here), own.shape[1]))
+            slopes[here] = own
+            yield slopes
 
 
 def could_show_structure(blocks: np.ndarray) -> bool:
