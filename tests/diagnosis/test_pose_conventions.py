@@ -17,6 +17,7 @@ from prup_pin.recordings import Convention, Noise, Recording, joints_of, read_re
 from prup_pin.recordings.conventions import Drawn, Evidence, convention_of, may_be_read, written_as
 from prup_pin.simulation import simulate
 from prup_pin.spatial import rotation_exp, rotation_log
+from tests.as_written import as_written
 from tests.reference.concealed import draw, misread
 from tests.reference.concealed.scattered import draw_scattered
 from tests.reference.concealed.scattered import write as write_scattered
@@ -115,7 +116,7 @@ def test_what_a_base_does_that_yields_is_left_to_no_unit_of_forces(robot):
         ("positions in mm", "p=as_written"),
         pytest.param("inverse rotation", "r=as_written", marks=pytest.mark.slow),
         ("all joints in mm", "q=as_written"),
-        ("two joints exchanged", f"q.{SLIDES[0]}=as_written"),
+        pytest.param("two joints exchanged", f"q.{SLIDES[0]}=as_written", marks=pytest.mark.slow),
     ],
 )
 def test_what_is_declared_to_be_as_written_is_read_in_no_other_way(robot, bench, tmp_path, name, said):
@@ -134,7 +135,7 @@ def test_what_is_declared_to_be_as_written_is_read_in_no_other_way(robot, bench,
     [
         "positions in mm",
         "base mirrored",
-        pytest.param("inverse rotation", marks=pytest.mark.slow),
+        "inverse rotation",
         "angles about turned X Y Z",
         "yaw, pitch, roll in deg",
         "vector part of a quaternion",
@@ -146,7 +147,7 @@ def test_what_is_declared_to_be_as_written_is_read_in_no_other_way(robot, bench,
         pytest.param("forces in kN", marks=pytest.mark.slow),  # as beside other units
         pytest.param("moments in N mm", marks=pytest.mark.slow),  # moments that no robot bears take long to follow
         "reaction in the tool's axes",
-        "mm, and inverse rotation",
+        pytest.param("mm, and inverse rotation", marks=pytest.mark.slow),  # each of them alone
     ],
 )
 def test_what_is_written_otherwise_is_told_and_read_so(robot, bench, tmp_path, name):
@@ -184,7 +185,7 @@ def test_joints_positions_and_orientations_in_other_units_at_once_are_all_told(r
     np.testing.assert_allclose(logs.recordings[0].rotation, true.rotation, atol=1e-8)
 
 
-@pytest.mark.parametrize("tracker", [False, True])
+@pytest.mark.parametrize("tracker", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "said", [pytest.param(("q=deg", "r=deg"), marks=pytest.mark.slow), ("p=mm", "q=deg", "r=deg")], ids=" ".join
 )
@@ -305,6 +306,7 @@ def test_a_platform_of_slides_and_hinges_in_mm_and_degrees_is_told_by_both_units
     assert (Convention("q", "mm"), Convention("q", "deg")) in both
 
 
+@pytest.mark.slow  # as beside a module that is softer
 def test_the_point_of_a_sensor_is_found(robot, bench, tmp_path):
     logs = read_logs(robot, rewritten(bench, tmp_path, "moments about a sensor's point"))
     ((convention,),) = logs.conventions
@@ -382,7 +384,7 @@ def test_zeros_of_another_table_are_told_in_quarter_turns(near):
         position=seen[:, :3, 3] + 1e-3 * rng.normal(size=(30, 3)),
         rotation=np.array([rotation_log(each) for each in seen[:, :3, :3]]),
     )
-    logs = read_logs(arm, log)
+    logs = read_logs(arm, as_written(log, "p r"))
     (evidence,) = logs.evidence[0]
     assert evidence.read < 0.01
     assert evidence.held > 0.99
@@ -432,7 +434,7 @@ def test_a_planar_bench_that_measured_no_z_is_read_as_it_is_meant(said, turn):
 def test_what_no_reading_brings_near_is_refused_where_z_was_not_measured():
     bars, log = planar()
     with pytest.raises(InputError, match=r"positions of the tool are .* m apart.*p\.x p\.y \(expected") as caught:
-        diagnose(bars, replace(log, position=300 * log.position))
+        diagnose(bars, as_written(replace(log, position=300 * log.position), "q wrench"))
     assert "nan" not in str(caught.value)
 
 

@@ -8,6 +8,7 @@ import json
 import subprocess
 import time
 import urllib.request
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,9 @@ SPEC.loader.exec_module(render)
 PATIENCE = 600
 #: Pixels drawn for each that the page is laid out in: fewer are drawn sooner.
 SCALE = 0.5
+#: Shadows say nothing that tests ask, and software takes longer to draw them than all the rest.
+NO_SHADOWS = "viewer.scene.traverse(item => { if (item.isLight) item.castShadow = false; })"
+DOMAINS = ("Page", "Network", "Runtime", "Log")
 #: A promise that is kept when what is due has been drawn.
 DRAWN = (
     "new Promise(done => { let left = 2; const step = () => left-- ? requestAnimationFrame(step) : done(true); "
@@ -32,8 +36,7 @@ class Browser:
     """One tab. `requests` holds every address that the page asked for."""
 
     def __init__(self, folder, size=(1000, 700)):
-        self.requests, self.errors, self._answers, self._count = [], [], {}, 0
-        self._loop = asyncio.new_event_loop()
+        self._begin(size)
         self._process = subprocess.Popen(
             [
                 *render.command(render.find_chromium(), folder, size),
@@ -49,9 +52,53 @@ class Browser:
         port = Path(folder) / "DevToolsActivePort"
         self._until(lambda: port.is_file() and len(port.read_text().split()) > 1, "Chromium did not start")
         self._port = port.read_text().split()[0]
-        self._run(self._connect())
-        for domain in ("Page", "Network", "Runtime", "Log"):
+        with urllib.request.urlopen(f"http://127.0.0.1:{self._port}/json/list", timeout=PATIENCE) as answer:
+            tab = next(target for target in json.load(answer) if target["type"] == "page")
+        self._connect(f"page/{tab['id']}")
+        for domain in DOMAINS:
             self.call(f"{domain}.enable")
+
+    def _begin(self, size):
+        self.size, self.requests, self.errors, self._answers, self._count = size, [], [], {}, 0
+        self._loop = asyncio.new_event_loop()
+
+    def _connect(self, target):
+        from tornado.websocket import websocket_connect
+
+        async def connected():
+            address = f"ws://127.0.0.1:{self._port}/devtools/{target}"
+            return await websocket_connect(address, max_message_size=100_000_000)
+
+        self._socket = self._run(connected())
+
+    def _other(self, kind, size, target):
+        """Return an object for something else in the same process."""
+        other = object.__new__(kind)
+        other._port = self._port
+        other._begin(size)
+        other._connect(target)
+        return other
+
+    @contextmanager
+    def tab(self, kind=None, size=None):
+        """Open a tab that shares nothing with others but the process; it is of this class or another kind of it."""
+        width, height = size or self.size
+        with urllib.request.urlopen(f"http://127.0.0.1:{self._port}/json/version", timeout=PATIENCE) as answer:
+            target = json.load(answer)["webSocketDebuggerUrl"].partition("/devtools/")[2]
+        whole = self._other(Browser, self.size, target)
+        context = whole.call("Target.createBrowserContext")["browserContextId"]
+        options = {"browserContextId": context, "width": width, "height": height}
+        made = whole.call("Target.createTarget", url="about:blank", **options)["targetId"]
+        tab = self._other(kind or type(self), (width, height), f"page/{made}")
+        try:
+            for domain in DOMAINS:
+                tab.call(f"{domain}.enable")
+            yield tab
+        finally:
+            whole.call("Target.disposeBrowserContext", browserContextId=context)
+            for each in (tab, whole):
+                each._socket.close()
+                each._loop.close()
 
     def _until(self, condition, message):
         end = time.monotonic() + PATIENCE
@@ -62,13 +109,6 @@ class Browser:
 
     def _run(self, coroutine):
         return self._loop.run_until_complete(asyncio.wait_for(coroutine, PATIENCE))
-
-    async def _connect(self):
-        from tornado.websocket import websocket_connect
-
-        with urllib.request.urlopen(f"http://127.0.0.1:{self._port}/json/list", timeout=PATIENCE) as answer:
-            tab = next(target for target in json.load(answer) if target["type"] == "page")
-        self._socket = await websocket_connect(tab["webSocketDebuggerUrl"], max_message_size=100_000_000)
 
     async def _receive(self, number):
         while number not in self._answers:
@@ -116,6 +156,7 @@ class Browser:
             lambda: self.evaluate("typeof page !== 'undefined' && page !== null && document.readyState === 'complete'"),
             f"{address} shows nothing; {self.errors}",
         )
+        self.evaluate(NO_SHADOWS)
         self.settle()
 
     def picture(self):

@@ -8,7 +8,7 @@ import pytest
 import prup_pin
 from prup_pin.views.meshcat.view import view
 
-from .chromium import SCALE, Browser, area, render
+from .chromium import SCALE, area, render
 
 pytestmark = pytest.mark.skipif(
     render.find_chromium() is None, reason="Chromium is not installed (Debian, Ubuntu: apt-get install chromium)"
@@ -17,10 +17,9 @@ WRENCH = [300, 0, 0, 0, 0, 0]
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    browser = Browser(str(tmp_path_factory.mktemp("chromium")))
-    yield browser
-    browser.close()
+def browser(chromium):
+    with chromium.tab() as tab:
+        yield tab
 
 
 @pytest.fixture(scope="module")

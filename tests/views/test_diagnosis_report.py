@@ -40,10 +40,10 @@ from prup_pin.views.text.diagnosis_words import (
     verdict_text,
 )
 
-from . import chromium
+from .chromium import render
 
 EVIL = "<script>alert(1)</script>\"'><img src=x onerror=alert(1)>&amp;"
-needs_chromium = pytest.mark.skipif(chromium.render.find_chromium() is None, reason="Chromium is not installed")
+needs_chromium = pytest.mark.skipif(render.find_chromium() is None, reason="Chromium is not installed")
 
 
 @pytest.fixture(scope="module")
@@ -314,27 +314,33 @@ def test_the_next_experiment_declares_the_same_tolerances(diagnosed, tmp_path):
 
 
 @needs_chromium
-def test_a_browser_shows_it_without_a_network(page, tmp_path):
+def test_a_browser_shows_it_without_a_network(page, tmp_path, chromium):
     file = tmp_path / "report.html"
     file.write_text(page, encoding="utf-8")
-    for width in (1150, 400):
-        picture = tmp_path / f"{width}.png"
-        chromium.render.render(str(file), picture, (width, 900), 1.0)
-        from PIL import Image
+    with chromium.tab() as tab:
+        for width in (1150, 400):
+            shows(tab, file, (width, 900))
+            pixels = tab.screenshot()
+            assert pixels.shape[1] == width
+            assert (np.ptp(pixels, axis=-1) > 60).sum() > 200, "no colours"
+            assert all(address.startswith((file.as_uri(), "data:", "about:", "blob:")) for address in tab.requests)
 
-        with Image.open(picture) as image:
-            pixels = np.asarray(image.convert("RGB")).astype(int)
-        assert pixels.shape[1] == width
-        assert (np.ptp(pixels, axis=-1) > 60).sum() > 200, "no colours"
+
+def shows(tab, file, size):
+    """Open a page in a window of this size in pixels, each of which is drawn."""
+    sizes = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": size[0] < 600}
+    tab.call("Emulation.setDeviceMetricsOverride", **sizes)
+    tab.call("Page.navigate", url=file.as_uri())
+    complete = f"location.href === '{file.as_uri()}' && document.readyState === 'complete'"
+    tab._until(lambda: tab.evaluate(complete), "no page")
 
 
 @needs_chromium
-def test_no_table_is_cut_off_on_a_screen(diagnosed, tmp_path):
+def test_no_table_is_cut_off_on_a_screen(diagnosed, tmp_path, chromium):
     """Whatever stands in a box that scrolls sideways fits into it; on a phone the plan of five poses as well."""
     robot, recording, diagnosis = diagnosed
-    browser = chromium.Browser(str(tmp_path / "chromium"), (1200, 900))
     wider = "[...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth).length"
-    try:
+    with chromium.tab() as browser:
         for width, count in ((1200, 8), (390, 5)):
             at = dict.fromkeys(robot.mechanism.actuated, 0.356789)
             load = dict.fromkeys(("fx", "fy", "fz", "mx", "my", "mz"), -123.456)
@@ -342,15 +348,10 @@ def test_no_table_is_cut_off_on_a_screen(diagnosed, tmp_path):
             planned = replace(diagnosis, next_experiment={"why": "to tell them apart", "plan": plan})
             file = tmp_path / f"{width}.html"
             file.write_text(diagnosis_html(planned, robot, recording), encoding="utf-8")
-            sizes = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600}
-            browser.call("Emulation.setDeviceMetricsOverride", **sizes)
-            browser.call("Page.navigate", url=file.as_uri())
-            browser._until(lambda: browser.evaluate("document.readyState") == "complete", "no page")
+            shows(browser, file, (width, 900))
             assert browser.evaluate("document.querySelectorAll('table.plan th').length") > count
             assert browser.evaluate(wider) == 0
             assert browser.evaluate("document.documentElement.scrollWidth") <= width
-    finally:
-        browser.close()
 
 
 def test_what_no_law_takes_away_is_not_drawn_with_a_laws_curve():

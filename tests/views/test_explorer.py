@@ -18,7 +18,7 @@ from prup_pin.cli import app
 from prup_pin.views.meshcat.explorer import Control, Explorer
 from prup_pin.views.text.answer import Answer, stiffness_table
 
-from .chromium import Browser, area, render
+from .chromium import area, render
 
 POSE = {"z": 0.37, "theta": 0.2, "phi": -0.15}
 LOAD = {"fx": 250.0, "mz": 20.0}
@@ -281,78 +281,78 @@ BOTH = """(name) => [...document.querySelectorAll('#panel input')]
 @pytest.mark.skipif(
     render.find_chromium() is None, reason="Chromium is not installed (Debian, Ubuntu: apt-get install chromium)"
 )
-def test_the_page_follows_its_sliders(robot, tmp_path):
+def test_the_page_follows_its_sliders(robot, chromium):
     """The robot, its deflection, ellipsoids, shares and K are of the sliders' pose and load; no other host is asked."""
-    explorer, browser = Explorer(robot), None
+    explorer = Explorer(robot)
     try:
         url = explorer.serve()
-        browser = Browser(str(tmp_path / "chromium"))
-        browser.call("Emulation.setFocusEmulationEnabled", enabled=True)
-        browser.open(url)
-        words = "document.getElementById('legend').innerText"
+        with chromium.tab() as browser:
+            browser.call("Emulation.setFocusEmulationEnabled", enabled=True)
+            browser.open(url)
+            words = "document.getElementById('legend').innerText"
 
-        def slide(name, value):
-            browser.evaluate(f"({SLIDE})({json.dumps(name)}, {value})")
+            def slide(name, value):
+                browser.evaluate(f"({SLIDE})({json.dumps(name)}, {value})")
 
-        def until(part):
-            browser._until(lambda: part in browser.evaluate(words), f"'{part}' does not appear")
+            def until(part):
+                browser._until(lambda: part in browser.evaluate(words), f"'{part}' does not appear")
 
-        before = browser.picture()
-        for name, value in (("z", 330), ("theta", 12), ("fx", 400), ("mz", 30)):
-            slide(name, value)
-        until("z 330 mm, theta 12°, phi 0°")
-        until("fx 400 N, mz 30 N m")
-        r = robot.compliance(robot.pose(z=0.33, theta=np.radians(12), phi=0))
-        load = {"fx": 400, "mz": 30}
-        table = stiffness_table(Answer(r, load))
-        cells = browser.evaluate(
-            "[...document.querySelectorAll('table.k tbody tr')].map(r => [...r.cells].map(c => c.textContent))"
-        )
-        assert [tuple(cell.replace("\u2212", "-") for cell in row[1:]) for row in cells] == list(table.cells)
-        shares = r.shares(load)
-        best = max(shares, key=shares.get)
-        assert f"{best}\n{100 * shares[best]:.1f} %" in browser.evaluate(words)
-        browser.settle()
-        scene = explorer.scene(r.pose, np.array([400, 0, 0, 0, 0, 30.0]), explorer.scale)
-        for path in ("robot/deformed/links/hub", "ellipsoids/translation/surface", "robot/ghost/links/hub"):
-            found = browser.evaluate(f"viewer.scene_tree.find({json.dumps(path.split('/'))}).object.matrix.elements")
-            np.testing.assert_allclose(np.reshape(found, (4, 4)).T, scene.part(path).placement, atol=1e-6)
-        assert area(np.abs(browser.picture() - before).max(axis=-1) > 12) > 20_000
-        slide("fy", 1e-11)  # where a slider is let go beside its middle
-        assert browser.evaluate("[...document.querySelectorAll('input[aria-label^=fy]')].pop().value") == "0"
-        slide("z", 900)
-        until("cannot reach")
-        slide("z", 400)
-        until("z 400 mm")
-        assert "cannot reach" not in browser.evaluate(words)
+            before = browser.picture()
+            for name, value in (("z", 330), ("theta", 12), ("fx", 400), ("mz", 30)):
+                slide(name, value)
+            until("z 330 mm, theta 12°, phi 0°")
+            until("fx 400 N, mz 30 N m")
+            r = robot.compliance(robot.pose(z=0.33, theta=np.radians(12), phi=0))
+            load = {"fx": 400, "mz": 30}
+            table = stiffness_table(Answer(r, load))
+            cells = browser.evaluate(
+                "[...document.querySelectorAll('table.k tbody tr')].map(r => [...r.cells].map(c => c.textContent))"
+            )
+            assert [tuple(cell.replace("\u2212", "-") for cell in row[1:]) for row in cells] == list(table.cells)
+            shares = r.shares(load)
+            best = max(shares, key=shares.get)
+            assert f"{best}\n{100 * shares[best]:.1f} %" in browser.evaluate(words)
+            browser.settle()
+            scene = explorer.scene(r.pose, np.array([400, 0, 0, 0, 0, 30.0]), explorer.scale)
+            for path in ("robot/deformed/links/hub", "ellipsoids/translation/surface", "robot/ghost/links/hub"):
+                found = browser.evaluate(
+                    f"viewer.scene_tree.find({json.dumps(path.split('/'))}).object.matrix.elements"
+                )
+                np.testing.assert_allclose(np.reshape(found, (4, 4)).T, scene.part(path).placement, atol=1e-6)
+            assert area(np.abs(browser.picture() - before).max(axis=-1) > 12) > 20_000
+            slide("fy", 1e-11)  # where a slider is let go beside its middle
+            assert browser.evaluate("[...document.querySelectorAll('input[aria-label^=fy]')].pop().value") == "0"
+            slide("z", 900)
+            until("cannot reach")
+            slide("z", 400)
+            until("z 400 mm")
+            assert "cannot reach" not in browser.evaluate(words)
 
-        def typed(name, text):
-            """Type into a box and leave it once that has been answered; return what slider and box say while it is
-            typed and afterwards, and the reason where nothing moved."""
-            browser.evaluate(f"({TYPE})({json.dumps(name)}, {json.dumps(text)})")
-            browser._until(lambda: not browser.evaluate("waiting"), "no answer")
-            said = [browser.evaluate(f"({BOTH})({json.dumps(name)})")]
-            browser.evaluate("document.activeElement.blur()")
-            said.append(browser.evaluate(f"({BOTH})({json.dumps(name)})"))
-            return *said, browser.evaluate("document.getElementById('trouble').textContent")
+            def typed(name, text):
+                """Type into a box and leave it once that has been answered; return what slider and box say while it is
+                typed and afterwards, and the reason where nothing moved."""
+                browser.evaluate(f"({TYPE})({json.dumps(name)}, {json.dumps(text)})")
+                browser._until(lambda: not browser.evaluate("waiting"), "no answer")
+                said = [browser.evaluate(f"({BOTH})({json.dumps(name)})")]
+                browser.evaluate("document.activeElement.blur()")
+                said.append(browser.evaluate(f"({BOTH})({json.dumps(name)})"))
+                return *said, browser.evaluate("document.getElementById('trouble').textContent")
 
-        # what is typed beyond a slider's end moves that end, and what is refused does not stay in the box
-        assert typed("fx", "2000") == (["2000", "2000"], ["2000", "2000"], "")
-        until("fx 2000 N")
-        asked_for, kept, trouble = typed("fx", "1e155")
-        assert (asked_for[1], kept) == ("1e155", ["2000", "2000"])
-        assert "expected at most 1e+12 [N]" in trouble
-        drawn = browser.evaluate("scale.value")
-        asked_for, kept, trouble = typed("deflection", "1e300")
-        assert (asked_for[-1], kept[-1]) == ("1e300", drawn)
-        assert "would leave the picture" in trouble
-        slide("fx", 1000)
-        until("fx 1000 N")
-        assert browser.evaluate("document.getElementById('trouble').textContent") == ""
-        foreign = [a for a in browser.requests if not a.startswith((url, "data:", "blob:"))]
-        assert foreign == []
-        assert browser.errors == []
+            # what is typed beyond a slider's end moves that end, and what is refused does not stay in the box
+            assert typed("fx", "2000") == (["2000", "2000"], ["2000", "2000"], "")
+            until("fx 2000 N")
+            asked_for, kept, trouble = typed("fx", "1e155")
+            assert (asked_for[1], kept) == ("1e155", ["2000", "2000"])
+            assert "expected at most 1e+12 [N]" in trouble
+            drawn = browser.evaluate("scale.value")
+            asked_for, kept, trouble = typed("deflection", "1e300")
+            assert (asked_for[-1], kept[-1]) == ("1e300", drawn)
+            assert "would leave the picture" in trouble
+            slide("fx", 1000)
+            until("fx 1000 N")
+            assert browser.evaluate("document.getElementById('trouble').textContent") == ""
+            foreign = [a for a in browser.requests if not a.startswith((url, "data:", "blob:"))]
+            assert foreign == []
+            assert browser.errors == []
     finally:
-        if browser is not None:
-            browser.close()
         explorer.close()

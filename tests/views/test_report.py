@@ -18,7 +18,7 @@ from prup_pin.views.report.pose_report import report_html
 from prup_pin.views.text.answer import STIFFENED, Answer, _cells, compliance_table, stiffness_table
 from prup_pin.views.text.values import workshop_text
 
-from . import chromium
+from .chromium import DRAWN, SCALE, Browser, area, render
 
 WRENCH = np.array([300, 0, 0, 0, 0, 100.0])
 EVIL = "<script>alert(1)</script>\"'><img src=x onerror=alert(1)>&amp;"
@@ -284,7 +284,7 @@ def test_names_from_a_robot_file_stay_text(hostile_page):
 # -- in a browser ------------------------------------------------------------------------------------------------------
 
 
-class Tab(chromium.Browser):
+class Tab(Browser):
     """A tab that also reaches into the sealed frame of the scene."""
 
     def open_report(self, path):
@@ -322,12 +322,12 @@ class Tab(chromium.Browser):
         for domain in ("Runtime", "Log"):
             self.within(session, f"{domain}.enable")
         self._until(lambda: self.value(session, "shownFrame") == 0, "no frame is shown")
-        self.within(session, "Runtime.evaluate", expression=chromium.DRAWN, awaitPromise=True)
+        self.within(session, "Runtime.evaluate", expression=DRAWN, awaitPromise=True)
         return session
 
 
 needs_chromium = pytest.mark.skipif(
-    chromium.render.find_chromium() is None,
+    render.find_chromium() is None,
     reason="Chromium is not installed (Debian, Ubuntu: apt-get install chromium)",
 )
 
@@ -335,8 +335,8 @@ needs_chromium = pytest.mark.skipif(
 @pytest.fixture
 def asked(tmp_path, monkeypatch):
     """Return what pages asked of other hosts, by Chromium's own record, once it is closed. It knows frames too."""
-    log, command = tmp_path / "net.json", chromium.render.command
-    monkeypatch.setattr(chromium.render, "command", lambda *given: [*command(*given), f"--log-net-log={log}"])
+    log, command = tmp_path / "net.json", render.command
+    monkeypatch.setattr(render, "command", lambda *given: [*command(*given), f"--log-net-log={log}"])
 
     def addresses():
         parameters = [event.get("params") for event in json.loads(log.read_text(encoding="utf-8"))["events"]]
@@ -377,7 +377,7 @@ def shows(tab, file, width):
     """Open the report in a window so wide: robot, scene and words are there, and nobody is asked."""
     tab.requests.clear()
     tab.call("Page.navigate", url="about:blank")
-    size = {"width": width, "height": 1100, "deviceScaleFactor": chromium.SCALE, "mobile": width < 600}
+    size = {"width": width, "height": 1100, "deviceScaleFactor": SCALE, "mobile": width < 600}
     tab.call("Emulation.setDeviceMetricsOverride", **size)
     tab.open_report(file)
     assert tab.evaluate("document.documentElement.scrollWidth") == width, "the page is wider than the screen"
@@ -390,10 +390,10 @@ def shows(tab, file, width):
     box = tab.evaluate(
         "(r => [r.left, r.top, r.right, r.bottom])(document.getElementById('scene').getBoundingClientRect())"
     )
-    left, top, right, bottom = (round(value * chromium.SCALE) for value in box)
+    left, top, right, bottom = (round(value * SCALE) for value in box)
     seen = tab.screenshot()[max(top, 0) : bottom, left:right]
     middle = seen[seen.shape[0] // 5 : seen.shape[0] // 2, seen.shape[1] // 3 :]
-    assert chromium.area(np.ptp(middle, axis=-1) > 60) > 500, "no colours where the robot stands"
+    assert area(np.ptp(middle, axis=-1) > 60) > 500, "no colours where the robot stands"
     assert tab.value(session, "window.origin") == "null", "the scene is not sealed off"
     assert tab.errors == []
     assert tab.requests
@@ -401,11 +401,10 @@ def shows(tab, file, width):
 
 
 @needs_chromium
-def test_a_hostile_robot_runs_nothing(hostile_page, tmp_path):
+def test_a_hostile_robot_runs_nothing(hostile_page, tmp_path, chromium):
     file = tmp_path / "report.html"
     file.write_text(hostile_page, encoding="utf-8")
-    tab = Tab(str(tmp_path / "profile"), (1280, 1100))
-    try:
+    with chromium.tab(Tab, (1280, 1100)) as tab:
         guard = "window.alert = () => { window.alerted = true; };"
         tab.call("Page.addScriptToEvaluateOnNewDocument", source=guard)
         tab.open_report(file)
@@ -420,8 +419,6 @@ def test_a_hostile_robot_runs_nothing(hostile_page, tmp_path):
         tab.evaluate("document.body.insertAdjacentHTML('beforeend', '<img src=x onerror=\"window.alerted = true\">')")
         tab._until(lambda: tab.evaluate("window.failed === true"), "the picture that is not there does not fail")
         assert tab.evaluate("window.alerted === undefined")
-    finally:
-        tab.close()
 
 
 def test_a_stiff_direction_has_three_digits_in_tables_too():
