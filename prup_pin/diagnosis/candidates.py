@@ -285,6 +285,7 @@ def candidates(
         for law in laws_of(mechanism, markers, groups, alone)
         if all(has[need] for need in law.needs)
         for place in law.places(mechanism)
+        if law.shows_in(inputs, place, mechanism)
     ]
 
 

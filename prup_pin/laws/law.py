@@ -168,6 +168,10 @@ class Law(ABC):
             return None
         return against_load(at, module, ASPECTS.get(place.aspect, slice(None)), any(deed.memory for deed in deeds))
 
+    def shows_in(self, inputs: Inputs, place: Place, mechanism: Mechanism) -> bool:
+        """Return whether these inputs could show it at a place, beyond what it `needs`."""
+        return True
+
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         """Return the parameters at a place, with units and starts that fit it."""
         return self.quantities

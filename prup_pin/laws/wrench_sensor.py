@@ -13,7 +13,9 @@ from ..numbers import number, quantity
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import Deed, WrenchReading
+from .external_spring import home_of, size_of
 from .follows import felt_at_tool
+from .inputs import Inputs
 from .law import Law, Place
 from .setup import Setup
 
@@ -122,7 +124,9 @@ class WrenchSensorForceBias(WrenchSensorBias):
     remedy = "zero the wrench sensor with nothing attached, at the start of each recording"
 
 
-#: Where a fit of cross talk starts, and its bounds, by the unit of the channel that it is in per that it is of.
+#: A channel is loaded that reports this share of what a sensor with such loads may, or more.
+_LOADED = 0.02
+#: Cross talk that is usual, where a fit starts too, and its bounds, by the unit of its channel per that it is of.
 _TALK = {"1": (0.1, 0.5), "m": (0.02, 1.0), "1/m": (1.0, 20.0)}
 
 
@@ -153,6 +157,20 @@ class WrenchSensorCrosstalk(_OfWrenchSensor):
         unit = "1" if one[0] == other[0] else "m" if one[0] == "m" else "1/m"
         start, most = _TALK[unit]
         return (_small("share", unit, f"of {other} that {one} reports too", start, most),)
+
+    def usual_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, tuple[float, float]]:
+        """Return that it is small: a channel that reports another one by far is no channel, or the other is noise."""
+        (share,) = self.quantities_at(place, mechanism)
+        return {"share": (0.0, _TALK[share.unit][0])}
+
+    def shows_in(self, inputs: Inputs, place: Place, mechanism: Mechanism) -> bool:
+        """Return whether the other channel was loaded: what it reports else is its noise."""
+        loads = np.nan_to_num(np.abs(inputs.wrench)).max(axis=0, initial=0.0)
+        force, moment = loads[:3].max(), loads[3:].max()
+        lever = size_of(home_of(mechanism))
+        other = WRENCH_NAMES.index(place.aspect.split(" by ")[1])
+        most = max(force, moment / lever) if other < 3 else max(moment, force * lever)
+        return bool(loads[other] > _LOADED * most)
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         one, other = (WRENCH_NAMES.index(name) for name in place.aspect.split(" by "))
