@@ -510,7 +510,20 @@ class LoopKinematics:
 
             return residual
 
-        return self.reach(values, requested, goal, start, here)
+        try:
+            return self.reach(values, requested, goal, start, here)
+        except UnreachablePoseError:
+            # a hinge stands where it does whole turns on, and on the way there the loops may not close
+            turning = np.array([mechanism.joint(name).turns for name in mechanism.actuated])
+            turns = np.where(turning, tau * np.round((values - here) / tau), 0.0)
+            if not turns.any():
+                raise
+            with suppress(UnreachablePoseError):
+                q = self.reach(values - turns, {}, goal, start, here).q.copy()
+                for name, value in zip(mechanism.actuated, values.tolist(), strict=True):
+                    mechanism.set_joint(q, name, value)
+                return self._freeze(q, self.evaluate(q), requested)
+            raise
 
     def pose_of_joints(self, values: Mapping[str, float]) -> ClosedPose:
         """Return the pose of a tree with joints at given positions [m or rad], the others at home."""

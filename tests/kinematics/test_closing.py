@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import prup_pin
+from prup_pin.build import three_rrr
 from prup_pin.robot import random_poses
 from prup_pin.spatial import rotation_xyz
 
@@ -284,3 +285,21 @@ def test_a_loop_that_closes_nowhere_near_home_is_told_with_its_gap(tmp_path, off
     assert "as home is given, they are open by 9 m, loop 'foot loop' the farthest (free=\"rx ry rz x y\", line" in str(
         caught.value
     )
+
+
+@pytest.mark.parametrize("turns", [(1, 0, 0), (0, -1, 1)])
+def test_a_hinge_stands_where_it_does_whole_turns_on(tmp_path, turns):
+    """Though no loop closes on the way there: a log between -180 and 180 degrees, of a home at 200."""
+    sizes = {"base_radius": 0.4, "platform_radius": 0.12, "arm": 0.22, "rod": 0.28}
+    drawn = three_rrr(**sizes, motor_stiffness=5e3, arm_diameter=0.02, rod_diameter=0.02)
+    drawn.save(tmp_path / "drawn.urdf")
+    free = (tmp_path / "drawn.urdf").read_text().replace('lower="-3.1" upper="3.1"', 'lower="-9.5" upper="9.5"')
+    (tmp_path / "free.urdf").write_text(free)
+    robot = prup_pin.load(tmp_path / "free.urdf")
+    here = np.array([0.1, -0.2, 0.05])
+    there = here + 2 * np.pi * np.array(turns)
+    pose, far = (robot.pose_from_actuators(values) for values in (here, there))
+    np.testing.assert_allclose(far.base_from_tool, pose.base_from_tool, atol=1e-9)
+    assert list(far.actuators.values()) == pytest.approx(there, abs=1e-12)
+    with pytest.raises(prup_pin.UnreachablePoseError, match="leg1_motor = 9"):
+        robot.pose_from_actuators([9.0, -9.0, 9.0])
