@@ -85,7 +85,8 @@ def felt_at_tool(mechanism: Mechanism) -> list[bool]:
     largest = np.zeros(6)
     for q in poses:
         pin.computeJointJacobians(model, data, q)
-        twists = pin.getJointJacobian(model, data, tool.joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED) @ free
+        of_joints = pin.getJointJacobian(model, data, tool.joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        twists = of_joints.reshape(6, -1) @ free  # one column comes as a vector
         arm = data.oMi[tool.joint].rotation @ tool.placement[:3, 3]
         twists[:3] += np.cross(twists[3:].T, arm).T
         largest = np.maximum(largest, np.abs(twists).max(axis=1, initial=0.0))

@@ -148,9 +148,13 @@ class WrenchSensorCrosstalk(_OfWrenchSensor):
     neutral: ClassVar = {"share": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        """Return the pairs of channels of which the robot feels the first."""
+        """Return the pairs of forces, and of moments, of which the robot feels the first.
+
+        A force in a moment's channel is a wrench about another point: that is how a log is written.
+        """
         felt = [name for name, moves in zip(WRENCH_NAMES, felt_at_tool(mechanism), strict=True) if moves]
-        return [Place("wrench_sensor", f"{one} by {other}") for one in felt for other in WRENCH_NAMES if one != other]
+        pairs = ((one, other) for one in felt for other in WRENCH_NAMES if one != other and one[0] == other[0])
+        return [Place("wrench_sensor", f"{one} by {other}") for one, other in pairs]
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         one, other = place.aspect.split(" by ")

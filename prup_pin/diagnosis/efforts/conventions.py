@@ -23,7 +23,6 @@ from ...spatial import Array
 from ..criteria import (
     AS_GOOD,
     FAR_LESS,
-    FEW_ROUNDS,
     FEWEST_NUMBERS,
     FEWEST_OF_KIND,
     GAIN,
@@ -165,7 +164,8 @@ def _moved(motion: Motion, recording: Recording, rows: np.ndarray) -> Motion:
     values = [np.column_stack([column[name][rows] for name in motion.names]) for column in columns]
     moved, before = motion.select(rows).with_motion(*values), motion.speed[rows]
     # a joint that is read to be so many times as fast is told to stand below so many times the speed
-    faster = np.linalg.norm(values[1], axis=0) / np.maximum(np.linalg.norm(before, axis=0), np.finfo(float).tiny)
+    now, then = (np.linalg.norm(speeds, axis=0) for speeds in (values[1], before))
+    faster = np.where(then > ROUNDING, now / np.maximum(then, ROUNDING), 1.0)
     return replace(moved, slow=np.where(faster > 0, faster, 1.0) * motion.slow)
 
 
@@ -296,11 +296,11 @@ class EffortReadings:
         tried = []
         if unit := self._unit():
             begin = read_as(self.log, unit, self.drawn)
-            found = likeliest(begin, self.unlikely(begin), self._tries, _WORD, FEW_ROUNDS)
+            found = likeliest(begin, self.unlikely(begin), self._tries, _WORD)
             tried.append(found._replace(conventions=(*unit, *found.conventions)))
             if len(self.motion.driven) < FEWEST_OF_KIND or (found.score.surely and not found.conventions):
                 return tried[0]
-        tried.append(likeliest(self.log, self._hung(), self._tries, _WORD, FEW_ROUNDS))
+        tried.append(likeliest(self.log, self._hung(), self._tries, _WORD))
         return min(tried, key=lambda found: found.score.nats + _price(found.conventions))
 
     @property
@@ -318,7 +318,8 @@ class EffortReadings:
         whole = replace(columns, q_whole=set(self.recording.positions) <= set(columns.q), spins=True,
                         tau_whole=set(self.recording.efforts) <= set(columns.tau))  # fmt: skip
         fits = self._left(begin)[0] <= FAR_LESS
-        ways = chain([self._by_gains(begin)], readings(self.log, whole, "joints", "zeros", second=first is not None))
+        ways = readings(self.log, whole, "joints", "zeros", second=first is not None)
+        ways = ways if first else chain([self._by_gains(begin)], ways)
         for some in [[only]] if only else ways:
             if unlikely.surely or any(item.wins and item.score.surely for item in tried):
                 break
