@@ -126,8 +126,8 @@ class WrenchSensorForceBias(WrenchSensorBias):
 
 #: A channel is loaded that reports this share of what a sensor with such loads may, or more.
 _LOADED = 0.02
-#: Cross talk that is usual, where a fit starts too, and its bounds, by the unit of its channel per that it is of.
-_TALK = {"1": (0.1, 0.5), "m": (0.02, 1.0), "1/m": (1.0, 20.0)}
+#: Cross talk that is usual.
+_USUAL_TALK = 0.1
 
 
 class WrenchSensorCrosstalk(_OfWrenchSensor):
@@ -144,7 +144,7 @@ class WrenchSensorCrosstalk(_OfWrenchSensor):
     called = (
         "cross talk, cross axis sensitivity, coupling, decoupling matrix, calibration matrix, force sensor, load cell"
     )
-    quantities = (Quantity("share", "1", "of the other channel", 0.1, lower=-0.5, upper=0.5),)
+    quantities = (Quantity("share", "1", "of the other channel", _USUAL_TALK, lower=-0.5, upper=0.5),)
     neutral: ClassVar = {"share": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
@@ -156,23 +156,16 @@ class WrenchSensorCrosstalk(_OfWrenchSensor):
         pairs = ((one, other) for one in felt for other in WRENCH_NAMES if one != other and one[0] == other[0])
         return [Place("wrench_sensor", f"{one} by {other}") for one, other in pairs]
 
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        one, other = place.aspect.split(" by ")
-        unit = "1" if one[0] == other[0] else "m" if one[0] == "m" else "1/m"
-        start, most = _TALK[unit]
-        return (_small("share", unit, f"of {other} that {one} reports too", start, most),)
-
     def usual_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, tuple[float, float]]:
         """Return that it is small: a channel that reports another one by far is no channel, or the other is noise."""
-        (share,) = self.quantities_at(place, mechanism)
-        return {"share": (0.0, _TALK[share.unit][0])}
+        return {"share": (0.0, _USUAL_TALK)}
 
     def shows_in(self, inputs: Inputs, place: Place, mechanism: Mechanism) -> bool:
         """Return whether the other channel was loaded: what it reports else is its noise."""
         loads = np.nan_to_num(np.abs(inputs.wrench)).max(axis=0, initial=0.0)
-        force, moment = loads[:3].max(), loads[3:].max()
         lever = size_of(home_of(mechanism))
         other = WRENCH_NAMES.index(place.aspect.split(" by ")[1])
+        force, moment = loads[:3].max(), loads[3:].max()
         most = max(force, moment / lever) if other < 3 else max(moment, force * lever)
         return bool(loads[other] > _LOADED * most)
 
@@ -182,13 +175,7 @@ class WrenchSensorCrosstalk(_OfWrenchSensor):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         one, other = place.aspect.split(" by ")
-        unit, share = self.quantities_at(place, mechanism)[0].unit, values["share"]
-        if unit == "1":
-            talk = f"{number(100 * share, 3, signed=True)} % of {other}"
-        elif unit == "m":
-            talk = f"{other} with a lever of {quantity(share, unit, signed=True)}"
-        else:
-            talk = f"{number(share, 3, signed=True)} N per N m of {other}"
+        talk = f"{number(100 * values['share'], 3, signed=True)} % of {other}"
         return f"the wrench sensor's {one} also reports {talk}: its channels talk across"
 
 
