@@ -172,13 +172,6 @@ def rubbing(ur5, recording):
     return replace(recording.select(motion.rows), efforts=tau)
 
 
-@pytest.mark.slow
-def test_degrees_and_a_joint_turned_round_are_both_told(ur5, recording):
-    """Gears of a dozen ratios came nearer than either."""
-    log = written(recording, "q=deg", "q.elbow_joint=reversed")
-    assert sorted(told(ur5, log)) == ["q.elbow_joint=reversed", "q=deg"]
-
-
 def test_friction_takes_energy_and_so_tells_the_sign_of_an_effort(ur5, recording):
     log = rubbing(ur5, recording)
     assert told(ur5, log) == []
