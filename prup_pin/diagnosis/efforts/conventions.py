@@ -318,9 +318,8 @@ class EffortReadings:
         whole = replace(columns, q_whole=set(self.recording.positions) <= set(columns.q), spins=True,
                         tau_whole=set(self.recording.efforts) <= set(columns.tau))  # fmt: skip
         fits = self._left(begin)[0] <= FAR_LESS
-        ways = readings(self.log, whole, "joints", "zeros", second=first is not None)
-        ways = ways if first else chain([self._by_gains(begin)], ways)
-        for some in [[only]] if only else ways:
+        every = readings(self.log, whole, "joints", "zeros")
+        for some in [[only]] if only else chain([self._by_gains(begin)], every):
             if unlikely.surely or any(item.wins and item.score.surely for item in tried):
                 break
             for reading in some:
