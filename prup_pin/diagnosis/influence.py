@@ -98,22 +98,27 @@ class Influence:
         """The columns' change per torque of each joint that resists, (n, K, r)."""
         return self._placed(self.stack.seen(self.first.by_resistance(JointResistance.joints(self.solved))))
 
-    def change(self, setup: Setup) -> Array:
-        """Return the columns' change (n, K) from the run's setup to another one."""
+    def change(self, setup: Setup, since: Setup | None = None) -> Array:
+        """Return the columns' change (n, K) from the run's setup to another one.
+
+        since: the run's setup made as that other one was, with which it shares what is alike.
+        """
         moved = np.zeros((len(self), 6 * len(self.first.frames)))
-        at = replace(self.solved, displaced=self._displaced(setup))
+        since = self.run.setup if since is None else since
+        at = replace(self.solved, setup=since, displaced=self._displaced(setup, since))
         for kind in DEEDS:
             change = kind.first_order(setup, at)
             if change is not None:
                 moved += change
-        return self._placed(self.stack.change(setup, self.solved, moved))
+        return self._placed(self.stack.change(setup, at, moved))
 
-    def _displaced(self, setup: Setup) -> dict[int, Array]:
+    def _displaced(self, setup: Setup, since: Setup) -> dict[int, Array]:
         """Return how far (n,) what changes to another setup moves each joint that resists, by its place."""
         joints = JointResistance.joints(self.solved)
         if not joints:
             return {}
-        changes = [kind.first_order(setup, self._of_joints) for kind in DEEDS if kind.displaces_joints]
+        at = replace(self._of_joints, setup=since)
+        changes = [kind.first_order(setup, at) for kind in DEEDS if kind.displaces_joints]
         moved = [change for change in changes if change is not None]
         return dict(zip(joints, np.sum(moved, axis=0).T, strict=True)) if moved else {}
 

@@ -374,22 +374,25 @@ class Problem:
         return min((self._descended(begun, reach) for begun in self._begun(terms, start)), key=_objective)
 
     def _descended(self, fit: Fit, reach: float) -> Fit:
-        """Return where Gauss-Newton steps lead from a fit, shortened where they do not help."""
-        taken_at = fit.x
+        """Return where Gauss-Newton steps lead from a fit, shortened where they do not help.
+
+        The change per tolerance is taken anew where a step with it gained less than it promised.
+        """
+        fresh = False
         for _ in range(_MOST_STEPS):
             if not (fit.terms or len(fit.x)) or not np.isfinite(fit.chi2):
                 return fit
-            if np.abs(fit.x - taken_at).max(initial=0.0) > MOST:
-                fit, taken_at = self.relinearised(fit), fit.x
             step, enough = self._step(fit, reach), max(SETTLED, 1e-5 * fit.chi2)
-            if self._promised(fit, step) < enough:
+            promised = self._promised(fit, step)
+            if promised < enough:
                 return fit
-            better = next((each for each in self._tries(fit, reach, step) if _objective(each) < _objective(fit)), None)
-            if better is None:
-                return fit
-            gained, fit = _objective(fit) - _objective(better), better
-            if gained < enough:
-                return fit
+            better = next((each for each in self._tries(fit, reach, step) if _objective(each) < _objective(fit)), fit)
+            gained, stands = _objective(fit) - _objective(better), better is fit
+            if gained < enough and (fresh or not stands):
+                return better
+            fit, fresh = better, False
+            if gained < (1 - LITTLE) * promised:
+                fit, fresh = self.relinearised(fit), True
         return fit
 
     def _promised(self, fit: Fit, step: Array) -> float:

@@ -150,7 +150,7 @@ def changes_per_tolerance(
     all_off = simulator.setup([toleranced.effect(x, changed)])
     # the sensors come after it
     robot_off = None if toleranced.law.is_all_that_acts else simulator.setup([toleranced.effect_of_some(off, alone)])
-    columns = []
+    here, columns = simulator.setup(effects, all_off), []
     for index, size in enumerate(toleranced.steps):
         step = size * np.eye(len(x))[index]
         if alone[index]:
@@ -159,7 +159,7 @@ def changes_per_tolerance(
             moved = simulator.setup([toleranced.effect_at(off + step, changed), *effects])
         else:
             moved = simulator.setup([toleranced.effect_of_some(off + step, ~alone), *effects], robot_off)
-        change = influence.change(moved) / size
+        change = influence.change(moved, here) / size
         columns.append(change if np.isfinite(change).all() else np.zeros_like(change))
     if not columns:
         return np.zeros((len(influence), influence.stack.size, 0))

@@ -15,26 +15,13 @@ from ..spatial import Array
 from .deeds import Deed, HeldMass, JointResistance, Moment, Moved, PoseReport, RememberedStrain, Strain, Strains
 from .inputs import Inputs
 
-#: What deeds are added to, beside strains; what else they change they replace.
-_GROWING = (
-    "deeds",
-    "parameters",
-    "values",
-    "resistances",
-    "remembered",
-    "reports",
-    "springs",
-    "held",
-    "offsets",
-    "loop_offsets",
-    "mass_factors",
-    "yielding",
-)
-
 
 @dataclass
 class Setup:
-    """The simulation as laws leave it; `take` lets a law's deeds enter."""
+    """The simulation as laws leave it; `take` lets a law's deeds enter.
+
+    A deed changes no table: it puts another one in its place. What is the same object in two setups is alike.
+    """
 
     mechanism: Mechanism
     inputs: Inputs
@@ -42,23 +29,23 @@ class Setup:
     unsensed: Array  # (N, 6), what acts on the tool beside it, but for what it holds
     travel: Array  # (N, a), added to the actuators' reported positions
     turns: Array  # (N, 3, 3), the tool's orientation before anything deforms
-    deeds: list[Deed] = field(default_factory=list)
+    deeds: tuple[Deed, ...] = ()
     parameters: dict[str, float] = field(default_factory=dict)  # geometry: by the robot's parameter names
     values: dict[str, float] = field(default_factory=dict)  # the modules' values
-    strains: dict[str, list[Strain]] = field(default_factory=dict)
-    resistances: list[JointResistance] = field(default_factory=list)
-    remembered: list[RememberedStrain] = field(default_factory=list)
+    strains: dict[str, tuple[Strain, ...]] = field(default_factory=dict)
+    resistances: tuple[JointResistance, ...] = ()
+    remembered: tuple[RememberedStrain, ...] = ()
     offsets: dict[int, Array] = field(default_factory=dict)  # of joints' places by joint id, (6,) or (N, 6)
     loop_offsets: dict[tuple[int, int], Array] = field(default_factory=dict)  # of loops' ends, (6,)
     mass_factors: dict[str, float] = field(default_factory=dict)  # of links
     yielding: dict[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)  # of joints, by name and way
-    springs: list[Pull] = field(default_factory=list)
+    springs: tuple[Pull, ...] = ()
     base: Array | None = None  # (6, 12), how the base gives way under all that acts, and at home, about its origin
-    held: list[HeldMass] = field(default_factory=list)  # by the tool
+    held: tuple[HeldMass, ...] = ()  # by the tool
     fall: Array = field(default_factory=lambda: np.zeros(3))  # (3,) [m/s^2], gravity beyond the robot file's
     weight: float = 0.0  # share of the links' weight that acts
     spread_weight: bool = False
-    reports: list[PoseReport] = field(default_factory=list)
+    reports: tuple[PoseReport, ...] = ()
     tool_motion: tuple[Array, Array] | None = None  # as `BodyMotion.of_frame`, before anything deforms
     later: Array | float = 0.0  # (N, a) [s]: the actuators move as they are reported to do so much later
 
@@ -82,17 +69,13 @@ class Setup:
 
     def copy(self) -> Setup:
         """Return a setup that may take more deeds; this one stays as it is."""
-        other = copy(self)
-        other.strains = {name: [*own] for name, own in self.strains.items()}
-        for name in _GROWING:
-            setattr(other, name, getattr(self, name).copy())
-        return other
+        return copy(self)
 
     def take(self, deeds: Iterable[Deed]) -> None:
         """Let deeds enter, in their order."""
         for deed in deeds:
             deed.enter(self)
-            self.deeds.append(deed)
+            self.deeds = (*self.deeds, deed)
 
     # -- what laws may ask of those before them ------------------------------------------------------------------------
 
@@ -167,7 +150,7 @@ class Setup:
             strains={name: Strains(item.take(samples) for item in items) for name, items in self.strains.items()},
             actuators=travel if np.any(travel) else None,
             offsets={joint: each if each.ndim < 2 else each[samples] for joint, each in self.offsets.items()},
-            loop_offsets=dict(self.loop_offsets),
+            loop_offsets=self.loop_offsets,
         )
 
     def loads(self, samples: np.ndarray) -> Conditions:
@@ -178,7 +161,7 @@ class Setup:
             wrench=self.wrench[samples],
             gravity=self.gravity(samples) * self.weight if self.weight else None,
             mass_factors=self._masses(),
-            springs=tuple(self.springs),
+            springs=self.springs,
         )
 
     def _masses(self) -> Array | None:

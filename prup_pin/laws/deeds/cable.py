@@ -30,7 +30,7 @@ class ToolCable(Deed):
     anchor: tuple[float, ...]
 
     def enter(self, setup: Setup) -> None:
-        setup.springs.append(self)
+        setup.springs = (*setup.springs, self)
 
     def force_at(self, point: Array) -> Array:
         towards, length = self._towards(point)

@@ -12,7 +12,7 @@ import numpy as np
 from ...mechanism import yielding_module
 from ...spatial import Array
 from .deed import Deed, Solved
-from .strain import Strain, extent_of
+from .strain import ExtraStrain, Strain, extent_of
 from .yielding import YieldingJoint, yield_of
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class ExtraTilt(Deed):
 
     def enter(self, setup: Setup) -> None:
         YieldingJoint(self.joint, "across", (0.0, 0.0, 0.0)).enter(setup)
-        setup.strains.setdefault(yielding_module(self.joint, "across"), []).append(self.strain)
+        ExtraStrain(yielding_module(self.joint, "across"), self.strain).enter(setup)
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:

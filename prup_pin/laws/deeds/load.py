@@ -83,7 +83,7 @@ class HeldMass(Deed):
         return np.concatenate((force, np.cross(self.arm, force)), axis=1)
 
     def enter(self, setup: Setup) -> None:
-        setup.held.append(self)
+        setup.held = (*setup.held, self)
 
     def redraw(self, changes: Changes) -> str | None:
         if self.body is None:
@@ -93,7 +93,7 @@ class HeldMass(Deed):
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
-        if setup.held or at.setup.held:
+        if setup.held is not at.setup.held or (setup.held and setup.fall is not at.setup.fall):
             yield from _by_wrench(setup.held_weight, at.setup.held_weight, at)
 
 
@@ -108,7 +108,7 @@ class ToolSpring(Deed):
     slack: tuple[float, ...]
 
     def enter(self, setup: Setup) -> None:
-        setup.springs.append(self)
+        setup.springs = (*setup.springs, self)
 
     def force_at(self, point: Array) -> Array:
         return np.asarray((np.array(self.slack) - point) @ np.array(self.stiffness).T)
@@ -118,7 +118,7 @@ class ToolSpring(Deed):
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
-        if setup.springs == at.setup.springs:
+        if setup.springs is at.setup.springs or setup.springs == at.setup.springs:
             return
         point = at.first.found.tool[:, :3, 3]
         force = np.zeros_like(point)
@@ -183,8 +183,10 @@ class TurnedGravity(Deed):
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
+        if not setup.weight or setup.fall is at.setup.fall:
+            return
         more = setup.gravity(at.samples) - at.setup.gravity(at.samples)
-        if setup.weight and more.any():
+        if more.any():
             spread = setup.spread_weight
             along = at.first.once(("gravity", spread), partial(_by_gravity, at, spread))
             yield setup.weight * (along @ more[..., None])[..., 0]
@@ -201,7 +203,8 @@ class ScaledMass(Deed):
 
     def enter(self, setup: Setup) -> None:
         setup.mechanism.link(self.link)
-        setup.mass_factors[self.link] = self.factor * setup.mass_factors.get(self.link, 1.0)
+        factor = self.factor * setup.mass_factors.get(self.link, 1.0)
+        setup.mass_factors = {**setup.mass_factors, self.link: factor}
 
     def redraw(self, changes: Changes) -> str | None:
         changes.masses[self.link] = self.factor * changes.masses.get(self.link, 1.0)
@@ -210,7 +213,7 @@ class ScaledMass(Deed):
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
         new, old = setup.mass_factors, at.setup.mass_factors
-        for link in {**new, **old} if at.setup.weight else ():
+        for link in {**new, **old} if at.setup.weight and new is not old else ():
             if step := new.get(link, 1.0) - old.get(link, 1.0):
                 yield step * at.first.once(("mass", link), partial(_by_mass, at, link))
 

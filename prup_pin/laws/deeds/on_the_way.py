@@ -26,4 +26,5 @@ class MovedOnTheWay(Deed):
 
     def enter(self, setup: Setup) -> None:
         index = setup.mechanism.joint(self.joint).id
-        setup.offsets[index] = setup.offsets.get(index, np.zeros(6)) + self.displacement
+        offset = setup.offsets.get(index, np.zeros(6)) + self.displacement
+        setup.offsets = {**setup.offsets, index: offset}

@@ -63,7 +63,7 @@ class RememberedStrain(Deed):
         return Strain(self.follow.strain if self.by_load else _given, (held,))  # type: ignore[attr-defined]
 
     def enter(self, setup: Setup) -> None:
-        setup.remembered.append(self)
+        setup.remembered = (*setup.remembered, self)
 
     @classmethod
     def history(cls, setup: Setup, samples: np.ndarray, chain: Chain, before: Any) -> _Remembering | None:
@@ -71,7 +71,7 @@ class RememberedStrain(Deed):
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
-        if setup.remembered == at.setup.remembered:
+        if setup.remembered is at.setup.remembered or setup.remembered == at.setup.remembered:
             return
         for sign, deeds in ((1.0, setup.remembered), (-1.0, at.setup.remembered)):
             for deed in deeds:

@@ -98,7 +98,7 @@ class PoseReport(Deed):
         )
 
     def enter(self, setup: Setup) -> None:
-        setup.reports.append(self)
+        setup.reports = (*setup.reports, self)
 
     def redraw(self, changes: Changes) -> str | None:
         if self.rows is not None or not isinstance(self.reported, Moved):

@@ -67,7 +67,7 @@ class JointResistance(Deed):
         return Felt(float(np.abs(way / softness).max()), float(1 / np.median(softness)))
 
     def enter(self, setup: Setup) -> None:
-        setup.resistances.append(self)
+        setup.resistances = (*setup.resistances, self)
 
     def redraw(self, changes: Changes) -> str | None:
         joint = changes.mechanism.joint(self.joint)
@@ -83,7 +83,7 @@ class JointResistance(Deed):
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
-        alike = setup.resistances == at.setup.resistances
+        alike = setup.resistances is at.setup.resistances or setup.resistances == at.setup.resistances
         if alike and not at.displaced:
             return
         before = np.zeros((len(at.samples), len(at.first.chain.moving)))

@@ -68,11 +68,11 @@ class ExtraStrain(Deed):
         return Felt(float(np.linalg.norm(load, axis=1).max(initial=0.0)))
 
     def enter(self, setup: Setup) -> None:
-        setup.strains.setdefault(self.module, []).append(self.strain)
+        setup.strains = {**setup.strains, self.module: (*setup.strains.get(self.module, ()), self.strain)}
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
-        for name in {**setup.strains, **at.setup.strains}:
+        for name in {} if setup.strains is at.setup.strains else {**setup.strains, **at.setup.strains}:
             if name not in at.first.rows:
                 continue
             load = at.first.loads(name)
@@ -90,7 +90,7 @@ class ExtraStrain(Deed):
 
 def extent_of(setup: Setup, module: str, load: Array, samples: np.ndarray) -> Array:
     """Return what a module deforms beyond its own law under a load (n, k)."""
-    items = setup.strains.get(module, [])
+    items = setup.strains.get(module, ())
     return sum((item.take(samples)(load)[0] for item in items), np.zeros_like(load))
 
 

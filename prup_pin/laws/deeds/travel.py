@@ -17,6 +17,8 @@ from .deed import Deed, Solved
 if TYPE_CHECKING:
     from ..setup import Setup
 
+_STILL = np.zeros(6)
+
 
 @dataclass(frozen=True, eq=False)
 class Travel(Deed):
@@ -68,7 +70,7 @@ class ChangedLength(Deed):
 
     def enter(self, setup: Setup) -> None:
         given = setup.parameters.get(self.name, setup.mechanism.parameters[self.name].value)
-        setup.parameters[self.name] = given + self.error
+        setup.parameters = {**setup.parameters, self.name: given + self.error}
 
     def redraw(self, changes: Changes) -> str | None:
         changes.lengthen(self.name, self.error)
@@ -77,7 +79,7 @@ class ChangedLength(Deed):
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
         old = at.setup.parameters
-        for name in {**setup.parameters, **old}:
+        for name in {**setup.parameters, **old} if setup.parameters is not old else ():
             if step := setup.parameters.get(name, at.lengths[name]) - old.get(name, at.lengths[name]):
                 yield step * at.first.once(("length", name), partial(_by_length, at, name))
 
@@ -100,7 +102,8 @@ class MovedJoint(Deed):
 
     def enter(self, setup: Setup) -> None:
         index = setup.mechanism.joint(self.joint).id
-        setup.offsets[index] = setup.offsets.get(index, np.zeros(6)) + np.array(self.displacement)
+        offset = setup.offsets.get(index, _STILL) + np.array(self.displacement)
+        setup.offsets = {**setup.offsets, index: offset}
 
     def redraw(self, changes: Changes) -> str | None:
         changes.move_joint(self.joint, np.array(self.displacement))
@@ -127,7 +130,8 @@ class MovedLoopEnd(Deed):
         if self.loop not in names:
             raise UnknownNameError("loop", self.loop, names)
         key = (names.index(self.loop), self.end)
-        setup.loop_offsets[key] = setup.loop_offsets.get(key, np.zeros(6)) + np.array(self.displacement)
+        offset = setup.loop_offsets.get(key, _STILL) + np.array(self.displacement)
+        setup.loop_offsets = {**setup.loop_offsets, key: offset}
 
     def redraw(self, changes: Changes) -> str | None:
         changes.move_loop_end(self.loop, self.end, np.array(self.displacement))
@@ -140,14 +144,11 @@ class MovedLoopEnd(Deed):
         )
 
 
-_STILL = np.zeros(6)
-
-
 def _by_offsets(
     new: Mapping[Any, Array], old: Mapping[Any, Array], by_place: Callable[[Any], Array], samples: np.ndarray
 ) -> Iterator[Array]:
     """Yield what is watched by displaced places, (n, R), with `by_place` (n, R, 6) of each, at samples (n,)."""
-    for key in {**new, **old}:
+    for key in {**new, **old} if new is not old else ():
         after, before = new.get(key, _STILL), old.get(key, _STILL)
         if after is before:
             continue

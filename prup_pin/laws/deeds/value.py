@@ -36,7 +36,7 @@ class ChangedValue(Deed):
         return self.module
 
     def enter(self, setup: Setup) -> None:
-        setup.values[f"{self.module}.{self.quantity}"] = self.value
+        setup.values = {**setup.values, f"{self.module}.{self.quantity}": self.value}
 
     def redraw(self, changes: Changes) -> str | None:
         changes.values[f"{self.module}.{self.quantity}"] = self.value
@@ -44,6 +44,8 @@ class ChangedValue(Deed):
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
+        if setup.values is at.setup.values:
+            return
         for module, quantities in _changed(setup, at.setup.values).items():
             question = tuple(quantities.items())
             yield at.first.latest(("value", module), question, partial(_by_values, module, quantities, at))

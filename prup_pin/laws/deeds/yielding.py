@@ -32,7 +32,8 @@ class YieldingJoint(Deed):
     def enter(self, setup: Setup) -> None:
         key = self.joint, self.way
         before = setup.yielding.get(key, (0.0,) * len(self.compliance))
-        setup.yielding[key] = tuple(one + other for one, other in zip(before, self.compliance, strict=True))
+        both = tuple(one + other for one, other in zip(before, self.compliance, strict=True))
+        setup.yielding = {**setup.yielding, key: both}
 
     def redraw(self, changes: Changes) -> str | None:
         changes.give_way(self.joint, self.way, self.compliance)
@@ -41,7 +42,7 @@ class YieldingJoint(Deed):
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
         new, old = setup.yielding, at.setup.yielding
-        for joint, way in {**new, **old}:
+        for joint, way in {**new, **old} if new is not old else ():
             nothing = (0.0,) * (3 if way == "across" else 1)
             step = np.subtract(new.get((joint, way), nothing), old.get((joint, way), nothing))
             if step.any():
