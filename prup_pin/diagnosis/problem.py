@@ -438,7 +438,7 @@ class Problem:
                     break
             else:  # some that near their equilibria slowly are given up there
                 fit = self.fit_at(each, start)
-            yield fit if each is terms else self.relinearised(fit)
+            yield self.relinearised(fit)
 
     def _opened(self, terms: Sequence[Term], start: Fit) -> Sequence[Term]:
         """Return terms whose gaps that a fit has close within as large loads as what was measured nearly allows.
