@@ -47,8 +47,8 @@ from .readings import Columns, Reading, Tried, likeliest, readings
 from .rigid_fit import rigid_fit
 from .thinning import evenly_spaced
 
-#: Blocks and samples by which loads are judged.
-_BLOCKS, _SAMPLES = 24, 400
+#: Blocks and samples by which loads are judged; of which one block in so many shows what no reading leaves.
+_BLOCKS, _SAMPLES, _BOUNDED = 24, 400, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +94,16 @@ class _Loaded:
             noise=self.noise * len(self.wrench[rows]) / len(self.wrench),
         )  # fmt: skip
 
+    def leaves(self, wrench: Array, least: float) -> bool:
+        """Return whether a wrench leaves such squares, however soft all modules are, and a place by any number."""
+        basis = np.linalg.qr(self.by_module(wrench))[0]
+        rest = _beside(basis, self.free(self.moved).ravel())
+        for place in range(len(self.places)):
+            own = np.linalg.qr(_beside(basis, self.by_place(wrench, place)))[0]
+            if float((_beside(own, rest) ** 2).sum()) < least:
+                return False
+        return True
+
     def by_module(self, wrench: Array) -> Array:
         """Return how far each module moves the tool (6 n, m) under wrenches (n, 6)."""
         moved = self.free((self.parts @ wrench[None, :, :, None])[..., 0].transpose(1, 2, 0))
@@ -138,6 +148,10 @@ def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
     if as_written.yielding < loaded.shown:
         return None
     alike = loaded.by_chance
+    labels = np.unique(loaded.blocks, return_inverse=True)[1]
+    rows = labels % _BOUNDED == 0
+    few = loaded.select(rows)  # which leave no more than all
+    firsts = 0 if loaded.resting else FEW_ROUNDS
 
     def tries(
         now: Recording, least: _Left, taken: Reading, first: Tried[_Left] | None, only: Reading
@@ -145,6 +159,7 @@ def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
         """What is nearly as good as the best is told by the commonest word; a point is no other way to say another."""
         tried: list[Tried[_Left]] = []
         steps = 1 + (first is not None)
+        enough = least.beaten_by(steps) + loaded.noise
         ways = chain(
             readings(recording, Columns(), "wrench", second=first is not None),
             [] if first else [_of_wrench_point(loaded, now.wrench, recording)],
@@ -152,6 +167,8 @@ def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
         for some in [[only]] if only else ways:
             for reading in some:
                 other = read_as(first.read if first else now, reading, drawn)
+                if (first or not firsts) and few.leaves(other.wrench[rows], enough):
+                    continue  # nor is it one of the nearest, beside which another is asked
                 whole = (*first.reading, *reading) if first else reading
                 left = _left(loaded, other.wrench)
                 tried.append(Tried(left.yielding, whole, other, left, wins=left.tells_against(least, steps)))
@@ -166,7 +183,7 @@ def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
         others = (item for item in tried if item.score.yielding <= near and not item.reading[0].argument)
         return [told._replace(cost=0.0), *(item._replace(cost=1.0, wins=True) for item in others if item is not told)]
 
-    found = likeliest(begin, as_written, tries, 2.0, 0 if loaded.resting else FEW_ROUNDS)
+    found = likeliest(begin, as_written, tries, 2.0, firsts)
     if not found.conventions:
         return None
     half = np.unique(loaded.blocks, return_inverse=True)[1] % 2 == 0
@@ -318,13 +335,18 @@ class _Left(NamedTuple):
         """Return whether another wrench leaves drastically more than this, and is not as good where a place yields.
 
         steps: how many were taken, each of which must leave so much less.
+        """
+        return self.yielding < other.beaten_by(steps)
+
+    def beaten_by(self, steps: int = 1) -> float:
+        """Return the squares below which what another wrench leaves tells against this one, as in `tells_against`.
 
         A play that explains nearly all of a log as it is written is what it is: what it leaves tells of no reading.
         """
-        if self.play and not LITTLE * other.softened < other.yielding:
-            return False
-        worse = other.yielding if self.play else other.softened
-        return self.yielding < FAR_LESS ** (2 * steps) * worse and AS_GOOD**steps * self.yielding < other.yielding
+        if self.play and not LITTLE * self.softened < self.yielding:
+            return 0.0
+        worse = self.yielding if self.play else self.softened
+        return min(FAR_LESS ** (2 * steps) * worse, self.yielding / AS_GOOD**steps)
 
 
 def _left(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) -> _Left:
