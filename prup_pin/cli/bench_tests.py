@@ -134,12 +134,7 @@ def predict(
     note_foreign_joints([read], loaded)
     loaded = as_recorded(loaded, read).robot
     read = of_the_robot(read, corrected.robot, loaded, "the model is of")
-    known = {
-        key: size
-        for key, size in vars(corrected.noise).items()
-        if size is not None and getattr(read.noise, key) is None
-    }
-    if known:
+    if known := corrected.noise.lacking_in(read.noise):
         read = replace(read, noise=replace(read.noise, **known))
         notes.append(f"The noise of {', '.join(known)} is that with which the model was found.")
     if "pose_sensor" in corrected.own_by_run:
@@ -235,8 +230,8 @@ def _write_prediction(
 ) -> None:
     if conventions:
         prediction = prediction.as_logged(recording, robot, conventions)
-    run = None if recording.run_names == ("",) else [recording.run_names[code] for code in recording.run.tolist()]
-    write_prediction(out, prediction.time, status=prediction.status, run=run, **_predicted(prediction))
+    times, status = prediction.time, prediction.status
+    write_prediction(out, times, status=status, run=recording.run_labels, **_predicted(prediction))
 
 
 def _predicted(prediction: Prediction) -> dict[str, Any]:

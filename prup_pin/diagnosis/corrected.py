@@ -14,7 +14,6 @@ from ..laws.deviations import Calibration
 from ..loading import Reading
 from ..mechanism import Mechanism
 from ..recordings import Convention, Noise, Recording
-from ..recordings.columns import NOISE_KEYS
 from ..robot import Robot
 from ..simulation import CorrectedModel, Known, Posterior, PosteriorValue
 from .diagnosis import Diagnosis
@@ -119,11 +118,10 @@ def planned(diagnosis: Diagnosis, recording: Recording, robot: str) -> dict[str,
     plan = dict(diagnosis.next_experiment.get("plan") or {})
     if not plan.get("poses"):
         return {}
-    noise = {key: getattr(recording.noise, name) for key, name in NOISE_KEYS.items()}
-    declared = {key: value for key, value in noise.items() if value is not None}
+    declared = recording.noise.by_key
     plan |= {"robot": robot, "notes": str(diagnosis.next_experiment.get("why", ""))}
     if recording.tolerances.declared:
-        plan["tolerances"] = dict(recording.tolerances.declared)
+        plan["tolerances"] = recording.tolerances.declared
     return {**plan, "noise": declared} if declared else plan
 
 

@@ -93,11 +93,7 @@ class Earlier:
 
         What may be off is what was set up since; all else the earlier test says.
         """
-        noise = {
-            name: size
-            for name, size in vars(self.model.noise).items()
-            if size is not None and getattr(recording.noise, name) is None
-        }
+        noise = self.model.noise.lacking_in(recording.noise)
         anew = [kind for sensor in self.set_up for kind in SENSORS[sensor]]
         tolerances = {kind: max(recording.tolerances.declared.get(kind, 0.0), _ANYHOW[kind]) for kind in anew}
         conventions = recording.conventions or self.model.conventions

@@ -317,10 +317,9 @@ def write_plan(plan: TestPlan, path: str | Path) -> None:
         value["temperature"] = {"from": plan.temperature[0], "to": plan.temperature[1]}
     elif plan.temperature is not None:
         value["temperature"] = plan.temperature
-    noise = {key: getattr(plan.noise, name) for key, name in NOISE_KEYS.items()}
-    value["noise"] = {key: deviation for key, deviation in noise.items() if deviation is not None}
+    value["noise"] = plan.noise.by_key
     if plan.tolerances.declared:
-        value["tolerances"] = dict(plan.tolerances.declared)
+        value["tolerances"] = plan.tolerances.declared
     if plan.markers:
         value["markers"] = list(plan.markers)
     if plan.gravity is not None:

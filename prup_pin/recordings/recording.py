@@ -53,6 +53,20 @@ class Noise:
                     f"{COARSEST_NOISE:g}, or None"
                 )
 
+    @property
+    def declared(self) -> dict[str, float]:
+        """The channels whose noise is declared, by name."""
+        return {name: float(size) for name, size in vars(self).items() if size is not None}
+
+    @property
+    def by_key(self) -> dict[str, float]:
+        """The same by the keys of a JSON file."""
+        return {f"{name}_noise": size for name, size in self.declared.items()}
+
+    def lacking_in(self, other: Noise) -> dict[str, float]:
+        """Return what is declared here and not there, by channel."""
+        return {name: size for name, size in self.declared.items() if name not in other.declared}
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Recording:
@@ -168,6 +182,11 @@ class Recording:
     def marker_names(self) -> tuple[str, ...]:
         """The markers of which a position or an orientation has a column."""
         return tuple(dict.fromkeys((*self.markers, *self.marker_rotations)))
+
+    @property
+    def run_labels(self) -> list[str] | None:
+        """The name of each sample's run (N,), or None where the recording has no column of runs."""
+        return None if self.run_names == ("",) else [self.run_names[code] for code in self.run.tolist()]
 
     @property
     def has_wrench(self) -> bool:

@@ -5,7 +5,6 @@ docs/tolerances.md describes them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -107,10 +106,10 @@ class Tolerances:
         return f"Tolerances({', '.join(f'{name}={value!r}' for name, value in self.declared.items())})"
 
     @property
-    def declared(self) -> Mapping[str, float]:
+    def declared(self) -> dict[str, float]:
         """The kinds that have a tolerance, by name."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
-        return {name: value for name, value in values.items() if value is not None}
+        return {name: float(value) for name, value in values.items() if value is not None}
 
 
 #: Every kind, in the order of the documentation.

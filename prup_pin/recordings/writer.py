@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..files import json_lines, write_whole, written_beside
 from ..spatial import Array
-from .columns import AXES, NOISE_KEYS
+from .columns import AXES
 from .conventions import as_json
 from .recording import Recording
 
@@ -38,17 +38,15 @@ def write_recording(recording: Recording, path: str | Path, status: Sequence[str
     if path.suffix.lower() == ".json":
         raise InputError(f"cannot write the table to {path}: its JSON file has this name; expected .csv")
     columns: dict[str, Array | list[str]] = {"time": recording.time, **_there(recording)}
-    if recording.run_names != ("",):
-        columns["run"] = [recording.run_names[code] for code in recording.run.tolist()]
+    if (labels := recording.run_labels) is not None:
+        columns["run"] = labels
     if status is not None:
         columns["status"] = [str(word) for word in status]
     _check(recording, columns)
     beside: dict[str, Any] = {} if recording.robot is None else {"robot": written_beside(recording.robot, path)}
-    for key, name in NOISE_KEYS.items():
-        if getattr(recording.noise, name) is not None:
-            beside[key] = float(getattr(recording.noise, name))
+    beside |= recording.noise.by_key
     if recording.tolerances.declared:
-        beside["tolerances"] = {name: float(value) for name, value in recording.tolerances.declared.items()}
+        beside["tolerances"] = recording.tolerances.declared
     if recording.own_by_run:
         beside["own_sensors"] = {"by_run": list(recording.own_by_run)}
     elif recording.own_sensors:

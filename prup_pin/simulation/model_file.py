@@ -223,9 +223,8 @@ def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
     if reading := _reading_as_json(model.reading):
         value["reading"] = reading
     value |= {"finite_deflection": True, "effects": effects}
-    noise = {key: float(getattr(model.noise, name) or 0.0) for key, name in NOISE_KEYS.items()}
-    if any(noise.values()):
-        value["noise"] = {key: size for key, size in noise.items() if size}
+    if noise := model.noise.by_key:
+        value["noise"] = noise
     if model.band:
         value["band"] = {name: {"value": float(cutoff), "unit": "Hz"} for name, cutoff in model.band.items()}
     if model.effort_noise:

@@ -230,7 +230,7 @@ class EffortReadings:
         self.at, self.mechanism, self.recording, self.closing = at, at.mechanism, recording, closing
         self.rows, self.motion, efforts = sampled(at, _COMPARED)
         self.drawn = _drawn(self.mechanism, at.motion)
-        self._tolerances = {key: float(value) for key, value in recording.tolerances.declared.items()}
+        self._tolerances = recording.tolerances.declared
         self.log = _written(recording, self.motion, efforts, np.eye(efforts.shape[1]))
         self._likelihood = EffortLikelihood(at, self._tolerances, self._count)
         known = bool(self.mechanism.loops) or all(name in at.motion.names for name in at.driven)

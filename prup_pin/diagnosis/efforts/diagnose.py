@@ -90,7 +90,7 @@ def diagnose_efforts(
         if static_efforts is not None:
             known = np.column_stack([static_efforts[name][at.motion.rows] for name in at.driven])
             at = replace(at, rigid=np.where(np.isfinite(known), known, at.rigid))
-        return PreparedEfforts(at, _tolerances(recording), below)
+        return PreparedEfforts(at, recording.tolerances.declared, below)
 
     whole = prepared(())
     if len(whole.kept) < 2:
@@ -129,10 +129,6 @@ def diagnose_efforts(
     return replace(found, proposals=proposed, advice=advice)
 
 
-def _tolerances(recording: Recording) -> dict[str, float]:
-    return {key: float(value) for key, value in recording.tolerances.declared.items()}
-
-
 def _final_state(
     robot: Robot,
     recording: Recording,
@@ -142,7 +138,7 @@ def _final_state(
     tell: Callable[[str, float], None],
 ) -> FinalState:
     """Return the final state of the efforts of a recording without outlier intervals; noise: of each joint's effort."""
-    at, tolerances = prepared.at, _tolerances(recording)
+    at, tolerances = prepared.at, recording.tolerances.declared
 
     tell(_LAWS, 0.1)
     gains = gains_of(at, tolerances)

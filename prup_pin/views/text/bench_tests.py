@@ -100,7 +100,7 @@ def print_simulation(
     """
     how = "the efforts of its motion" if not prediction.position.shape[1] else "loaded, in its deformed position"
     title(out, f"{robot.name}, {how}")
-    listed(out, "with", _effects_told(effects, source), "; ")
+    listed(out, "with", effects_told(effects, source), "; ")
     failures = prediction.failures
     failed = sum(len(rows) for rows in failures.values())
     good = f"{len(prediction) - failed} predicted" if failed else "all predicted"
@@ -135,7 +135,7 @@ def effect_text(effect: Effect) -> str:
     return f"{effect.law.physics}@{effect.place.name}{aspect} {values}".strip()
 
 
-def _effects_told(effects: Sequence[Effect], source: str) -> list[str]:
+def effects_told(effects: Sequence[Effect], source: str = "") -> list[str]:
     """Return effects as they are typed, or of many how many there are of each physics, and where they stand."""
     if len(effects) <= _MOST_EFFECTS:
         return [effect_text(effect) for effect in effects] or ["nothing added to the robot file"]

@@ -13,7 +13,7 @@ from ...laws import Effect
 from ...numbers import counted, fixed, number, readable_unit
 from ...robot import Robot
 from ...sweep import QUANTITIES, Quantity, SweepFile, SweepResult
-from .bench_tests import effect_text, print_failures
+from .bench_tests import effects_told, print_failures
 from .terminal import bullets, heading, in_options, listed, paragraph, show_table, title
 from .values import clean, coordinate_text
 
@@ -128,7 +128,7 @@ _LEAST_ERROR = 1e-2
 def print_compensation(out: Console, robot: Robot, effects: Sequence[Effect], found: Compensation) -> None:
     """Print what the tool missed before and after, and the largest correction of each actuator."""
     title(out, f"{robot.name}, loaded, put where it was wanted")
-    listed(out, "with", [effect_text(effect) for effect in effects] or ["nothing added to the robot file"], "; ")
+    listed(out, "with", effects_told(effects), "; ")
     count = found.status.count("ok")
     good = "all compensated" if count == len(found) else f"{count} compensated"
     listed(out, "rows", [f"{len(found)}, {good}", f"{found.passes} passes of the loaded robot"], "; ")
