@@ -29,7 +29,6 @@ from ...numbers import number, quantity
 from ...spatial import Array
 from ..criteria import (
     AS_GOOD,
-    BEYOND,
     FALSE_ALARM,
     FAR_LESS,
     FEWEST_BLOCKS,
@@ -94,7 +93,7 @@ def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[F
     found = list(structure)
     if not found and final.recording.noise.effort:
         unmoved = {finding.location: finding for finding in _unmoved(final, residuals)}
-        found = [unmoved.get(finding.location, finding) for finding in _beyond_declared(residuals)]
+        found = [unmoved.get(finding.location, finding) for finding in _beyond_declared(final, residuals)]
         found = found or list(_repeating(final))
     elif not found:
         found = list(_unmoved(final, residuals)) or list(_varying(final)) or list(_repeating(final))
@@ -216,15 +215,20 @@ def _foreign(share: Mapping[str, float]) -> Finding:
     )
 
 
-def _beyond_declared(residuals: EffortResiduals) -> Iterator[Finding]:
-    """Yield the joint of the largest residual, if that is more than the declared noise, or that of all joints is."""
-    worst = max(residuals.by_joint, key=lambda name: residuals.by_joint[name]["after"])
-    if residuals.after["fit"] > AS_GOOD or residuals.by_joint[worst]["after"] > BEYOND:
-        multiple = number(residuals.by_joint[worst]["after"], 3)
+def beyond_declared(final: FinalState, residuals: EffortResiduals) -> dict[str, float]:
+    """Return the joints that leave clearly more than the declared noise, in multiples of it, the worst first."""
+    if not final.recording.noise.effort:
+        return {}
+    left = {name: own["after"] for name, own in residuals.by_joint.items() if own["after"] > AS_GOOD}
+    return dict(sorted(left.items(), key=lambda item: -item[1]))
+
+
+def _beyond_declared(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]:
+    for name, times in beyond_declared(final, residuals).items():
         yield unknown_at(
-            worst,
-            f"the residual at {worst} is {multiple} times the declared noise; no law of the library explains it, and "
-            "no one curve of speed, position, load or time takes most of it",
+            name,
+            f"the residual at {name} is {number(times, 3)} times the declared noise; no law of the library explains "
+            "it, and no one curve of speed, position, load or time takes most of it",
         )
 
 
