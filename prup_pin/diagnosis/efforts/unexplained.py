@@ -93,7 +93,7 @@ def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[F
     found = list(structure)
     if not found and final.recording.noise.effort:
         unmoved = {finding.location: finding for finding in _unmoved(final, residuals)}
-        found = [unmoved.get(finding.location, finding) for finding in _beyond_declared(final, residuals)]
+        found = [unmoved.get(finding.location, finding) for finding in _beyond_declared(residuals)]
         found = found or list(_repeating(final))
     elif not found:
         found = list(_unmoved(final, residuals)) or list(_varying(final)) or list(_repeating(final))
@@ -215,16 +215,14 @@ def _foreign(share: Mapping[str, float]) -> Finding:
     )
 
 
-def beyond_declared(final: FinalState, residuals: EffortResiduals) -> dict[str, float]:
+def beyond_declared(residuals: EffortResiduals) -> dict[str, float]:
     """Return the joints that leave clearly more than the declared noise, in multiples of it, the worst first."""
-    if not final.recording.noise.effort:
-        return {}
     left = {name: own["after"] for name, own in residuals.by_joint.items() if own["after"] > AS_GOOD}
     return dict(sorted(left.items(), key=lambda item: -item[1]))
 
 
-def _beyond_declared(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]:
-    for name, times in beyond_declared(final, residuals).items():
+def _beyond_declared(residuals: EffortResiduals) -> Iterator[Finding]:
+    for name, times in beyond_declared(residuals).items():
         yield unknown_at(
             name,
             f"the residual at {name} is {number(times, 3)} times the declared noise; no law of the library explains "

@@ -38,7 +38,8 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
         remarks.append(f"{names} would be beyond tolerance, but may only imitate what is unknown")
     else:
         findings += beyond
-    imitating = [finding for finding in findings if _may_imitate(final, finding, beyond_declared(final, residuals))]
+    loud = beyond_declared(residuals) if final.recording.noise.effort else {}
+    imitating = [finding for finding in findings if _may_imitate(final, finding, loud)]
     findings = [finding for finding in findings if finding not in imitating]
     if imitating:
         names = ", ".join(f"{finding.physics.replace('_', ' ')} at {finding.location}" for finding in imitating)
