@@ -531,6 +531,8 @@ def test_one_joint_many_times_above_the_declared_noise_is_not_hidden_by_its_sist
     (finding,) = _beyond_declared(left)
     assert finding.location == "joint3"
     assert not list(_beyond_declared(left._replace(by_joint={k: {"after": 0.9} for k in joints}, after={"fit": 0.9})))
+    two = {name: {"after": {"joint1": 2.6, "joint4": 1.6}.get(name, 0.9)} for name in joints}
+    assert [item.location for item in _beyond_declared(left._replace(by_joint=two))] == ["joint1", "joint4"]
 
 
 def test_ten_samples_are_too_little_to_compare_and_no_law_is_blamed():

@@ -354,3 +354,21 @@ def test_a_single_drive_in_a_unit_of_its_own_is_told_by_masses_whichever_way_it_
     assert set(told) == {"effort_gain", "log_convention"} if gain < 0 else {"effort_gain"}
     (per_newton,) = told["effort_gain"].parameters.values()
     assert per_newton.value == pytest.approx(10, rel=0.1)
+
+
+@pytest.mark.slow
+def test_gains_are_those_beside_the_bodies_that_stay(robot, moving):
+    """Beside free gains no body foretold as well as all of them, and given gains were those beside all of them."""
+    rows = slice(None, None, 2)
+    rubs = moving.rigid + 5.0 * np.sign(moving.motion.speed) + 3.0 * moving.motion.speed
+    noise = 0.1 * np.random.default_rng(5).normal(size=rubs.shape)
+    recording = Recording(
+        time=moving.motion.time[rows],
+        positions=dict(zip(moving.motion.names, moving.motion.position[rows].T, strict=True)),
+        efforts=dict(zip(moving.motion.driven, ((rubs + noise) * GAINS)[rows].T, strict=True)),
+        tolerances=Tolerances(effort_gain=1.0),
+    )
+    found = diagnose(robot, as_written(recording, "q")).efforts
+    assert not [item for item in found.findings if item.physics == "inertial_parameters"]
+    for name in found.joints:
+        assert found.shares[name]["fit"] < 1.1 * found.shares[name]["heldout"]

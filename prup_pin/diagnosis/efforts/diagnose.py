@@ -194,6 +194,8 @@ def _in_own_units(
         efforts = PreparedEfforts(at, {**tolerances, physics: of_gains[0]}, prepared.below, of_gains[1])
         efforts, model = _searched(efforts, tell, known)
         model = with_relieving_laws(efforts, model)
+        # where no body foretells as well beside free gains, none stays: given gains are those beside what stays
+        model = with_few_bodies(model, most=0)
         masses = any(term.law.body is Body.ALL_LINKS for term in model.terms)
         bodies = efforts.modelled(model, fit(model)[0])[1]
         steps, covariance = _steps_of_gains(efforts, model, bodies, middle - np.log(gains.gains))

@@ -34,13 +34,13 @@ class FewBodies(NamedTuple):
     do: bool
 
 
-def with_few_bodies(model: EffortModel) -> EffortModel:
+def with_few_bodies(model: EffortModel, most: int = 2) -> EffortModel:
     """Return the model with no body, or one, or else two, in the place of all links where blocks are foretold as well.
 
-    The tool's load comes before the link that would be as good; of pairs, the fewest numbers.
+    The tool's load comes before the link that would be as good; of pairs, the fewest numbers. most: so many at most.
     """
     for term in model.terms:
-        for count in (0, 1, 2) if term.law.body is Body.ALL_LINKS else ():
+        for count in range(most + 1) if term.law.body is Body.ALL_LINKS else ():
             good = [
                 few
                 for few in _in_place_of(model, term, count)

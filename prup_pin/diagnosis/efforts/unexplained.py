@@ -29,7 +29,6 @@ from ...numbers import number, quantity
 from ...spatial import Array
 from ..criteria import (
     AS_GOOD,
-    BEYOND,
     FALSE_ALARM,
     FAR_LESS,
     FEWEST_BLOCKS,
@@ -216,15 +215,18 @@ def _foreign(share: Mapping[str, float]) -> Finding:
     )
 
 
+def beyond_declared(residuals: EffortResiduals) -> dict[str, float]:
+    """Return the joints that leave clearly more than the declared noise, in multiples of it, the worst first."""
+    left = {name: own["after"] for name, own in residuals.by_joint.items() if own["after"] > AS_GOOD}
+    return dict(sorted(left.items(), key=lambda item: -item[1]))
+
+
 def _beyond_declared(residuals: EffortResiduals) -> Iterator[Finding]:
-    """Yield the joint of the largest residual, if that is more than the declared noise, or that of all joints is."""
-    worst = max(residuals.by_joint, key=lambda name: residuals.by_joint[name]["after"])
-    if residuals.after["fit"] > AS_GOOD or residuals.by_joint[worst]["after"] > BEYOND:
-        multiple = number(residuals.by_joint[worst]["after"], 3)
+    for name, times in beyond_declared(residuals).items():
         yield unknown_at(
-            worst,
-            f"the residual at {worst} is {multiple} times the declared noise; no law of the library explains it, and "
-            "no one curve of speed, position, load or time takes most of it",
+            name,
+            f"the residual at {name} is {number(times, 3)} times the declared noise; no law of the library explains "
+            "it, and no one curve of speed, position, load or time takes most of it",
         )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from ...laws.efforts import Body, curve_by_position
 from ...laws.efforts.deviations import effects_of_deviations
 from ...mechanism.assumed import masses_in_doubt
 from ...numbers import counted, number
-from ..criteria import AS_GOOD
+from ..criteria import AS_GOOD, IMITATED
 from ..diagnosis import Finding
 from .belongs import CHECK_ROBOT
 from .diagnosis import EffortDiagnosis
@@ -23,7 +23,7 @@ from .gains import law_of_gains
 from .identify import efforts_not_detectable, efforts_visible
 from .problem import EffortCandidate
 from .residuals import curves_of, residuals_of
-from .unexplained import structure_left, unexplained
+from .unexplained import beyond_declared, structure_left, unexplained
 
 
 def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
@@ -38,6 +38,12 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
         remarks.append(f"{names} would be beyond tolerance, but may only imitate what is unknown")
     else:
         findings += beyond
+    loud = beyond_declared(residuals) if final.recording.noise.effort else {}
+    imitating = [finding for finding in findings if _may_imitate(final, finding, loud)]
+    findings = [finding for finding in findings if finding not in imitating]
+    if imitating:
+        names = ", ".join(f"{finding.physics.replace('_', ' ')} at {finding.location}" for finding in imitating)
+        remarks.append(f"the corrected model follows {names}, which may only imitate what is unknown there")
     findings.sort(key=lambda finding: -finding.heldout_gain)
     unknown = unexplained(final, residuals, structure)
     doubtful = _doubtful(final, unknown)
@@ -82,6 +88,13 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
         sliding=tuple(name for name in driven if final.mechanism.joint(name).slides),
         premises=(*(doubt.text for doubt in doubts), *_premises_of(final)),
     )
+
+
+def _may_imitate(final: FinalState, finding: Finding, loud: Collection[str]) -> bool:
+    """Return whether a law acts where joints leave more than noise, and takes too little to be told from that."""
+    of = [term for term in final.laws if (term.law.physics, term.place.name) == (finding.physics, finding.location)]
+    acts = {final.at.driven[joint] for term in of for joint in final.problem.columns.joints_of(term)}
+    return bool(acts & set(loud)) and not finding.times**2 - 1 >= IMITATED
 
 
 def _doubtful(final: FinalState, unknown: Sequence[Finding]) -> list[EffortCandidate]:
