@@ -90,7 +90,7 @@ class JointEquations:
     def scaled(self, joints: Array, columns: Array) -> JointEquations:
         """Return the same of columns and efforts in other units, of each joint (k,) and of each column (p,)."""
         squares = joints**2
-        gram = self.gram * (squares[:, None, None] * columns[:, None] * columns)
+        gram = self.gram * (squares[:, None, None] * columns[:, None]) * columns
         return JointEquations(gram, self.moment * squares[:, None] * columns, self.power * squares)
 
     def without(self, count: int) -> JointEquations:

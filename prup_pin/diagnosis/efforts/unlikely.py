@@ -47,12 +47,14 @@ class Unlikely:
 
 
 class _Fitted(NamedTuple):
-    """How unlikely each effort is (k,) and bodies are beside it, in nats: by what they are off, and by how many others
-    they might have been; left (k,): shares of squares."""
+    """How unlikely each effort is (k,), its offset of that (k,), and bodies, in nats: by what they are off, and by how
+    many others they might have been; left (k,): shares of squares; x (p,): coefficients of all columns."""
 
     nats: Array
+    offsets: Array
     bodies: float
     left: Array
+    x: Array
 
 
 class EffortLikelihood:
@@ -65,7 +67,7 @@ class EffortLikelihood:
         self.at, self.count = at, min(float(count), _COUNTED)
         self._prior = BodyPrior.of(at.mechanism, tolerances)
         self._ways, self._sharing = self._motors()
-        self._known: dict[bytes, tuple[Array, Array]] = {}
+        self._last: tuple[bytes, Array, Array] = b"", np.zeros(0), np.zeros(0)
 
     def __call__(self, motion: Motion, efforts: Array, noise: Array, made_of: Array) -> Unlikely:
         """Return how unlikely efforts (n, k) are in a motion; without end where loops do not close.
@@ -85,33 +87,49 @@ class EffortLikelihood:
         # in shares of the efforts, where what drives need may be anything: columns as long as one; but an offset is
         # known to be small beside what a drive gives
         lengths = np.sqrt(scale**2 @ np.einsum("kpp->kp", gram))
-        units = np.append(np.ones(bodies), 1 / np.maximum(lengths[bodies:], np.finfo(float).tiny))
+        units = np.append(np.ones(bodies), np.divide(1.0, lengths, where=lengths > 0, out=0 * lengths)[bodies:])
         units[bodies : bodies + drives] *= LITTLE
         own = JointEquations.of(columns, efforts, gram).scaled(scale, units)
-        as_drawn = own.less(np.append(self._prior.drawn, np.zeros(len(units) - bodies)))
-        still, drawn = (self._fitted(each.without(bodies), 0, floor) for each in (own, as_drawn))
-        near = self._fitted(as_drawn, bodies, floor)
-        # noise of positions may make more of a light joint's body than all that it gives
-        costs = [float(np.minimum(fit.nats, still.nats)[seen].sum()) + fit.bodies for fit in (drawn, near)]
-        fit, more = (drawn, near)[int(np.argmin(costs))], min(costs)
-        left = np.where(fit.nats < still.nats, fit.left, still.left)
+        nothing = np.zeros_like(units)
+        drawing = np.append(self._prior.drawn, nothing[bodies:])
+        as_drawn = own.less(drawing)
+        still = self._fitted(own.without(bodies), 0, floor, nothing)
+        drawn = self._fitted(as_drawn.without(bodies), 0, floor, drawing)
+        near = self._fitted(as_drawn, bodies, floor, drawing)
+
+        # what is left is noise of efforts as they are written: what two have in common stays there in any sum of them
+        to_written = np.linalg.inv(made_of)
+        squares = ((efforts @ to_written) ** 2).sum(axis=0)
+        known = squares > 0
+        least = NO_MATTER**2 * squares[known] + noise[known] ** 2 * len(efforts)
+
+        def judged(fit: _Fitted) -> tuple[float, Array]:
+            """Return how unlikely it is, and shares left (k,), with joints that stand still where that is likelier."""
+            # noise of positions may make more of a light joint's body than all that it gives
+            moved = fit.nats < still.nats
+            left = efforts - np.where(moved, columns @ (units * fit.x), columns @ (units * still.x))
+            written = ((seen * left) @ to_written)[:, known]
+            nats = 0.5 * self.count * np.log(np.maximum((written**2).sum(axis=0) / least, 1.0)).sum()
+            offsets = np.where(moved, fit.offsets, still.offsets)[seen].sum()
+            return float(nats + offsets) + fit.bodies, np.where(moved, fit.left, still.left)
+
+        more, left = min((judged(fit) for fit in (drawn, near)), key=lambda each: each[0])
         more += self._beyond(motion) * self.count  # each as much as all of its samples
-        # in the units and sums in which they were written: a larger effort that is added to a noisy one leaves no less
-        made = made_of[(made_of[:, seen] != 0).any(axis=1)]
-        written = np.log(size[seen]).sum() - 0.5 * np.linalg.slogdet(made @ made.T)[1]
-        nats = self.count * float(0.5 * np.log(floor[seen]).sum() + written) + more
+        nats = more + 0.5 * self.count * float(np.log(least).sum())
         return Unlikely(nats, np.minimum(np.where(seen, left, np.nan), 100.0), more < SURELY)
 
-    def _fitted(self, equations: JointEquations, bodies: int, floor: Array) -> _Fitted:
+    def _fitted(self, equations: JointEquations, bodies: int, floor: Array, beside: Array) -> _Fitted:
         """Return what so many columns of bodies, one of an offset at each joint, and what takes energy leave.
 
-        floor (k,): squares below which what is left speaks for nothing.
+        floor (k,): squares below which what is left speaks for nothing; beside (p,): coefficients that are there.
         """
         free = bodies + len(floor)
         left, x, precision = self._least(equations, free)
-        nats = 0.5 * self.count * np.log(np.maximum(left / floor, 1.0)) + 0.5 * x[bodies:free] ** 2
+        offsets = 0.5 * x[bodies:free] ** 2
+        nats = 0.5 * self.count * np.log(np.maximum(left / floor, 1.0)) + offsets
         freedom = float(np.linalg.slogdet(precision[:bodies, :bodies])[1]) if bodies else 0.0
-        return _Fitted(nats, 0.5 * float((x[:bodies] ** 2).sum()) + 0.5 * freedom, left)
+        whole = beside + np.append(np.zeros(len(beside) - len(x)), x)
+        return _Fitted(nats, offsets, 0.5 * float((x[:bodies] ** 2).sum()) + 0.5 * freedom, left, whole)
 
     def _least(self, equations: JointEquations, free: int) -> tuple[Array, Array, Array]:
         """Return the squares (k,) that the likeliest coefficients leave, these (p,), and their inverse covariance
@@ -163,13 +181,12 @@ class EffortLikelihood:
         return ways, ways.T != 0
 
     def _columns(self, motion: Motion) -> tuple[Array, Array]:
-        """Return the columns (n, k, p) of a motion and their products (k, p, p), kept of two."""
+        """Return the columns (n, k, p) of a motion and their products (k, p, p), the same ones for the same motion."""
         key = b"".join(part.tobytes() for part in (motion.position, motion.speed, motion.acceleration))
-        if (found := self._known.pop(key, None)) is None:
+        if self._last[0] != key:
             columns = self._made(motion)
-            found = columns, gram_of(columns)
-        self._known = {**dict([*self._known.items()][-1:]), key: found}  # that of the log, and one that is read
-        return found
+            self._last = key, columns, gram_of(columns)
+        return self._last[1:]
 
     def _made(self, motion: Motion) -> Array:
         at, names = self.at, self.at.driven
