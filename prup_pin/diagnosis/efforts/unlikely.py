@@ -47,13 +47,11 @@ class Unlikely:
 
 
 class _Fitted(NamedTuple):
-    """How unlikely each effort is (k,), its offset of that (k,), and bodies, in nats: by what they are off, and by how
-    many others they might have been; left (k,): shares of squares; x (p,): coefficients of all columns."""
+    """How unlikely each effort is (k,), and bodies are beside it, in nats: by what they are off, and by how many others
+    they might have been; x (p,): coefficients of all columns."""
 
     nats: Array
-    offsets: Array
     bodies: float
-    left: Array
     x: Array
 
 
@@ -79,75 +77,54 @@ class EffortLikelihood:
             columns, gram = self._columns(motion)
         except InputError:
             return Unlikely(np.inf, np.full(efforts.shape[1], np.inf))
-        bodies, drives = len(self._prior.drawn), efforts.shape[1]
+        bodies, count = len(self._prior.drawn), len(efforts)
+        offsets = slice(bodies, bodies + efforts.shape[1])
         size = np.sqrt((efforts**2).sum(axis=0))
         seen = size > 0
-        scale = np.where(seen, 1 / np.where(seen, size, 1.0), 0.0)
-        floor = NO_MATTER**2 + (noise**2 @ made_of**2) * scale**2 * len(efforts)
+        scale = np.divide(1.0, size, where=seen, out=0 * size)
+        floor = NO_MATTER**2 + (noise**2 @ made_of**2) * scale**2 * count
         # in shares of the efforts, where what drives need may be anything: columns as long as one; but an offset is
         # known to be small beside what a drive gives
         lengths = np.sqrt(scale**2 @ np.einsum("kpp->kp", gram))
-        units = np.append(np.ones(bodies), np.divide(1.0, lengths, where=lengths > 0, out=0 * lengths)[bodies:])
-        units[bodies : bodies + drives] *= LITTLE
-        own = JointEquations.of(columns, efforts, gram).scaled(scale, units)
-        nothing = np.zeros_like(units)
+        units = np.divide(1.0, lengths, where=lengths > 0, out=0 * lengths)
+        units[:bodies], units[offsets] = 1.0, LITTLE * units[offsets]
+        own, nothing = JointEquations.of(columns, efforts, gram).scaled(scale, units), np.zeros_like(units)
         drawing = np.append(self._prior.drawn, nothing[bodies:])
         as_drawn = own.less(drawing)
         still = self._fitted(own.without(bodies), 0, floor, nothing)
         drawn = self._fitted(as_drawn.without(bodies), 0, floor, drawing)
         near = self._fitted(as_drawn, bodies, floor, drawing)
-
+        # noise of positions may make more of a light joint's body than all that it gives
+        fit = min((drawn, near), key=lambda one: np.minimum(one.nats, still.nats)[seen].sum() + one.bodies)
+        moved = fit.nats < still.nats
+        left = (efforts - np.where(moved, *(columns @ (units * one.x) for one in (fit, still)))) * seen
         # what is left is noise of efforts as they are written: what two have in common stays there in any sum of them
         to_written = np.linalg.inv(made_of)
-        squares = ((efforts @ to_written) ** 2).sum(axis=0)
+        squares, written = (((each @ to_written) ** 2).sum(axis=0) for each in (efforts, left))
         known = squares > 0
-        least = NO_MATTER**2 * squares[known] + noise[known] ** 2 * len(efforts)
-
-        def judged(fit: _Fitted) -> tuple[float, Array]:
-            """Return how unlikely it is, and shares left (k,), with joints that stand still where that is likelier."""
-            # noise of positions may make more of a light joint's body than all that it gives
-            moved = fit.nats < still.nats
-            left = efforts - np.where(moved, columns @ (units * fit.x), columns @ (units * still.x))
-            written = ((seen * left) @ to_written)[:, known]
-            nats = 0.5 * self.count * np.log(np.maximum((written**2).sum(axis=0) / least, 1.0)).sum()
-            offsets = np.where(moved, fit.offsets, still.offsets)[seen].sum()
-            return float(nats + offsets) + fit.bodies, np.where(moved, fit.left, still.left)
-
-        more, left = min((judged(fit) for fit in (drawn, near)), key=lambda each: each[0])
+        least = NO_MATTER**2 * squares[known] + noise[known] ** 2 * count
+        more = 0.5 * self.count * float(np.log(np.maximum(written[known] / least, 1.0)).sum()) + fit.bodies
+        more += 0.5 * float((np.where(moved, fit.x[offsets], still.x[offsets])[seen] ** 2).sum())
         more += self._beyond(motion) * self.count  # each as much as all of its samples
-        nats = more + 0.5 * self.count * float(np.log(least).sum())
-        return Unlikely(nats, np.minimum(np.where(seen, left, np.nan), 100.0), more < SURELY)
+        shares = np.where(seen, np.minimum((left**2).sum(axis=0) * scale**2, 100.0), np.nan)
+        return Unlikely(more + 0.5 * self.count * float(np.log(least).sum()), shares, more < SURELY)
 
     def _fitted(self, equations: JointEquations, bodies: int, floor: Array, beside: Array) -> _Fitted:
-        """Return what so many columns of bodies, one of an offset at each joint, and what takes energy leave.
+        """Return the likeliest coefficients of bodies, of an offset at each joint, and of what takes energy.
 
-        floor (k,): squares below which what is left speaks for nothing; beside (p,): coefficients that are there.
+        The first ones are free, with a variance of one; of the others, which are not negative, nothing is known. floor
+        (k,): squares below which what is left speaks for nothing; beside (p,): coefficients that are there.
         """
-        free = bodies + len(floor)
-        left, x, precision = self._least(equations, free)
-        offsets = 0.5 * x[bodies:free] ** 2
-        nats = 0.5 * self.count * np.log(np.maximum(left / floor, 1.0)) + offsets
-        freedom = float(np.linalg.slogdet(precision[:bodies, :bodies])[1]) if bodies else 0.0
-        whole = beside + np.append(np.zeros(len(beside) - len(x)), x)
-        return _Fitted(nats, offsets, 0.5 * float((x[:bodies] ** 2).sum()) + 0.5 * freedom, left, whole)
-
-    def _least(self, equations: JointEquations, free: int) -> tuple[Array, Array, Array]:
-        """Return the squares (k,) that the likeliest coefficients leave, these (p,), and their inverse covariance
-        (p, p).
-
-        The first ones are free, with a variance of one; of the others, which are not negative, nothing is known.
-        """
-        count = equations.moment.shape[1]
+        count, free = equations.moment.shape[1], bodies + len(floor)
         prior = np.repeat([1.0, ROUNDING], [free, count - free])
-        weights = np.full(len(equations.power), self.count / LITTLE)
+        weights = np.full(len(floor), self.count / LITTLE)
         for _ in range(FEW_ROUNDS):
             precision = equations.weighted(weights)
             precision.flat[:: count + 1] += prior
             unit = 1 / np.sqrt(np.diag(precision))
             matrix = precision * unit[:, None] * unit
             matrix.flat[:: count + 1] += ROUNDING * count
-            right = (weights @ equations.moment) * unit
-            cross = matrix[free:, :free]
+            right, cross = (weights @ equations.moment) * unit, matrix[free:, :free]
             solved = np.linalg.solve(matrix[:free, :free], np.column_stack((cross.T, right[:free])))
             across, alone = solved[:, :-1], solved[:, -1]
             root = np.linalg.cholesky(matrix[free:, free:] - cross @ across)
@@ -155,7 +132,9 @@ class EffortLikelihood:
             x = unit * np.append(alone - across @ taken, taken)
             left = np.maximum(equations.left(x), 0.0)
             weights = self.count / np.maximum(left, LITTLE**2)
-        return left, x, precision
+        nats = 0.5 * self.count * np.log(np.maximum(left / floor, 1.0)) + 0.5 * x[bodies:free] ** 2
+        by_bodies = x[:bodies] @ x[:bodies] + np.linalg.slogdet(precision[:bodies, :bodies])[1]
+        return _Fitted(nats, 0.5 * float(by_bodies), beside + np.append(np.zeros(len(beside) - count), x))
 
     def _beyond(self, motion: Motion) -> int:
         """Return how many joints travel farther or faster than they can, by far."""
