@@ -107,6 +107,7 @@ OPPOSITE = "wrist_3_joint,wrist_2_joint,wrist_1_joint,elbow_joint,shoulder_lift_
         (f"tau=order:{EXCHANGED}",),
         (f"q=order:{OPPOSITE}",),
         ("q.elbow_joint=plus:shoulder_lift_joint",),
+        ("q.elbow_joint=plus:shoulder_lift_joint", "tau.shoulder_lift_joint=minus:elbow_joint"),
         pytest.param(("q.elbow_joint=quarter_turns:1",), marks=pytest.mark.slow),
         pytest.param(  # as beside a wrist that nothing explains
             ("q.shoulder_lift_joint=quarter_turns:1", "q.elbow_joint=quarter_turns:3"), marks=pytest.mark.slow
@@ -139,6 +140,16 @@ def test_gears_are_told_of_efforts_of_which_they_leave_no_more_than_the_noise(ur
     exact = dict(zip(ur5.actuated, InMotion.of(ur5, motion).rigid.T, strict=True))
     log = written(replace(recording.select(motion.rows), efforts=exact), "q=gear:100", "tau=gear:100")
     assert told(ur5, replace(log, noise=replace(log.noise, effort=0.3))) == ["q=gear:100", "tau=gear:100"]
+
+
+def test_what_a_motor_of_two_joints_leaves_at_both_is_no_sum_of_efforts(ur5, recording):
+    """Its friction cancels in the sum, and with it what no friction of the model explains."""
+    motion = motion_of(recording, ur5)
+    speed = motion.speed[:, motion.names.index("wrist_3_joint")] - motion.speed[:, motion.names.index("wrist_2_joint")]
+    rubs = 1.5 * np.sign(speed) * (1 + 2 * np.exp(-((speed / 0.3) ** 2)))
+    log = recording.select(motion.rows)
+    felt = {"wrist_3_joint": rubs, "wrist_2_joint": -rubs}
+    assert told(ur5, replace(log, efforts={name: tau + felt.get(name, 0.0) for name, tau in log.efforts.items()})) == []
 
 
 def slow_log(ur5, turned, friction=0.0):

@@ -293,15 +293,21 @@ class EffortReadings:
         """
         if not self.compares:
             return None
-        tried = []
-        if unit := self._unit():
-            begin = read_as(self.log, unit, self.drawn)
-            found = likeliest(begin, self.unlikely(begin), self._tries, _WORD)
-            tried.append(found._replace(conventions=(*unit, *found.conventions)))
-            if len(self.motion.driven) < FEWEST_OF_KIND or (found.score.surely and not found.conventions):
-                return tried[0]
-        tried.append(likeliest(self.log, self._hung(), self._tries, _WORD))
-        return min(tried, key=lambda found: found.score.nats + _price(found.conventions))
+        if not (unit := self._unit()):
+            return likeliest(self.log, self._hung(), self._tries, _WORD)
+        begin = read_as(self.log, unit, self.drawn)
+        score = self.unlikely(begin)
+        if len(self.motion.driven) >= FEWEST_OF_KIND and not score.surely:
+            plain = likeliest(self.log, self._hung(), self._tries, _WORD)
+            if plain.conventions[:1] == unit:  # whatever is read beside it was asked
+                return plain
+        else:
+            plain = None
+        found = likeliest(begin, score, self._tries, _WORD)
+        found = found._replace(conventions=(*unit, *found.conventions))
+        return min(
+            (each for each in (found, plain) if each), key=lambda each: each.score.nats + _price(each.conventions)
+        )
 
     @property
     def least(self) -> float:

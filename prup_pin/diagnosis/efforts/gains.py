@@ -8,11 +8,11 @@ the robot file's masses decide (Gautier and Venture 2013).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import null_space
+from scipy.linalg import qr
 from scipy.optimize import minimize, minimize_scalar
 
 from ...dynamics import InMotion
@@ -22,12 +22,10 @@ from ...spatial import Array
 from ..criteria import (
     AS_GOOD,
     EFFORT_GAINS,
-    EFFORT_MASSES,
     FAR_LESS,
     FEWEST_NUMBERS,
     FEWEST_OF_KIND,
     FOLDS,
-    LEAST_REACH,
     LITTLE,
     MUCH,
     NEARLY,
@@ -37,6 +35,7 @@ from ..criteria import (
     UNSEEN,
     WIDEST_STEP,
 )
+from .joint_equations import BodyPrior, JointEquations
 from .problem import column_blocks, kept_samples
 
 #: Samples that are looked at.
@@ -46,35 +45,20 @@ _FRICTION = 3
 
 
 @dataclass(frozen=True, eq=False)
-class _Bodies:
-    """What tells the scale of all gains: sums of products over all blocks (`_Products.without`), of combinations of
-    inertial parameters as drawn (r,), each in multiples of its spread.
-    """
-
-    sums: tuple[Array, Array, Array]
-    drawn: Array
-
-    def cost(self, gain: Array) -> float:
-        """Return the squares that the likeliest bodies leave beside gains (k,), less a constant, and their strain."""
-        columns, moment, _ = self.sums
-        x, _ = _inertial(self.sums, self.drawn, 1.0, gain)
-        bears = gain**2 * np.einsum("i,kij,j->k", x, columns, x)
-        return float((bears - 2 * gain * (moment @ x)).sum()) + float(((x - self.drawn) ** 2).sum())
-
-
-@dataclass(frozen=True, eq=False)
 class Gains:
     """Reported per true effort, of each driven joint (k,).
 
     `common`: the standard deviation of the logarithm of all of them together, which the masses of the robot file
     decide; covariance (k, k): of their logarithms, as far as the efforts tell them; alike: whether the whole robot
-    would weigh next to nothing in newtons, so that drives may count alike in another unit.
+    would weigh next to nothing in newtons, so that drives may count alike in another unit; equations, drawn (r,): of
+    the bodies' combinations that are told, in multiples of their spreads.
     """
 
     gains: Array
     common: float
     covariance: Array
-    bodies: _Bodies
+    equations: JointEquations
+    drawn: Array
     alike: bool = False
 
     @property
@@ -86,7 +70,13 @@ class Gains:
         """Return gains (k,) so many times as large, all alike, that the robot file's masses are the likeliest beside
         them, whatever the tool holds.
         """
-        found = minimize_scalar(lambda log: self.bodies.cost(np.exp(log) * gains), bracket=(-LITTLE, LITTLE))
+
+        def cost(log: float) -> float:
+            own = np.exp(log) * gains
+            x, _ = self.equations.likeliest(self.drawn, 1.0, own)
+            return float(self.equations.left(x, own).sum() + ((x - self.drawn) ** 2).sum())
+
+        found = minimize_scalar(cost, bracket=(-LITTLE, LITTLE))
         return replace(self, gains=float(np.exp(found.x)) * gains)
 
 
@@ -121,25 +111,6 @@ def scale_of(gains: Gains | None, count: int) -> Array:
     return np.ones(count) if gains is None else gains.gains
 
 
-@dataclass(frozen=True, eq=False)
-class _Products:
-    """Of each joint and block of time: products of inertial columns (k, B, p, p), with efforts (k, B, p) and (k, B).
-
-    Freed of the joint's own friction, offset and counterbalance, in multiples of what nothing takes away there; `size`:
-    of the squares that this is, in all.
-    """
-
-    columns: Array
-    moment: Array
-    power: Array
-    size: float
-
-    def without(self, block: int | None) -> tuple[Array, Array, Array]:
-        """Return sums over all blocks but one."""
-        kept = [b for b in range(self.power.shape[1]) if b != block]
-        return self.columns[:, kept].sum(axis=1), self.moment[:, kept].sum(axis=1), self.power[:, kept].sum(axis=1)
-
-
 def law_of_gains() -> EffortLaw:
     """Return the law of a drive that reports in a unit of its own, which no other law competes with."""
     return next(law for law in EFFORT_LAWS if law.of_gain and not law.competes)
@@ -164,29 +135,30 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     declared = in_any_unit(tolerances)
     if at.motion.standing or len(at.driven) < (1 if declared else 2) or not at.rigid.any():
         return None
-    products = _products(at, declared)
-    if products is None:
+    prior = BodyPrior.of(at.mechanism, tolerances)
+    if (told := _blocks(at, prior, declared)) is None:
         return None
-    products, drawn = _identified(products, *drawn_bodies(at, tolerances))
-    start = _first_gains(products, drawn)
+    basis, drawn = _identified(JointEquations.total(told[0]), prior.drawn)
+    blocks, size = [block.among(basis) for block in told[0]], told[1]
+    whole = JointEquations.total(blocks)
+    start = _first_gains(whole, drawn)
     if start is None:
         return None
     alike, before, after = np.ones(len(start)), [], []  # held out, where all are as told and where each is its own
-    for block in range(products.power.shape[1]):
-        others = products.without(block)
-        before.append(_residual_squares(products, block, _inertial(others, drawn, MUCH, alike)[0], alike))
+    for held_out in blocks:
+        others = JointEquations.total([block for block in blocks if block is not held_out])
+        before.append(float(held_out.left(others.likeliest(drawn, MUCH, alike)[0]).sum()))
         own, log, _ = _solved(others, drawn, MUCH, start)
-        after.append(_residual_squares(products, block, own, np.exp(log)))
+        after.append(float(held_out.left(own, np.exp(log)).sum()))
     saving = np.array(before) - np.array(after)
     sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(len(saving)), np.finfo(float).tiny)
-    if np.sum(after) > MUCH * products.size and not declared:
+    if np.sum(after) > MUCH * size and not declared:
         return None
-    whole = products.without(None)
     found, log, covariance = _solved(whole, drawn, 1.0, start)
     much = saving.sum() > FAR_LESS * np.sum(before) and sure > SURE
     # drives count otherwise, be it all alike, where only masses of the whole robot that no drawing is so far from
     # would do without; of two drives a load may be so much as well
-    light, right = (float(x @ drawn) / float(drawn @ drawn) for x in (_inertial(whole, drawn, 1.0, alike)[0], found))
+    light, right = (float(x @ drawn) / float(drawn @ drawn) for x in (whole.likeliest(drawn, 1.0, alike)[0], found))
     unlikely = not 1 / AS_GOOD < light < AS_GOOD and 1 / AS_GOOD < right < AS_GOOD
     apart = are_apart(log, covariance)
     other = abs(np.median(log)) > np.log(AS_GOOD) and _several(log, covariance)
@@ -194,7 +166,7 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     if not (declared or (much and apart) or unit):
         return None
     common = float(np.sqrt(covariance.mean()))
-    return Gains(np.exp(log), common, covariance, _Bodies(whole, drawn), unit)
+    return Gains(np.exp(log), common, covariance, whole, drawn, unit)
 
 
 def likeliest_logs(normal: Array, moment: Array, prior: Array, middle: Array) -> tuple[Array, Array]:
@@ -238,42 +210,23 @@ def _several(log: Array, covariance: Array) -> bool:
     return int((np.abs(log) > np.maximum(np.log(NEARLY), SURE * deviation)).sum()) > 1
 
 
-def _identified(products: _Products, drawn: Array, spread: Array) -> tuple[_Products, Array]:
-    """Return the same of the combinations of inertial parameters (r,) that efforts tell, and these as drawn (r,).
+def _identified(equations: JointEquations, drawn: Array) -> tuple[Array, Array]:
+    """Return the combinations of bodies' columns that efforts tell (p, r), and these as drawn (r,): the first alone.
 
-    Each in multiples of its spread. The others stay as drawn whatever is measured.
+    All others stay as drawn whatever is measured.
     """
-    there = np.flatnonzero(spread > 0)
-    unit = spread[there]
-    columns = products.columns[..., there[:, None], there] * unit[:, None] * unit
-    sizes, basis = np.linalg.eigh(columns.sum(axis=(0, 1)))
+    sizes, basis = np.linalg.eigh(equations.weighted(np.ones(len(equations.power))))
     basis = basis[:, sizes > ROUNDING * sizes[-1]]
-    columns = basis.T @ columns @ basis
-    moment = (products.moment[..., there] * unit) @ basis
-    return _Products(columns, moment, products.power, products.size), basis.T @ (drawn[there] / unit)
+    turn, along = qr((basis.T @ drawn)[:, None])
+    return basis @ turn, along[:, 0]
 
 
-def drawn_bodies(at: InMotion, tolerances: Mapping[str, float]) -> tuple[Array, Array]:
-    """Return the inertial parameters of the robot file (p,) and their standard deviations (p,), with what it holds."""
-    mass, inertia = (max(float(tolerances.get(key, EFFORT_MASSES)), 1e-3) for key in ("mass", "inertia"))
-    drawn, spread = [], []
-    for body in list(at.mechanism.model.inertias)[1:]:
-        own, m = body.toDynamicParameters(), float(body.mass)
-        drawn.append(own)
-        trace = float(np.trace(body.inertia)) + m * float(body.lever @ body.lever)
-        reach = np.sqrt(trace / m) if m > 0 else 0.0
-        spread.append(np.array([mass * m, *3 * [mass * m * reach], *6 * [inertia * max(trace, 0.0)]]))
-    tool = at.mechanism.tool
-    if tool is not None and tool.joint > 0:  # what it holds is in no drawing
-        held = LITTLE * sum(float(body.mass) for body in at.mechanism.model.inertias)
-        lever = float(np.linalg.norm(tool.placement[:3, 3])) + LEAST_REACH
-        own = np.array([held, *3 * [held * lever], *6 * [held * lever**2]])
-        spread[tool.joint - 1] = np.hypot(spread[tool.joint - 1], own)
-    return np.concatenate(drawn), np.concatenate(spread)
+def _blocks(at: InMotion, prior: BodyPrior, declared: bool) -> tuple[Sequence[JointEquations], float] | None:
+    """Return the equations of bodies by block of time, freed of each joint's friction, offset and counterbalance, and
+    the squares that this is in all; in multiples of what nothing takes away there.
 
-
-def _products(at: InMotion, declared: bool) -> _Products | None:
-    """Return what tells gains; declared: to be in any unit, which a short motion of one drive is to tell as well."""
+    declared: to be in any unit, which a short motion of one drive is to tell as well.
+    """
     motion = at.motion
     rows = kept_samples(at)
     rows = rows[:: max(1, len(rows) // _SAMPLES)]
@@ -282,43 +235,36 @@ def _products(at: InMotion, declared: bool) -> _Products | None:
     measured = motion.band(motion.efforts, motion.piece)[rows]
     if not np.isfinite(measured).all():
         return None
-    whole = at.regressor.reshape(len(at), len(at.driven), -1)
-    size = whole.shape[2]
     blocks = column_blocks(rows, FOLDS)
     folds = int(blocks.max()) + 1
     if folds < FOLDS and not declared:
         return None
-    columns = np.zeros((len(at.driven), folds, size, size))
-    moment, power = np.zeros(columns.shape[:3]), np.zeros(columns.shape[:2])
-    total = 0.0
+    whole, total = prior.columns(at.regressor), 0.0
+    values = np.zeros((*measured.shape, 1 + whole.shape[2]))
     for joint, name in enumerate(at.driven):
         low_pass = motion.band.of_joint(joint)
-        inertial = low_pass(whole[:, joint], motion.piece)[rows]
         good = low_pass.settled(motion.piece)[rows]
         if name in motion.names:
             good &= ~motion.still[rows, motion.names.index(name)]
         if good.sum() < FEWEST_NUMBERS:
-            continue
-        own = low_pass(_nuisance_columns(at, name), motion.piece)[rows]
-        borne = low_pass(at.rigid[:, joint], motion.piece)[rows]
-        if declared and np.linalg.norm(_beside(own[good], borne[good])) < LITTLE * np.linalg.norm(borne[good]):
+            return None
+        own, borne, bodies = (
+            low_pass(each, motion.piece)[rows][good]
+            for each in (_nuisance_columns(at, name), at.rigid[:, joint], whole[:, joint])
+        )
+        if declared and np.linalg.norm(_beside(own, borne)) < LITTLE * np.linalg.norm(borne):
             own = own[:, :_FRICTION]  # of one drive a counterbalance and a rotor are all that its body asks for
-        values = np.column_stack((measured[:, joint], inertial))
-        values[good] = _beside(own[good], values[good])
-        values[~good] = 0.0
-        left = _beside(values[good, 1:], values[good, 0], 1e-7)
+        freed = _beside(own, np.column_stack((measured[good, joint], bodies)))
+        left = _beside(freed[:, 1:], freed[:, 0], 1e-7)
         sigma2 = float(left @ left) / good.sum()
         if not sigma2 > 0:
-            continue
+            return None
         # neighbours are alike: as many count as would be independent
         alike = float(np.clip(left[1:] @ left[:-1] / (left @ left), 0.0, 0.99))
         total += good.sum() * (1 - alike) / (1 + alike)
-        values *= np.sqrt((1 - alike) / (1 + alike) / sigma2)
-        for block in range(folds):
-            part = values[blocks == block]
-            gram = part.T @ part
-            columns[joint, block], moment[joint, block], power[joint, block] = gram[1:, 1:], gram[1:, 0], gram[0, 0]
-    return _Products(columns, moment, power, total) if power.any(axis=1).all() else None
+        values[good, joint] = freed * np.sqrt((1 - alike) / (1 + alike) / sigma2)
+    parts = [values[blocks == block] for block in range(folds)]
+    return [JointEquations.of(part[..., 1:], part[..., 0]) for part in parts], total
 
 
 def _beside(columns: Array, values: Array, rcond: float = 1e-9) -> Array:
@@ -356,43 +302,32 @@ def _coupled(at: InMotion, joint: str) -> list[str]:
     return [other for name, other in motor_pairs(at.mechanism) if name == joint and {name, other} <= seen]
 
 
-def _first_gains(products: _Products, drawn: Array) -> Array | None:
+def _first_gains(equations: JointEquations, drawn: Array) -> Array | None:
     """Return logarithms of gains (k,) by the robot file's masses; the others' middle where that tells nothing."""
-    columns, moment, power = products.without(None)
-    size = np.einsum("i,kij,j->k", drawn, columns, drawn)
-    along = moment @ drawn
-    follows = (size > 0) & (along > 0.5 * np.sqrt(np.maximum(size * power, 0.0)))
+    size, along = equations.borne(drawn), equations.moment @ drawn
+    follows = (size > 0) & (along > 0.5 * np.sqrt(np.maximum(size * equations.power, 0.0)))
     if not follows.any():
         return None
     log = np.log(np.where(follows, along, 1.0) / np.where(follows, size, 1.0))
     return np.where(follows, log, np.median(log[follows]))
 
 
-def _inertial(sums: tuple[Array, Array, Array], drawn: Array, width: float, gain: Array) -> tuple[Array, Array]:
-    """Return the likeliest inertial parameters (r,) of given gains (k,), under their prior, and its normal (r, r)."""
-    columns, moment, _ = sums
-    normal = np.einsum("k,kij->ij", gain**2, columns) + np.eye(len(drawn)) / width**2
-    return np.linalg.solve(normal, gain @ moment + drawn / width**2), normal
-
-
-def _solved(sums: tuple[Array, Array, Array], drawn: Array, width: float, start: Array) -> tuple[Array, Array, Array]:
+def _solved(equations: JointEquations, drawn: Array, width: float, start: Array) -> tuple[Array, Array, Array]:
     """Return the likeliest inertial parameters (r,), logarithms of gains (k,) and the covariance (k, k) of these, under
     the priors of both, gains about the middle of `start` (k,).
 
     All parameters k times as large are gains k times as large: one scale, which is solved for last. Else bodies that
-    weigh next to nothing, all as far from the drawing as heavy ones may be, would be anything. Of given gains the other
-    combinations of parameters are a linear problem, so that only gains are looked for.
+    weigh next to nothing, all as far from the drawing as heavy ones may be, would be anything. Of given gains the
+    combinations of parameters but the first, which as drawn are nothing, are a linear problem, so that only gains are
+    looked for.
     """
-    columns, moment, _ = sums
     level, count = float(np.median(start)), len(start)
-    across = null_space(drawn[None])
     scale = width**2 / float(drawn @ drawn)  # variance of its logarithm
     prior = np.linalg.inv(EFFORT_GAINS**2 * np.eye(count) + scale)
-    of_drawn, of_others = (columns @ drawn) @ across, across.T @ columns @ across
 
     def inertial(gain: Array) -> tuple[Array, Array]:
-        normal = np.einsum("k,kij->ij", gain**2, of_others) + np.eye(across.shape[1]) / width**2
-        return drawn + across @ np.linalg.solve(normal, gain @ (moment @ across) - gain**2 @ of_drawn), normal
+        x, normal = equations.less(drawn, gain).without(1).likeliest(0 * drawn[1:], width, gain)
+        return np.append(drawn[0], x), normal
 
     def cost(apart: Array) -> tuple[float, Array]:
         gain = np.exp(level + apart)
@@ -400,26 +335,19 @@ def _solved(sums: tuple[Array, Array, Array], drawn: Array, width: float, start:
             x, _ = inertial(gain)
         except np.linalg.LinAlgError:  # of gains so far apart that nothing of the bodies is left beside the largest
             return np.inf, np.zeros(count)
-        bears = gain**2 * np.einsum("i,kij,j->k", x, columns, x)
-        data = float((bears - 2 * gain * (moment @ x)).sum())
+        bears, along = gain**2 * equations.borne(x), gain * (equations.moment @ x)
+        data = float((bears - 2 * along).sum())
         likely = float(((x - drawn) ** 2).sum()) / width**2 + float(apart @ prior @ apart)
-        return data + likely, 2 * (bears - gain * (moment @ x)) + 2 * prior @ apart
+        return data + likely, 2 * (bears - along) + 2 * prior @ apart
 
     options = {"ftol": 1e-13, "gtol": 1e-6, "maxiter": 500}
     with np.errstate(over="ignore", invalid="ignore"):  # of a step that is too long, and shortened then
         apart = minimize(cost, start - level, jac=True, method="L-BFGS-B", options=options).x
     gain = np.exp(level + apart)
     x, normal = inertial(gain)
-    seen = columns @ x  # (k, r)
-    cross = gain**2 * (seen @ across).T
-    own = np.linalg.inv(np.diag(gain**2 * (seen @ x)) + prior - cross.T @ np.linalg.solve(normal, cross))
+    cross = gain**2 * (equations.gram @ x)[:, 1:].T
+    own = np.linalg.inv(np.diag(gain**2 * equations.borne(x)) + prior - cross.T @ np.linalg.solve(normal, cross))
     to_masses = scale * prior.sum(axis=0)  # what masses take of all gains together
     kept = np.eye(count) - to_masses
     covariance = kept @ own @ kept.T + scale * (1 - float(to_masses.sum()))
     return np.exp(to_masses @ apart) * x, level + kept @ apart, covariance
-
-
-def _residual_squares(products: _Products, block: int, x: Array, gain: Array) -> float:
-    """Return the squares that inertial parameters (r,) and gains (k,) leave of a block."""
-    columns, moment, power = products.columns[:, block], products.moment[:, block], products.power[:, block]
-    return float((power - 2 * gain * (moment @ x) + gain**2 * np.einsum("i,kij,j->k", x, columns, x)).sum())

@@ -8,11 +8,11 @@ real robots are off by tens of per cent, and a rigid robot as drawn tells nothin
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.optimize import nnls
 
 from ...dynamics import InMotion, Motion
@@ -20,7 +20,7 @@ from ...errors import InputError
 from ...laws.efforts.effort_law import motor_pairs
 from ...spatial import Array
 from ..criteria import AS_GOOD, FEW_ROUNDS, LITTLE, NO_MATTER, ROUNDING
-from .gains import drawn_bodies
+from .joint_equations import BodyPrior, JointEquations, gram_of
 
 #: By how much, in nats, a log must be likelier as it is read otherwise.
 SURELY = 25.0
@@ -46,35 +46,26 @@ class Unlikely:
         return float(np.sqrt(known.mean())) if len(known) else 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class _Columns:
-    """Efforts (n, k, p) per coefficient in a motion: of bodies, in spreads of the prior, and of what drives need."""
-
-    drawn: Array  # (n, k): of the bodies as drawn
-    bodies: Array
-    offsets: Array
-    taking: Array  # what cannot be negative
-
-
 class _Fitted(NamedTuple):
-    """How unlikely each effort is (k,) and bodies are beside it, in nats: by what they are off, and by how many others
-    they might have been; left (k,): shares of squares."""
+    """How unlikely each effort is (k,), and bodies are beside it, in nats: by what they are off, and by how many others
+    they might have been; x (p,): coefficients of all columns."""
 
     nats: Array
     bodies: float
-    left: Array
+    x: Array
 
 
 class EffortLikelihood:
-    """The model of a robot by which motions and efforts are judged; `count`: as many samples tell their band."""
+    """The model of a robot by which motions and efforts are judged; `count`: as many samples tell their band.
 
-    def __init__(self, at: InMotion, tolerances: dict[str, float], count: int):
+    Its columns: of bodies, in standard deviations of their prior, of offsets of the drives, and of what takes energy.
+    """
+
+    def __init__(self, at: InMotion, tolerances: Mapping[str, float], count: int):
         self.at, self.count = at, min(float(count), _COUNTED)
-        drawn, spread = drawn_bodies(at, tolerances)
-        self._there, self._drawn = np.flatnonzero(spread > 0), drawn
-        self._spread = spread[self._there]
-        self._pairs = sorted({tuple(sorted(pair)) for pair in motor_pairs(at.mechanism) if {*pair} <= {*at.driven}})
-        self._last: tuple[bytes, _Columns] = b"", _Columns(*(np.zeros(0),) * 4)
+        self._prior = BodyPrior.of(at.mechanism, tolerances)
+        self._ways, self._sharing = self._motors()
+        self._last: tuple[bytes, Array, Array] = b"", np.zeros(0), np.zeros(0)
 
     def __call__(self, motion: Motion, efforts: Array, noise: Array, made_of: Array) -> Unlikely:
         """Return how unlikely efforts (n, k) are in a motion; without end where loops do not close.
@@ -83,76 +74,67 @@ class EffortLikelihood:
         read.
         """
         try:
-            columns = self._columns(motion)
+            columns, gram = self._columns(motion)
         except InputError:
             return Unlikely(np.inf, np.full(efforts.shape[1], np.inf))
+        bodies, count = len(self._prior.drawn), len(efforts)
+        offsets = slice(bodies, bodies + efforts.shape[1])
         size = np.sqrt((efforts**2).sum(axis=0))
         seen = size > 0
-        scale = np.where(seen, 1 / np.where(seen, size, 1.0), 0.0)
-
-        def alike(part: Array) -> Array:
-            """Return columns as long as one, in shares of the efforts: nothing is known of their coefficients."""
-            own = part * scale[:, None]
-            return np.asarray(own / np.maximum(np.linalg.norm(own, axis=(0, 1)), np.finfo(float).tiny))
-
-        floor = NO_MATTER**2 + (noise**2 @ made_of**2) * scale**2 * len(efforts)
-        # an offset is known to be small beside what a drive gives, all else may be anything
-        bodies, offsets, taking = (
-            columns.bodies * scale[:, None],
-            LITTLE * alike(columns.offsets),
-            alike(columns.taking),
-        )
-        as_drawn, own = (efforts - columns.drawn) * scale, efforts * scale
-        still, drawn = (self._fitted(bodies[..., :0], offsets, taking, each, floor) for each in (own, as_drawn))
-        near = self._fitted(bodies, offsets, taking, as_drawn, floor)
+        scale = np.divide(1.0, size, where=seen, out=0 * size)
+        floor = NO_MATTER**2 + (noise**2 @ made_of**2) * scale**2 * count
+        # in shares of the efforts, where what drives need may be anything: columns as long as one; but an offset is
+        # known to be small beside what a drive gives
+        lengths = np.sqrt(scale**2 @ np.einsum("kpp->kp", gram))
+        units = np.divide(1.0, lengths, where=lengths > 0, out=0 * lengths)
+        units[:bodies], units[offsets] = 1.0, LITTLE * units[offsets]
+        own, nothing = JointEquations.of(columns, efforts, gram).scaled(scale, units), np.zeros_like(units)
+        drawing = np.append(self._prior.drawn, nothing[bodies:])
+        as_drawn = own.less(drawing)
+        still = self._fitted(own.without(bodies), 0, floor, nothing)
+        drawn = self._fitted(as_drawn.without(bodies), 0, floor, drawing)
+        near = self._fitted(as_drawn, bodies, floor, drawing)
         # noise of positions may make more of a light joint's body than all that it gives
-        costs = [float(np.minimum(fit.nats, still.nats)[seen].sum()) + fit.bodies for fit in (drawn, near)]
-        fit, more = (drawn, near)[int(np.argmin(costs))], min(costs)
-        left = np.where(fit.nats < still.nats, fit.left, still.left)
+        fit = min((drawn, near), key=lambda one: np.minimum(one.nats, still.nats)[seen].sum() + one.bodies)
+        moved = fit.nats < still.nats
+        left = (efforts - np.where(moved, *(columns @ (units * one.x) for one in (fit, still)))) * seen
+        # what is left is noise of efforts as they are written: what two have in common stays there in any sum of them
+        to_written = np.linalg.inv(made_of)
+        squares, written = (((each @ to_written) ** 2).sum(axis=0) for each in (efforts, left))
+        known = squares > 0
+        least = NO_MATTER**2 * squares[known] + noise[known] ** 2 * count
+        more = 0.5 * self.count * float(np.log(np.maximum(written[known] / least, 1.0)).sum()) + fit.bodies
+        more += 0.5 * float((np.where(moved, fit.x[offsets], still.x[offsets])[seen] ** 2).sum())
         more += self._beyond(motion) * self.count  # each as much as all of its samples
-        # in the units and sums in which they were written: a larger effort that is added to a noisy one leaves no less
-        made = made_of[(made_of[:, seen] != 0).any(axis=1)]
-        written = np.log(size[seen]).sum() - 0.5 * np.linalg.slogdet(made @ made.T)[1]
-        nats = self.count * float(0.5 * np.log(floor[seen]).sum() + written) + more
-        return Unlikely(nats, np.minimum(np.where(seen, left, np.nan), 100.0), more < SURELY)
+        shares = np.where(seen, np.minimum((left**2).sum(axis=0) * scale**2, 100.0), np.nan)
+        return Unlikely(more + 0.5 * self.count * float(np.log(least).sum()), shares, more < SURELY)
 
-    def _fitted(self, bodies: Array, offsets: Array, taking: Array, target: Array, floor: Array) -> _Fitted:
-        """Return what bodies (n, k, p) about the drawing, offsets (n, k, k) and what takes energy (n, k, m) leave.
+    def _fitted(self, equations: JointEquations, bodies: int, floor: Array, beside: Array) -> _Fitted:
+        """Return the likeliest coefficients of bodies, of an offset at each joint, and of what takes energy.
 
-        target (n, k): what they are to make up for; floor (k,): squares below which what is left speaks for nothing.
+        The first ones are free, with a variance of one; of the others, which are not negative, nothing is known. floor
+        (k,): squares below which what is left speaks for nothing; beside (p,): coefficients that are there.
         """
-        columns = np.concatenate((bodies, offsets, taking), axis=2)
-        count, bounded = bodies.shape[2], taking.shape[2]
-        prior = np.repeat([1.0, ROUNDING], [columns.shape[2] - bounded, bounded])
-        left, x, matrix = self._least(columns, target, prior, bounded)
-        nats = 0.5 * self.count * np.log(np.maximum(left / floor, 1.0)) + 0.5 * x[count : count + len(left)] ** 2
-        freedom = float(np.linalg.slogdet(matrix[:count, :count])[1]) if count else 0.0
-        return _Fitted(nats, 0.5 * float((x[:count] ** 2).sum()) + 0.5 * freedom, left)
-
-    def _least(self, columns: Array, target: Array, prior: Array, bounded: int) -> tuple[Array, Array, Array]:
-        """Return the squares (k,) that are left of targets (n, k) by the likeliest coefficients of columns (n, k, p),
-        these (p,), and what they are known by, an inverse covariance (p, p).
-
-        The last ones are not negative; prior (p,): inverse variances.
-        """
-        by_joint = np.ascontiguousarray(columns.transpose(1, 0, 2))  # (k, n, p)
-        gram, moment = by_joint.mT @ by_joint, (by_joint.mT @ target.T[..., None])[..., 0]
-        power = (target**2).sum(axis=0)
-        weight = np.full(len(power), self.count / LITTLE)
-        free = len(prior) - bounded
+        count, free = equations.moment.shape[1], bodies + len(floor)
+        prior = np.repeat([1.0, ROUNDING], [free, count - free])
+        weights = np.full(len(floor), self.count / LITTLE)
         for _ in range(FEW_ROUNDS):
-            told = np.diag(prior) + np.tensordot(weight, gram, 1)
-            unit = 1 / np.sqrt(np.diag(told))
-            matrix = told * unit[:, None] * unit + ROUNDING * len(unit) * np.eye(len(unit))
-            right = (weight @ moment) * unit
-            inner = cho_factor(matrix[:free, :free])
-            across = cho_solve(inner, matrix[:free, free:])
-            root = cholesky(matrix[free:, free:] - matrix[free:, :free] @ across, lower=True)
-            taken = nnls(root.T, solve_triangular(root, right[free:] - across.T @ right[:free], lower=True))[0]
-            x = unit * np.append(cho_solve(inner, right[:free] - matrix[:free, free:] @ taken), taken)
-            left = np.maximum(power - 2 * moment @ x + (gram @ x) @ x, 0.0)
-            weight = self.count / np.maximum(left, LITTLE**2)
-        return left, x, told
+            precision = equations.weighted(weights)
+            precision.flat[:: count + 1] += prior
+            unit = 1 / np.sqrt(np.diag(precision))
+            matrix = precision * unit[:, None] * unit
+            matrix.flat[:: count + 1] += ROUNDING * count
+            right, cross = (weights @ equations.moment) * unit, matrix[free:, :free]
+            solved = np.linalg.solve(matrix[:free, :free], np.column_stack((cross.T, right[:free])))
+            across, alone = solved[:, :-1], solved[:, -1]
+            root = np.linalg.cholesky(matrix[free:, free:] - cross @ across)
+            taken = nnls(root.T, np.linalg.solve(root, right[free:] - cross @ alone))[0]
+            x = unit * np.append(alone - across @ taken, taken)
+            left = np.maximum(equations.left(x), 0.0)
+            weights = self.count / np.maximum(left, LITTLE**2)
+        nats = 0.5 * self.count * np.log(np.maximum(left / floor, 1.0)) + 0.5 * x[bodies:free] ** 2
+        by_bodies = x[:bodies] @ x[:bodies] + np.linalg.slogdet(precision[:bodies, :bodies])[1]
+        return _Fitted(nats, 0.5 * float(by_bodies), beside + np.append(np.zeros(len(beside) - count), x))
 
     def _beyond(self, motion: Motion) -> int:
         """Return how many joints travel farther or faster than they can, by far."""
@@ -166,38 +148,36 @@ class EffortLikelihood:
                 count += bool(farther or faster)
         return count
 
-    def _columns(self, motion: Motion) -> _Columns:
-        key = b"".join(
-            np.ascontiguousarray(part).tobytes() for part in (motion.position, motion.speed, motion.acceleration)
-        )
-        if self._last[0] != key:
-            self._last = key, self._made(motion)
-        return self._last[1]
+    def _motors(self) -> tuple[Array, np.ndarray]:
+        """Return how motors turn with joints (k, m), each with one, or with the sum or difference of two; and with
+        which ones each of them turns (m, k).
+        """
+        driven = list(self.at.driven)
+        pairs = {tuple(sorted(pair)) for pair in motor_pairs(self.at.mechanism) if {*pair} <= {*driven}}
+        each = np.eye(len(driven))
+        both = [(each[driven.index(one)], each[driven.index(other)]) for one, other in sorted(pairs)]
+        ways = np.array([*each, *(way for one, other in both for way in (one + other, one - other))]).T
+        return ways, ways.T != 0
 
-    def _made(self, motion: Motion) -> _Columns:
+    def _columns(self, motion: Motion) -> tuple[Array, Array]:
+        """Return the columns (n, k, p) of a motion and their products (k, p, p), the same ones for the same motion."""
+        key = b"".join(part.tobytes() for part in (motion.position, motion.speed, motion.acceleration))
+        if self._last[0] != key:
+            columns = self._made(motion)
+            self._last = key, columns, gram_of(columns)
+        return self._last[1:]
+
+    def _made(self, motion: Motion) -> Array:
         at, names = self.at, self.at.driven
         trajectory = at.dynamics.trajectory(motion)
-        every = at.dynamics.regressor(trajectory, motion.gravity).reshape(len(motion), len(names), -1)
-        n, k = every.shape[:2]
+        bodies = self._prior.columns(at.dynamics.regressor(trajectory, motion.gravity))
         first = [at.mechanism.joint(name).first_v for name in names]
-        speed, acceleration = trajectory.v[:, first], trajectory.a[:, first]
         own = dict(zip(motion.names, motion.slow, strict=True))
         slow = np.array([own[name] if name in own else at.slow(name) for name in names])
-        taking = []
-
-        def beside(ways: Array, least: float) -> None:
-            """Add dry and viscous friction and a rotor that go with joints by the rates `ways` (k,)."""
-            v, a = speed @ ways, acceleration @ ways
-            for part in (v / np.hypot(v, least), v, a):
-                taking.append(part[:, None] * ways)
-
-        for joint in range(k):
-            beside(np.eye(k)[joint], slow[joint])
-        for pair in self._pairs:
-            one, other = (names.index(name) for name in pair)
-            for sign in (1.0, -1.0):
-                ways = np.eye(k)[one] + sign * np.eye(k)[other]
-                beside(ways, max(slow[one], slow[other]))
-        offsets = np.broadcast_to(np.eye(k), (n, k, k))
-        bodies = every[..., self._there] * self._spread
-        return _Columns(every @ self._drawn, bodies, offsets, np.stack(taking, axis=-1))
+        # dry and viscous friction and a rotor of each motor
+        speed, acceleration = trajectory.v[:, first] @ self._ways, trajectory.a[:, first] @ self._ways
+        dry = speed / np.hypot(speed, np.where(self._sharing, slow, 0.0).max(axis=1))
+        parts = np.stack((dry, speed, acceleration), axis=-1)  # (n, m, 3)
+        taking = self._ways[:, :, None] * parts[:, None]
+        offsets = np.broadcast_to(np.eye(len(names)), (len(motion), len(names), len(names)))
+        return np.concatenate((bodies, offsets, taking.reshape(*offsets.shape[:2], -1)), axis=2)
