@@ -155,15 +155,15 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     if np.sum(after) > MUCH * size and not declared:
         return None
     found, log, covariance = _solved(whole, drawn, 1.0, start)
-    much = saving.sum() > FAR_LESS * np.sum(before) and sure > SURE
+    much = saving.sum() > FAR_LESS * np.sum(before)
     # drives count otherwise, be it all alike, where only masses of the whole robot that no drawing is so far from
     # would do without; of two drives a load may be so much as well
     light, right = (float(x @ drawn) / float(drawn @ drawn) for x in (whole.likeliest(drawn, 1.0, alike)[0], found))
-    unlikely = not 1 / AS_GOOD < light < AS_GOOD and 1 / AS_GOOD < right < AS_GOOD
+    unlikely = not 1 / AS_GOOD < light < AS_GOOD and 1 / AS_GOOD < right < AS_GOOD and len(log) >= FEWEST_OF_KIND
     apart = are_apart(log, covariance)
     other = abs(np.median(log)) > np.log(AS_GOOD) and _several(log, covariance)
-    unit = unlikely and len(log) >= FEWEST_OF_KIND and other and not apart
-    if not (declared or (much and apart) or unit):
+    unit = unlikely and other and not apart
+    if not (declared or (apart and sure > SURE and (much or (unlikely and other))) or unit):
         return None
     common = float(np.sqrt(covariance.mean()))
     return Gains(np.exp(log), common, covariance, whole, drawn, unit)
