@@ -7,6 +7,7 @@ from .program import Expression, Pipeline, Program, Tape, eliminated, largest, l
 from .rank import (
     NEGLIGIBLE,
     NEGLIGIBLE_ENERGY,
+    ROUNDING_OF_LOADS,
     Rank,
     equal_ranks,
     independent,
@@ -21,6 +22,7 @@ from .tree import Tree
 __all__ = [
     "NEGLIGIBLE",
     "NEGLIGIBLE_ENERGY",
+    "ROUNDING_OF_LOADS",
     "Closure",
     "Columns",
     "Configuration",

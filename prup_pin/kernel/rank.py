@@ -18,6 +18,8 @@ from ..spatial import Array
 NEGLIGIBLE = 1e-6
 #: Energies, compliances and stiffnesses are of second order in motions and forces.
 NEGLIGIBLE_ENERGY = NEGLIGIBLE**2
+#: What rounding leaves of loads, in shares of the closure forces behind them.
+ROUNDING_OF_LOADS = 1e-11
 
 
 class Rank(NamedTuple):

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PrupPinError, UnreachablePoseError
-from ..kernel import NEGLIGIBLE, semidefinite_inverse
+from ..kernel import NEGLIGIBLE, ROUNDING_OF_LOADS, semidefinite_inverse
 from ..kinematics import ClosedPose
 from ..modules import ModuleGeometry
 from ..spatial import Array, product, symmetric
@@ -27,11 +27,14 @@ def _counting(loads: Array, self_stress: Array) -> Array:
     """Return loads (..., n, h) that span what closure forces (..., c, h) do to the modules.
 
     Combinations of those forces that load no module more than negligibly beside themselves are left out, whole; of all
-    others every load counts, the smallest too.
+    others every load counts, the smallest too, but rounding: where what is loaded is rigid it would be all that has
+    energy.
     """
+    size = np.abs(self_stress).max(axis=(-1, -2))[..., None]
+    loads = np.where(np.abs(loads) > ROUNDING_OF_LOADS * size[..., None], loads, 0.0)
     u, values, _ = np.linalg.svd(loads, full_matrices=False)
-    least = NEGLIGIBLE * np.abs(self_stress).max(axis=(-1, -2))[..., None]
-    return u * np.where(values > least, values, 0.0)[..., None, :]
+    u = np.where(loads.any(axis=-1, keepdims=True), u, 0.0)
+    return u * np.where(values > NEGLIGIBLE * size, values, 0.0)[..., None, :]
 
 
 def _least_solution(matrix: Array, right: Array) -> Array:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..kernel import (
     NEGLIGIBLE,
     NEGLIGIBLE_ENERGY,
+    ROUNDING_OF_LOADS,
     Expression,
     Pipeline,
     Program,
@@ -39,8 +40,6 @@ _SMALL_PIVOT = 1e-3
 _EXACT = 1e-12
 #: A pivot of normal equations below this share of their largest entry, at a sample, is none.
 _REGULAR = 1e-9
-#: What rounding leaves of loads, in shares of the closure forces behind them.
-_ROUNDING = 1e-11
 #: Rounding allowed beyond a joint's limit [m, rad].
 _AT_LIMIT = 1e-9
 
@@ -83,7 +82,9 @@ class _Solver:
         size = np.abs(self._tape.sampled(self_stress)).max(axis=(1, 2), initial=0.0)
         share = (np.abs(self._tape.sampled(loads)) / size[:, None, None]).max(axis=0)
         counting = loads.copy()
-        counting[(share <= _ROUNDING) | (share.max(axis=0, initial=0.0) <= NEGLIGIBLE)] = self._tape.constant(0.0)
+        counting[(share <= ROUNDING_OF_LOADS) | (share.max(axis=0, initial=0.0) <= NEGLIGIBLE)] = self._tape.constant(
+            0.0
+        )
         return counting
 
     def energies(self, matrix: Array, right: Array) -> Array:
