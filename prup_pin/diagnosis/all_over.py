@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from ..numbers import number, quantity
 from ..recordings import KINDS_OF_TOLERANCE
 from .calibrate import CalibratedParameter
 from .chances import WITHIN_95, normal_isf
-from .criteria import FALSE_ALARM, GAIN, MOST_LISTED
+from .criteria import FALSE_ALARM, FEWEST_OF_KIND, GAIN, MOST_LISTED
 from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated
 from .problem import Fit, Problem
@@ -57,8 +57,10 @@ def _finding(
     more = f" and {len(places) - MOST_LISTED} more" if len(places) > MOST_LISTED else ""
     listed = ", ".join(places[:MOST_LISTED]) + more
     text = f"; sure of {listed}" if sure else "; these data tell them together, and none alone"
-    if len(sure) == 1:  # the mean over all says little of the one that is off
+    apart = list(_apart(items, sure, least))
+    if len(sure) == 1 and not apart:  # the mean over all says little of the one that is off
         text += f", with {_told(sure[0].deviation.amount(sure[0].value), _unit_of_amount(sure[0]), signed=True)}"
+    text += "".join(apart)
     finding = Finding(
         physics=told[0].deviation.physics,
         location=places[0] if len(places) == 1 else "robot",
@@ -71,6 +73,17 @@ def _finding(
         statement=f"{words}: {_sizes(items)}{text}",
     )
     return finding, bool(sure)
+
+
+def _apart(items: Sequence[CalibratedParameter], sure: Sequence[CalibratedParameter], least: float) -> Iterator[str]:
+    """Yield what to say of a parameter that is surely off, and by `least` times what its sisters are or more."""
+    for item in sure if len(items) > FEWEST_OF_KIND else ():
+        unit, amount = _unit_of_amount(item), item.deviation.amount(item.value)
+        others = [other for other in items if other is not item and _unit_of_amount(other) == unit]
+        size = float(np.sqrt(np.mean(np.square([each.deviation.amount(each.value) for each in others] or [amount]))))
+        if abs(amount) > least * size:
+            told, usual = _told(amount, unit, signed=True), _told(size, unit)
+            yield f"; {item.deviation.place} stands apart, with {told} where the others have {usual}: look there first"
 
 
 def _surety(item: CalibratedParameter) -> float:

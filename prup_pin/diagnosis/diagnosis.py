@@ -118,7 +118,9 @@ class Finding:
             return self.advice
         if self.effect is not None and self.physics not in _REMEDIES:
             return self.effect.law.advice(self.effect.place, self.effect.values)
-        known = {law.physics: law.remedy for law in reversed((*LAWS, *EFFORT_LAWS))} | _REMEDIES
+        every = (*LAWS, *EFFORT_LAWS)
+        known = {law.physics: law.remedy for law in reversed(every)}
+        known |= {law.physics: law.remedy for law in reversed(every) if not law.variant} | _REMEDIES
         said = known.get(self.physics, "") if self.law is None else self.law.remedy
         here = "the robot" if self.location == "robot" else self.location
         return said.format(place="each of these places" if self.at_each else here)

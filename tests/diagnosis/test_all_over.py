@@ -7,8 +7,9 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis import all_over as everywhere
-from prup_pin.diagnosis.all_over import _sizes
+from prup_pin.diagnosis.all_over import _apart, _sizes
 from prup_pin.diagnosis.calibrate import CalibratedParameter
+from prup_pin.diagnosis.diagnosis import Finding
 from prup_pin.laws.deviations import deviations_of
 
 
@@ -24,6 +25,22 @@ def test_sizes_of_a_kind(kind, told):
     amount = np.log(1.5) if kind == "stiffness" else 2e-3
     items = [off(item, sign * amount) for item, sign in zip(every, signs, strict=True)]
     assert _sizes(items) == f"{told} in the root mean square of {len(items)}"
+
+
+def test_one_that_stands_apart_from_its_sisters_is_told():
+    every = [item for item in deviations_of(load("3prup").mechanism, {"stiffness": 0.1}) if item.kind == "stiffness"]
+    amounts = np.log([0.39, 1.15, 0.85, 0.87, 1.1])
+    items = [off(item, amount) for item, amount in zip(every, amounts, strict=False)]
+    (told,) = _apart(items, items, 3.0)
+    assert told.startswith(f"; {items[0].deviation.place} stands apart, with -61 % where the others have 14.6 %")
+    assert not list(_apart(items[1:], items[1:], 3.0))
+    assert not list(_apart(items, items[1:], 3.0))  # of which nobody can be sure
+
+
+def test_what_to_do_about_places_is_not_what_to_do_about_a_base_out_of_level():
+    many = Finding("geometric_offset", "robot", ("robot", "a", "b"), {"a.x": None, "b.x": None}, 0.5, "")
+    assert "level" not in many.remedy
+    assert "measure" in many.remedy
 
 
 @pytest.mark.parametrize(
