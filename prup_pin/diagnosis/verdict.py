@@ -206,7 +206,7 @@ def _noise_too_large(problem: Problem, fit: Fit) -> Iterator[str]:
 
 
 def _noise_not_as_declared(drawn: Problem, problem: Problem) -> Iterator[str]:
-    """Yield where all is told by a noise that is larger than the one that was declared, by more than nearly the same."""
+    """Yield where all is told by a noise that is larger than was declared, by more than nearly the same."""
     units = [unit for unit in ("m", "rad") if any(own == unit for _, own, _ in problem.stack.groups())]
     before, after = ([noise.of_unit(unit) for unit in units] for noise in (drawn.noise, problem.noise))
     if drawn.noise.source != "declared" or not any(b > NEARLY * a for a, b in zip(before, after, strict=True)):
