@@ -134,7 +134,7 @@ def repeats(inputs: Inputs, here: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def is_white(problem: Problem, fit: Fit, blocks: np.ndarray) -> bool:
-    """Return True where a whitened residual follows neither time, nor pose, nor load, nor any module's load.
+    """Return True where a whitened residual follows neither time, nor temperature, nor pose, nor any load.
 
     blocks (n,): labels of the fit's samples between two moves of the actuators.
     """
@@ -162,17 +162,21 @@ def is_white(problem: Problem, fit: Fit, blocks: np.ndarray) -> bool:
 def _slopes_of_each(problem: Problem, fit: Fit, actuators: Array) -> Iterator[Array]:
     """Yield orthonormal columns (n, k) over each recording's samples: what is off in one of them is no noise of all.
 
-    By position, and by loads that do at each position something else, as whatever yields does.
+    By position, and by loads, time and temperature, which do at each position something else: so does whatever yields,
+    wanders or grows.
     """
     inputs = problem.simulator.inputs
     sources = np.zeros(len(actuators), int) if inputs.sources is None else inputs.sources[fit.samples]
-    loads = inputs.wrench[fit.samples]
+    recorded = [inputs.wrench, inputs.elapsed[:, None], inputs.warming[:, None]]
     for place in np.unique(sources):
         here = sources == place
-        by_position, by_load = _slopes(actuators[here]), _orthonormal(loads[here])
-        of_both = _orthonormal((by_load[:, :, None] * by_position[:, None]).reshape(len(by_load), -1))
+        by_position, others = _slopes(actuators[here]), []
+        for column, values in enumerate(each[fit.samples][here] for each in recorded):
+            alone = _orthonormal(values - values.mean(axis=0) if column else values)
+            of_both = _orthonormal((alone[:, :, None] * by_position[:, None]).reshape(len(alone), -1))
+            others += [alone, of_both]
         # few samples follow whatever has as many columns
-        for own in (by_position, *(each for each in (by_load, of_both) if 2 * each.shape[1] <= len(each))):
+        for own in (by_position, *(each for each in others if 2 * each.shape[1] <= len(each))):
             slopes = np.zeros((len(here), own.shape[1]))
             slopes[here] = own
             yield slopes

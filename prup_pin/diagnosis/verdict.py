@@ -17,7 +17,7 @@ from .all_over import all_over
 from .calibrate import (
     calibrated_parameters,
 )
-from .criteria import FEWEST_NUMBERS, LITTLE, MOST, MOST_LISTED, WEIGHT_SHOWS, clean_bound
+from .criteria import FEWEST_NUMBERS, LITTLE, MOST, MOST_LISTED, NEARLY, WEIGHT_SHOWS, clean_bound
 from .diagnosis import Diagnosis
 from .evidence import is_clean
 from .findings import (
@@ -139,6 +139,7 @@ def verdict_of(
         posterior=known,
         since=since,
         stand_ins=final.stand_ins,
+        premises=tuple(_noise_not_as_declared(prepared.problem, problem)),
     )
 
 
@@ -202,6 +203,22 @@ def _noise_too_large(problem: Problem, fit: Fit) -> Iterator[str]:
                 f"{name}_noise is declared as {quantity(declared, unit)}, but only {number(size, 2)} times that is "
                 "left of what was measured: is its unit right? Where it is too large, effects are overlooked"
             )
+
+
+def _noise_not_as_declared(drawn: Problem, problem: Problem) -> Iterator[str]:
+    """Yield where all is told by a noise that is larger than was declared, by more than nearly the same."""
+    units = [unit for unit in ("m", "rad") if any(own == unit for _, own, _ in problem.stack.groups())]
+    before, after = ([noise.of_unit(unit) for unit in units] for noise in (drawn.noise, problem.noise))
+    if drawn.noise.source != "declared" or not any(b > NEARLY * a for a, b in zip(before, after, strict=True)):
+        return
+    declared, taken = (
+        " and ".join(quantity(value, unit) for value, unit in zip(values, units, strict=True))
+        for values in (before, after)
+    )
+    yield (
+        f"The noise is taken to be {taken}, not {declared} as declared: what is left is so large, and follows nothing "
+        "that was recorded. If the declared noise is right, something is missing"
+    )
 
 
 def _within(problem: Problem, first: Fit, count: int) -> dict[str, float]:

@@ -40,7 +40,7 @@ from .slack_cable import SlackCable
 from .stiffness_changed import StiffnessChanged
 from .straightness_error import GuideTwist, StraightnessError
 from .target import TargetMisalignment, of_markers, sits_turned
-from .thermal_growth import GrowthFromSupport, ThermalGrowth
+from .thermal_growth import GrowthFromSupport, LinkGrowth, ThermalGrowth
 from .viscous_friction import ViscousFriction
 from .wrench_sensor import (
     WrenchSensorBias,
@@ -82,6 +82,7 @@ _OWN: tuple[Law, ...] = (
     Torsion(),
     ThermalGrowth(),
     GrowthFromSupport(),
+    LinkGrowth(),
     LeadError(),
     HomedLeadError(),
     PeriodicLeadError(),

@@ -7,15 +7,19 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..mechanism import REFERENCE_TEMPERATURE, Mechanism
+from ..mechanism import REFERENCE_TEMPERATURE, Joint, Mechanism
 from ..numbers import number, quantity
 from ..parameters import Quantity
 from ..spatial import Array
-from .deeds import Deed, ExtraStrain, Solved, Strain, Travel
+from .deeds import Deed, ExtraStrain, MovedOnTheWay, Solved, Strain, Travel
 from .drawn import Drawn
+from .follows import Followed
 from .law import Law, Place
 from .modules_at import beams, lengths_of, screws, travels
 from .setup import Setup
+
+#: A joint nearer than this to the one before it, or beside a slide's line, is there [m].
+_HERE = 1e-9
 
 
 class ThermalGrowth(Law):
@@ -109,6 +113,87 @@ class GrowthFromSupport(Law):
             return f"{place.name} is displaced as it warms up, by about {shift} µm/K, much alike wherever it stands"
         growth, length = quantity(values["expansion"], "1/K"), quantity(values["length"], "m")
         return f"{place.name} grows as it warms up, by {growth}, from a support {length} before its zero"
+
+
+class LinkGrowth(Law):
+    """A rigid link grows: the joints that it carries move away from its own by alpha (T - 20 deg C) times their places.
+
+    All along the link alike, about the frame of the joint that carries it. Where the tool or the end of a loop sits on
+    a link its place stays as drawn.
+    """
+
+    physics = "thermal_growth"
+    summary = "a link that grows with temperature"
+    called = "heat, expansion, warm arm"
+    remedy = "let the robot warm up before it works, or correct the length of {place} by its temperature"
+    variant = "link"
+    needs = ("temperature",)
+    quantities = ThermalGrowth.quantities
+    neutral: ClassVar = {"expansion": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place(name, self.variant) for name in _links(mechanism)]
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        growth = values["expansion"] * setup.inputs.warming
+        for joint in _carried(place.name, setup.mechanism):
+            moved = growth[:, None] * _at(joint, setup.mechanism)
+            yield MovedOnTheWay(joint.name, np.concatenate((moved, np.zeros_like(moved)), axis=1))
+
+    def drawn(self, place: Place, at: Solved) -> Drawn:
+        mechanism = at.setup.mechanism
+        carried = _carried(place.name, mechanism)
+        moved = sum(at.first.by_joint(each.id)[..., :3] @ _at(each, mechanism) for each in carried)
+        warm = REFERENCE_TEMPERATURE + at.setup.inputs.warming[at.samples]
+        return Drawn(warm, np.asarray(moved), ("temperature", "growth per length"), ("°C", "m/m"))
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        far = max(float(np.linalg.norm(_at(joint, mechanism))) for joint in _carried(place.name, mechanism))
+        growth, each = quantity(values["expansion"], "1/K"), quantity(values["expansion"] * far, "m")
+        return f"the link {place.name} grows as it warms up, by {growth}: {each} a kelvin at the joint it carries"
+
+
+def _links(mechanism: Mechanism) -> list[str]:
+    """Return the rigid links that carry other joints at some distance from their own.
+
+    Not the base, nor where a beam or a length of the robot file tells the link's own, nor where loops hold it so that
+    it could not grow.
+    """
+    followed = Followed(mechanism)
+    drawn = {name for length in mechanism.description.lengths for name, _ in length.moves}
+    bent = {module.joint for module in beams(mechanism)}
+    held = {frame.joint for loop in mechanism.loops for frame in (loop.first, loop.second)}
+    found = []
+    for own in mechanism.joints:
+        name = mechanism.bodies[own.id]
+        carried = _carried(name, mechanism)
+        rigid = not {own.id, *(joint.id for joint in carried)} & bent and own.id not in held
+        told = drawn & {joint.name for joint in carried}
+        moves = [np.concatenate((_at(joint, mechanism), np.zeros(3)))[None] for joint in carried]
+        if carried and rigid and not told and all(map(followed.joint, carried, moves)):
+            found.append(name)
+    return found
+
+
+def _carried(link: str, mechanism: Mechanism) -> list[Joint]:
+    """Return the joints that a link carries at some distance from its own.
+
+    Not a driven slide in whose line it lies, which holds that length itself, and grows by its own law.
+    """
+    model, found = mechanism.model, []
+    for joint in mechanism.joints:
+        way = _at(joint, mechanism)
+        if joint.slides and joint.name in mechanism.actuated:
+            along = model.jointPlacements[joint.id].rotation @ joint.axis
+            way = way - (way @ along) * along
+        if mechanism.bodies.get(int(model.parents[joint.id])) == link and np.linalg.norm(way) > _HERE:
+            found.append(joint)
+    return found
+
+
+def _at(joint: Joint, mechanism: Mechanism) -> Array:
+    """Return a joint's place on the link that carries it (3,) [m], in the axes of that link's joint."""
+    return np.array(mechanism.model.jointPlacements[joint.id].translation)
 
 
 def _held(mechanism: Mechanism) -> dict[str, tuple[int, float]]:

@@ -127,3 +127,12 @@ def test_a_sensor_that_scatters_more_than_it_says_in_all_directions_does():
     assert diagnosis.verdict == "explained"  # by weight
     assert diagnosis.noise.position == pytest.approx(3e-5, rel=0.15)
     assert any("larger than declared" in remark for remark in diagnosis.remarks)
+    (premise,) = diagnosis.premises
+    assert "not 10 µm and 30 µrad as declared" in premise
+    assert str(diagnosis).startswith(premise)
+
+
+def test_nothing_is_said_of_a_declared_noise_that_is_right():
+    diagnosis = diagnose(*cycles(1.0))
+    assert diagnosis.noise.source == "declared"
+    assert not diagnosis.premises

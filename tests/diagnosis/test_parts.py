@@ -275,6 +275,26 @@ def test_what_a_load_does_at_one_position_and_not_at_another_is_no_noise(robot):
     assert not is_white(problem, replace(fit, residual=residual), blocks)
 
 
+@pytest.mark.parametrize("of", ["temperature", "time"])
+@pytest.mark.parametrize("turned", [False, True])
+def test_what_follows_a_recorded_column_is_no_noise(robot, of, turned):
+    """What grows or wanders alike everywhere, and what does so along a link that turns with the robot."""
+    given = inputs_of(inputs(robot, poses=16, cycle=(0.0, 1.0, 0.5, -0.5, -1.0)), robot)
+    course = 20 + 5 * np.cos(np.arange(len(given)) / 7) if of == "temperature" else given.elapsed
+    problem = problem_of(Simulator(robot, replace(given, temperature=20 + 5 * np.cos(np.arange(len(given)) / 7))), [])
+    fit = problem.first
+    blocks, position = given.blocks[fit.samples], given.actuators[fit.samples, 0]
+    follows = course[fit.samples] - course[fit.samples].mean()
+    follows = follows * (position - position.mean()) if turned else follows
+    residual = fit.residual.copy()
+    residual[:, 1] += 0.9 * follows / follows.std()
+    assert is_white(problem, fit, blocks)
+    assert not is_white(problem, replace(fit, residual=residual), blocks)
+    blind = Simulator(robot, replace(given, temperature=None))
+    if of == "temperature" and turned:
+        assert is_white(replace(problem, simulator=blind), replace(fit, residual=residual), blocks)
+
+
 @pytest.mark.parametrize("scatter", [4.0, 100.0])
 def test_noise_that_was_declared_too_small_is_measured(simulator, scatter):
     problem = problem_of(simulator, [], scatter)
