@@ -39,10 +39,10 @@ class Followed:
         return self._closes((self._incidence[joint.id][:, None] * self._at.wrenches) @ twists.T)
 
     def seat(self, joint: Joint, motions: Array) -> bool:
-        """Return whether motions (6, k) of the place in which a joint is drawn leave the loops closed, and are felt.
+        """Return whether free joints follow motions (6, k) of the place in which a joint is drawn, and some are felt.
 
-        In that place's axes. Felt is what moves the tool: by duality, loads on the tool pass there along it. With
-        loops, some motion must be so that free joints follow, without any module.
+        In that place's axes. Felt is what moves the tool: by duality, loads on the tool pass there along it. All may be
+        felt in a tree.
         """
         mechanism = self._mechanism
         if not mechanism.loops:
@@ -52,15 +52,13 @@ class Followed:
         moved, turned = seat[:3, :3] @ motions[:3], seat[:3, :3] @ motions[3:]
         twists = np.concatenate((moved + skew(seat[:3, 3]) @ turned, turned))
         gaps = (self._incidence[joint.id][:, None] * self._at.wrenches) @ twists
-        if not self._closes(gaps):
-            return False
         free, tool = mechanism.free_dofs, mechanism.need_tool().joint
         closure, carrying = self._at.closure[:, free], mechanism.support[mechanism.dof_joint[free], tool]
         followed = -rank_of(closure).inverse @ gaps
         left = np.abs(gaps + closure @ followed).max(axis=0, initial=0.0)
         felt = (self._at.jacobian[:, free] * carrying) @ followed + mechanism.support[joint.id, tool] * twists
         sizes = np.maximum(np.abs(twists).max(axis=0), np.abs(gaps).max(axis=0, initial=0.0))
-        return bool(np.any((left < _ASKEW * sizes) & (np.abs(felt).max(axis=0) > _ASKEW * sizes)))
+        return bool(np.all(left < _ASKEW * sizes) and np.any(np.abs(felt).max(axis=0) > _ASKEW * sizes))
 
     def body(self, joint: Joint, shift: Array) -> bool:
         """Return the same of a shift (3,) of a joint's body against the joint, in the axes of the body."""
