@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -113,11 +114,13 @@ def cross_validated(
     less: int | None = None,
     parameters: np.ndarray | None = None,
     strained: bool = False,
+    bounded: bool = False,
 ) -> float:
     """Return chi squared on blocks that were left out in turn, all terms refitted without them (linearly).
 
     less: a term, or `parameters` (p,): a mask of toleranced ones, that are taken away, the others refitted. strained:
-    what toleranced parameters cost that go far to take their place counts as well.
+    what toleranced parameters cost that go far to take their place counts as well. bounded: terms keep within their
+    bounds, as those of the corrected model do; beyond them laws that only imitate may foretell what they cannot be.
     """
     jacobian = problem.jacobian(fit).reshape(*fit.residual.shape, -1)
     held, x, residual = fit.per_tolerance.reshape(*fit.residual.shape, -1), fit.x, fit.residual
@@ -125,16 +128,37 @@ def cross_validated(
     # a logarithm that only few samples tell (the load that closes a gap) is trusted for a step of one
     own = [np.where(each.known > 0, each.known, each.logarithmic) for each in candidates]
     narrow, off = np.concatenate([np.zeros(0), *own]), np.concatenate([np.zeros(0), *(term.off for term in fit.terms)])
+    ways = [_ways(term, bounded) for term in fit.terms]
+    low, high = (np.concatenate([np.zeros(0), *each]) for each in (zip(*ways, strict=True) if ways else ((), ())))
     if less is not None:
         stays = np.ones(len(narrow), bool)
         stays[fit.coordinates_of(less)] = False
         others = [term.effect for term in fit.others(less)[1]]
         residual, jacobian = residual - problem.change(fit, others), jacobian[..., stays]
-        narrow, off = narrow[stays], off[stays]
+        narrow, off, low, high = narrow[stays], off[stays], low[stays], high[stays]
     if parameters is not None:
         residual = residual + held[..., parameters] @ x[parameters]
         held, x = held[..., ~parameters], x[~parameters]
-    return _out_of_fold(residual, jacobian, blocks, held, x, (narrow, off), strained)
+    return _out_of_fold(residual, jacobian, blocks, held, x, _Firm(narrow, off, low, high), strained)
+
+
+def _ways(term: Term, bounded: bool) -> tuple[Array, Array]:
+    """Return by how much coordinates of a term (p,) may fall and rise within their bounds; logarithms by anything."""
+    free, (low, high) = term.candidate.logarithmic | (not bounded), term.candidate.bounds
+    here = term.coordinates
+    return np.where(free, -np.inf, np.minimum(low - here, 0.0)), np.where(free, np.inf, np.maximum(high - here, 0.0))
+
+
+class _Firm(NamedTuple):
+    """How firmly coordinates stand, (p,) each, where blocks are left out.
+
+    One over what each may move by, and by how many of these it is off; the least and the most that it may move by.
+    """
+
+    narrow: Array
+    off: Array
+    low: Array
+    high: Array
 
 
 def _out_of_fold(
@@ -143,11 +167,9 @@ def _out_of_fold(
     blocks: np.ndarray,
     held: Array,
     x: Array,
-    firm: tuple[Array, Array],
+    firm: _Firm,
     strained: bool,
 ) -> float:
-    """`firm`: one over what a coordinate may move by when blocks are left out, and by how many of these it is off."""
-    narrow, off = firm
     total = 0.0
     fold = np.unique(blocks, return_inverse=True)[1].ravel() % FOLDS
     for index in np.unique(fold):
@@ -160,8 +182,9 @@ def _out_of_fold(
             scale = np.where(scale > 0, scale, 1.0)
             within = held[~out].reshape(inside, len(x))
             matrix, right = with_priors(columns / scale, within, residual[~out].ravel(), x)
-            near = np.eye(len(narrow), matrix.shape[1]) * (narrow / scale)[:, None]
-            step = np.linalg.lstsq(np.vstack((matrix, near)), np.append(right, -off), rcond=1e-8)[0]
+            near = np.eye(len(scale), matrix.shape[1]) * (firm.narrow / scale)[:, None]
+            matrix, right = np.vstack((matrix, near)), np.append(right, -firm.off)
+            step = _least_within(matrix, right, firm.low * scale, firm.high * scale)
             step[: len(scale)] /= scale
             every = np.concatenate((jacobian[out], held[out]), axis=-1)
             target = target - every.reshape(-1, every.shape[-1]) @ step
@@ -169,6 +192,24 @@ def _out_of_fold(
                 total += float(((x + step[len(scale) :]) ** 2).sum()) / len(np.unique(fold))
         total += float(target @ target)
     return total
+
+
+def _least_within(matrix: Array, right: Array, low: Array, high: Array) -> Array:
+    """Return the least squares of matrix (m, n) x = right (m,), with low <= x[:p] <= high, (p,) each.
+
+    What would go beyond goes to its bound, and the others do what is best then.
+    """
+    found, open_ = np.zeros(matrix.shape[1]), np.ones(matrix.shape[1], bool)
+    while True:
+        left = right - matrix[:, ~open_] @ found[~open_]
+        found[open_] = np.linalg.lstsq(matrix[:, open_], left, rcond=1e-8)[0]
+        within = found.copy()
+        within[: len(low)] = np.clip(found[: len(low)], low, high)
+        beyond = open_ & (found != within)
+        if not beyond.any():
+            return found
+        found[beyond] = within[beyond]
+        open_ &= ~beyond
 
 
 def _pieces(blocks: np.ndarray) -> np.ndarray:

@@ -67,7 +67,7 @@ def final_state(
         return Final(last, left_over, _in_place_of(ins), held, count, stand_ins=ins)
     kept, unknown, fit = _beside_unknown(list(laws), problem, selection, blocks, tell)
     unknown = unknown or without_place(problem, fit, selection, count)
-    left = cross_validated(problem, fit, labels)
+    left, held = (cross_validated(problem, each, labels, bounded=True) for each in (fit, last))
     named = [_same(finding.effect, last.terms) for finding in kept]
     if None in named or held >= MOST * left:
         return Final(fit, tuple(kept), unknown, left, count)

@@ -27,6 +27,7 @@ from .joint_compliance import EveryJointCompliance, JointCompliance, UnevenJoint
 from .joint_places import JointDirection, JointPosition, LoopEndPosition, SeatPosition
 from .law import Effect, Law, Place, Sharing, defects
 from .lead_error import HomedLeadError, LeadError, PeriodicLeadError
+from .link_bending import LinkBending
 from .model_equation_error import ModelEquationError
 from .out_of_level import OutOfLevel
 from .payload import OffCentrePayload, Payload
@@ -58,6 +59,7 @@ _OWN: tuple[Law, ...] = (
     JointCompliance(),
     UnevenJointCompliance(),
     EveryJointCompliance(),
+    LinkBending(),
     Backlash(),
     BacklashByAxis(),
     HeldBacklash(),

@@ -9,7 +9,7 @@ from ..kernel import rank_of
 from ..kinematics import LoopKinematics
 from ..mechanism import Joint, Mechanism
 from ..modules import WrenchModule
-from ..spatial import Array
+from ..spatial import Array, skew
 
 #: Share of a gap that rounding may leave open.
 _ASKEW = 1e-6
@@ -37,6 +37,28 @@ class Followed:
         moved, turned = displacements[:, :3] @ parent[:3, :3].T, displacements[:, 3:] @ own[:3, :3].T
         twists = np.concatenate((moved - np.cross(turned, own[:3, 3]), turned), axis=1)
         return self._closes((self._incidence[joint.id][:, None] * self._at.wrenches) @ twists.T)
+
+    def seat(self, joint: Joint, motions: Array) -> bool:
+        """Return whether free joints follow motions (6, k) of the place in which a joint is drawn, and some are felt.
+
+        In that place's axes. Felt is what moves the tool: by duality, loads on the tool pass there along it. All may be
+        felt in a tree.
+        """
+        mechanism = self._mechanism
+        if not mechanism.loops:
+            return True
+        drawn = mechanism.model.jointPlacements[joint.id].homogeneous
+        seat = self._placement(int(mechanism.model.parents[joint.id])) @ drawn
+        moved, turned = seat[:3, :3] @ motions[:3], seat[:3, :3] @ motions[3:]
+        twists = np.concatenate((moved + skew(seat[:3, 3]) @ turned, turned))
+        gaps = (self._incidence[joint.id][:, None] * self._at.wrenches) @ twists
+        free, tool = mechanism.free_dofs, mechanism.need_tool().joint
+        closure, carrying = self._at.closure[:, free], mechanism.support[mechanism.dof_joint[free], tool]
+        followed = -rank_of(closure).inverse @ gaps
+        left = np.abs(gaps + closure @ followed).max(axis=0, initial=0.0)
+        felt = (self._at.jacobian[:, free] * carrying) @ followed + mechanism.support[joint.id, tool] * twists
+        sizes = np.maximum(np.abs(twists).max(axis=0), np.abs(gaps).max(axis=0, initial=0.0))
+        return bool(np.all(left < _ASKEW * sizes) and np.any(np.abs(felt).max(axis=0) > _ASKEW * sizes))
 
     def body(self, joint: Joint, shift: Array) -> bool:
         """Return the same of a shift (3,) of a joint's body against the joint, in the axes of the body."""

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from ..modules.flexibility import slender_beam
 from ..spatial import Array, axis_as_z
 from .description import CouplingDescription, ModuleDescription, parameter_of, quantities_of
 
@@ -213,8 +214,9 @@ def coupling_of(
 # -- joints that yield where the robot file has them rigid -------------------------------------------------------------
 
 
-#: How a joint may yield: along its own motion (about the axis of one that turns), or about axes across it.
-WAYS = ("own", "across")
+#: How a joint may yield: along its own motion (about the axis of one that turns), about axes across it, or because the
+#: link before it bends.
+WAYS = ("own", "across", "bending")
 
 
 def yielding_module(joint: str, way: str) -> str:
@@ -222,20 +224,50 @@ def yielding_module(joint: str, way: str) -> str:
     return f"{joint} yielding {way}"
 
 
-def yielding_as(joint: Joint, way: str, value: Any, source: str, seat: str | None = None) -> ModuleDescription:
-    """Return the module: a spring along the joint, of a stiffness, or what tilts across it, of a compliance (6, 6).
+def yielding_matrix(way: str, compliance: Sequence[float], link: Array) -> Array:
+    """Return the compliance (6, 6) of a joint that yields across or because a link bends, in its module's axes.
 
-    Across a joint that turns the bearing's seat tilts, which does not turn with it: on a frame `seat`, or where the
-    joint is drawn.
+    compliance: (c_xx, c_yy, c_xy) across [rad/(N m)]; (1 / EI,) of a link that bends [1/(N m^2)], from its root at
+    the joint before, or the base.
     """
-    name, across = yielding_module(joint.name, way), way == "across"
-    kind, quantity = ("compliance_matrix", "matrix") if across else ("joint_spring", "stiffness")
+    if way == "bending":
+        return slender_beam(float(np.linalg.norm(link)), *compliance)
+    matrix = np.zeros((6, 6))
+    matrix[3, 3], matrix[4, 4], matrix[3, 4] = compliance
+    matrix[4, 3] = matrix[3, 4]
+    return matrix
+
+
+def on_seat(joint: Joint, way: str) -> bool:
+    """Return whether what yields stands on the body before a joint: a bearing's seat, the end of a link that bends."""
+    return way == "bending" or (way == "across" and not joint.slides)
+
+
+def yielding_as(
+    joint: Joint, way: str, value: Any, source: str, link: Array, seat: str | None = None
+) -> ModuleDescription:
+    """Return the module: a spring along the joint, of a stiffness, else what yields by a compliance (6, 6).
+
+    What stands `on_seat` does not turn with the joint: on a frame `seat`, or where the joint is drawn. link (3,): from
+    the joint before to it, in the axes in which it is drawn; along it lies the axis of a link that bends.
+    """
+    name = yielding_module(joint.name, way)
+    kind, quantity = ("joint_spring", "stiffness") if way == "own" else ("compliance_matrix", "matrix")
     values = {quantity: parameter_of(name, quantities_of(kind)[quantity], value, source)}
-    axis, seated = (tuple(joint.axis.tolist()), seat is None and not joint.slides) if across else (None, False)
-    return ModuleDescription(name, kind, joint.name, seat, axis=axis, values=values, seated=seated)
+    axes = {"own": None, "across": tuple(joint.axis.tolist()), "bending": tuple(link.tolist())}
+    seated = seat is None and on_seat(joint, way)
+    return ModuleDescription(name, kind, joint.name, seat, axis=axes[way], values=values, seated=seated)
 
 
-def yielding_modules(joints: Iterable[tuple[Joint, str]]) -> tuple[ModuleDescription, ...]:
-    """Return the modules of joints that yield; how soft they are a simulation says."""
-    start = {"own": 1.0, "across": np.zeros((6, 6))}
-    return tuple(yielding_as(joint, way, start[way], "a law") for joint, way in joints)
+def yielding_modules(places: Iterable[tuple[Joint, str, Array]]) -> tuple[ModuleDescription, ...]:
+    """Return the modules of joints that yield, with the link before each; how soft they are a simulation says."""
+    rigid = np.zeros((6, 6))
+    return tuple(
+        yielding_as(joint, way, 1.0 if way == "own" else rigid, "a law", link)
+        for joint, way, link in sorted(places, key=lambda place: outwards(place[1]))
+    )
+
+
+def outwards(way: str) -> int:
+    """Return what sorts ways to yield from the base outwards: a link bends before the joint at its end tilts."""
+    return ("bending", "across", "own").index(way)

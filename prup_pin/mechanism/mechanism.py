@@ -475,9 +475,14 @@ class Mechanism:
 
     def with_yielding_joints(self, places: Iterable[tuple[str, str]]) -> Mechanism:
         """Return the mechanism with modules for joints that yield, by name and way (`yielding.WAYS`)."""
-        added = yielding_modules((self.joint(name), way) for name, way in places)
+        added = yielding_modules((self.joint(name), way, self.link_before(name)) for name, way in places)
         description = replace(self.description, modules=(*self.description.modules, *added))
         return Mechanism(description, self.locked, self.model)
+
+    def link_before(self, name: str) -> Array:
+        """Return the way from the joint before, or the base, to a joint as drawn (3,), in that drawing's axes [m]."""
+        place = self.model.jointPlacements[self.joint(name).id]
+        return np.asarray(place.rotation.T @ place.translation)
 
     def with_variant(self, name: str) -> Mechanism:
         """Return a variant of the robot file."""

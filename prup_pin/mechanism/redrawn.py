@@ -24,7 +24,7 @@ from .description import (
     resolve_values,
 )
 from .extension import EXTENSION
-from .joints import yielding_as
+from .joints import on_seat, outwards, yielding_as, yielding_matrix
 from .mechanism import Mechanism, with_lengths
 from .sidecar import replace_joint
 from .xml_file import MOMENTS, moments_of, parse_again, words
@@ -288,7 +288,7 @@ class _Drawing:
         seats = {}
         for name, way in self.changes.compliances:
             joint = self.mechanism.joint(name)
-            if way == "across" and not joint.slides:
+            if on_seat(joint, way) and name not in seats:
                 drawn = self.mechanism.model.jointPlacements[joint.id].homogeneous
                 parent = str(self.joints[name].find("parent").get("link"))
                 at = np.linalg.inv(self.mechanism.frame(parent).placement) @ drawn
@@ -342,15 +342,13 @@ def _with_values(modules: Iterable[ModuleDescription], changes: Changes) -> Iter
 
 def _yielding(changes: Changes, seats: Mapping[str, str]) -> Iterable[ModuleDescription]:
     """Yield the modules of joints that yield, named as simulations name them."""
-    for (name, way), compliance in changes.compliances.items():
+    for (name, way), compliance in sorted(changes.compliances.items(), key=lambda item: outwards(item[0][1])):
         joint = changes.mechanism.joint(name)
-        if way == "across":
-            matrix = np.zeros((6, 6))
-            matrix[3, 3], matrix[4, 4], matrix[3, 4] = compliance
-            matrix[4, 3] = matrix[3, 4]
-            yield yielding_as(joint, way, matrix, "diagnosis", seats.get(name))
+        link, seat = changes.mechanism.link_before(name), seats.get(name) if on_seat(joint, way) else None
+        if way != "own":
+            yield yielding_as(joint, way, yielding_matrix(way, compliance.tolist(), link), "diagnosis", link, seat)
         elif compliance[0]:
-            yield yielding_as(joint, way, 1 / compliance[0], "diagnosis")
+            yield yielding_as(joint, way, 1 / compliance[0], "diagnosis", link)
 
 
 def _parameters(

@@ -70,6 +70,12 @@ def tip_compliance(axial: Array, shear: tuple, torsion: Array, bending_x: tuple,
     return matrix
 
 
+def slender_beam(length: float, bending: float) -> Array:
+    """Return the same of a uniform beam of which sections bend by 1 / EI [1/(N m^2)] and do nothing else, (6, 6)."""
+    bends = tuple(np.asarray(bending * length**n / n) for n in (1, 2, 3))
+    return tip_compliance(np.zeros(()), (0.0, 0.0), np.zeros(()), bends, bends)
+
+
 def quadrature(length: Array, breaks: Array) -> tuple[Array, Array]:
     """Return Gauss points u and weights (..., points) over [0, length], composite over `breaks`.
 

@@ -178,7 +178,8 @@ class Simulator:
     ) -> Run:
         """Return the simulation of a setup; all else as in `run`."""
         geometry = self.geometry(setup.parameters, setup.yielding)
-        chain = with_values(geometry.chain, {**setup.values, **yielding_values(setup.yielding)})
+        softened = yielding_values(setup.yielding, geometry.robot.mechanism)
+        chain = with_values(geometry.chain, {**setup.values, **softened})
         samples = np.flatnonzero(self.complete & geometry.reachable)
         rows = geometry.rows[samples]
         begin = self._begin(start, setup, geometry, rows, samples)

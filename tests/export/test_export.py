@@ -13,6 +13,7 @@ from prup_pin.errors import InputError
 from prup_pin.export import export_model, exported
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.deviations import calibration_of
+from prup_pin.laws.link_bending import LinkBending
 from prup_pin.loading import Reading
 from prup_pin.mechanism import JointDynamics
 from prup_pin.parameters import SMALLEST_VALUE
@@ -150,6 +151,25 @@ def test_a_joint_that_yields_is_a_module_of_the_file(arm, ending, tmp_path):
     wanted = simulate(robot, recording, effects)
     got = simulate(prup_pin.load(tmp_path / f"corrected{ending}"), recording)
     assert np.abs(wanted.position - simulate(robot, recording).position).max() > 1e-4
+    assert np.abs(got.position - wanted.position).max() < 1e-9
+    assert np.abs(got.rotation - wanted.rotation).max() < 1e-9
+
+
+@pytest.mark.parametrize("ending", [".urdf", ".xml"])
+def test_a_link_that_bends_is_a_module_of_the_file(arm, ending, tmp_path):
+    robot = prup_pin.load(arm)
+    mechanism = robot.mechanism
+    effects = [calibrated(mechanism)]
+    for place in LinkBending().places(mechanism):
+        effects.append(effect_named("link_bending", place.name, place.aspect, {"flexibility": 1e-4}, mechanism))
+    effects.append(effect_named("joint_compliance", "j2", "across", {"compliance": 5e-5}, mechanism))
+    assert len(effects) > 3
+    made = export_model(CorrectedModel(str(arm), tuple(effects)), tmp_path / f"corrected{ending}")
+    assert made.left_out == ()
+    recording = bench(robot, spread=0.5, force=20.0)
+    wanted = simulate(robot, recording, effects)
+    got = simulate(prup_pin.load(tmp_path / f"corrected{ending}"), recording)
+    assert np.abs(wanted.position - simulate(robot, recording, effects[:1]).position).max() > 1e-5
     assert np.abs(got.position - wanted.position).max() < 1e-9
     assert np.abs(got.rotation - wanted.rotation).max() < 1e-9
 

@@ -16,6 +16,8 @@ import pinocchio as pin
 
 FREE_FALL = np.array([0.0, 0.0, -9.81])
 _STEPS, _STILL = 80, 1e-13
+#: Of a link that bends.
+_PIECES = 50
 
 
 def turned(vector) -> np.ndarray:
@@ -54,7 +56,8 @@ class PosedTree:
     """What is true of the device. By joint: compliance about and across its axis [rad/(N m), m/N for a slide's own],
     alike both ways across or a matrix (3, 3) in the axes of its seat; for a slide's guide the clearance and the length
     over which it holds at zero [m], and the moment [N m] that tilts what it holds by three quarters of one over the
-    other, less the more it is out; what its position is beyond the reported one,
+    other, less the more it is out; 1 / EI [1/(N m^2)] of the link before it, which bends; what its
+    position is beyond the reported one,
     where it is beyond its drawing, in the parent's axes, how it is turned there, how much heavier its body is; by
     frame: where the marker sits on it. `tracker` is (4, 4), tracker from base.
     """
@@ -63,6 +66,7 @@ class PosedTree:
     about: Mapping[str, float] = field(default_factory=dict)
     across: Mapping[str, float | np.ndarray] = field(default_factory=dict)
     guides: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    bending: Mapping[str, float] = field(default_factory=dict)
     offsets: Mapping[str, float] = field(default_factory=dict)
     moved: Mapping[str, np.ndarray] = field(default_factory=dict)
     tilted: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -91,24 +95,27 @@ class PosedTree:
     def bodies(self, q: Mapping[str, float], wrench=None, tool: str = "") -> list[np.ndarray]:
         """Return the placements of all joints' bodies in equilibrium, [base_from_body]."""
         count = self.model.njoints
-        turn, slid = np.zeros((count, 3)), np.zeros(count)
+        turn, slid, bent = np.zeros((count, 3)), np.zeros(count), np.zeros((count, 6))
         for _ in range(_STEPS):
-            bodies, seats = self._chain(q, turn, slid)
+            bodies, seats = self._chain(q, turn, slid, bent)
             force, moment = self._carried(bodies, wrench, tool)
-            before = turn.copy(), slid.copy()
+            before = turn.copy(), slid.copy(), bent.copy()
             for joint in range(1, count):
                 own = moment[joint] - crossed(bodies[joint][:3, 3], force[joint])
                 self._yield(joint, self._at(q, joint), seats[joint][:3, :3].T, force[joint], own, turn, slid)
-            if max(np.abs(turn - before[0]).max(), np.abs(slid - before[1]).max()) < _STILL:
+                at_end = moment[joint] - crossed(seats[joint][:3, 3], force[joint])
+                bent[joint] = self._bend(joint, seats[joint][:3, :3].T, force[joint], at_end)
+            if max(np.abs(now - old).max() for now, old in zip((turn, slid, bent), before, strict=True)) < _STILL:
                 return bodies
         raise RuntimeError("no equilibrium")
 
-    def _chain(self, q, turn, slid) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    def _chain(self, q, turn, slid, bent) -> tuple[list[np.ndarray], list[np.ndarray]]:
         bodies, seats = [np.eye(4)], [np.eye(4)]
         for joint in range(1, self.model.njoints):
             name, twist, drawn = self.model.names[joint], self.twists[joint], self.model.jointPlacements[joint]
             rotation = drawn.rotation @ turned(self.tilted.get(name, np.zeros(3)))
             seat = bodies[self.model.parents[joint]] @ placed(rotation, drawn.translation + self.moved.get(name, 0.0))
+            seat = seat @ placed(turned(bent[joint][3:]), bent[joint][:3])
             at = self._at(q, joint)
             seats.append(seat)
             slide = placed(shift=twist[:3] * (at + slid[joint]))
@@ -159,6 +166,21 @@ class PosedTree:
             clearance, held, moment_to_tilt = self.guides[name]
             size = float(np.linalg.norm(tilted))
             turn[joint] += clearance / (held - at) * np.tanh(size / moment_to_tilt) / max(size, 1e-300) * tilted
+
+    def _bend(self, joint, axes, force, moment) -> np.ndarray:
+        """Return shift and turn (6,) of the end of the link before a joint, in the axes of its seat.
+
+        Each short piece of it turns all beyond it by the moment across the link that it carries, over EI.
+        """
+        flexibility, drawn = self.bending.get(self.model.names[joint], 0.0), self.model.jointPlacements[joint]
+        link = drawn.rotation.T @ drawn.translation
+        out, length = np.zeros(6), float(np.linalg.norm(link))
+        for middle in (np.arange(_PIECES) + 0.5) / _PIECES if flexibility else ():
+            arm = (1 - middle) * link
+            carried = axes @ moment + crossed(arm, axes @ force)
+            kink = flexibility * length / _PIECES * (carried - link * (link @ carried) / length**2)
+            out += np.concatenate((crossed(kink, arm), kink))
+        return out
 
     def markers(self, q, names: Sequence[str], wrench=None, tool: str = "") -> dict[str, np.ndarray]:
         """Return where the tracker sees the markers on these frames, (4, 4) each."""

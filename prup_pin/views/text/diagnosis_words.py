@@ -107,7 +107,19 @@ def verdict_text(diagnosis: Diagnosis) -> str:
         if alone is not None and left != drawn:  # by a curve of no law, or what is within its tolerance
             stands += f"; the corrected model leaves {left}"
             stands += f", {number(after, 3)} times the noise" if math.isfinite(after) else ""
-    return f"Unexplained: {stands}{_largest_in(unknown)}."
+    return f"Unexplained: {stands}{_largest_in(unknown)}.{_most_of_it(diagnosis, before, after)}"
+
+
+def _most_of_it(diagnosis: Diagnosis, before: float, after: float) -> str:
+    """Return the laws of the corrected model that are no findings, where they take most of the square with them."""
+    named = [
+        f"{effect.law.physics.replace('_', ' ')} at {effect.place}"
+        for effect in diagnosis.stand_ins
+        if not effect.law.of_efforts
+    ]
+    if not 0 < len(named) <= _IN_A_SENTENCE or not after**2 < before**2 / 2:
+        return ""
+    return f" What explains most of it, though not all, and may only imitate it: {_joined(named)}."
 
 
 def _intervals(diagnosis: Diagnosis) -> str:
