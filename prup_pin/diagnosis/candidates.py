@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,7 +28,7 @@ _NOT_FELT = Felt()
 class Candidate:
     """A law at a place, as something to fit. Positive parameters are fitted by their logarithms.
 
-    felt: what these data say of the place where it acts.
+    felt: what these data say of the place where it acts; begins: where a fit to them starts, beside the law's starts.
     """
 
     law: Law
@@ -36,6 +36,7 @@ class Candidate:
     mechanism: Mechanism
     sample_interval: float = 0.0
     felt: Felt = _NOT_FELT
+    begins: Sequence[Mapping[str, float]] = field(default=(), compare=False, repr=False)
 
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -150,12 +151,14 @@ class Candidate:
         return [self._coordinates(start) + self._moved_start for start in self.law.starts(self.place, self.mechanism)]
 
     def scan(self) -> list[Array]:
-        """Return the starts, and the first of them at much larger and smaller sizes where what it does is no measure.
+        """Return the starts, also those that the recording asks for, and the first at much larger and smaller sizes.
 
+        The latter where what it does is no measure.
         Of a law whose effect stops growing at a load, too, where no load comes near: a gap that is never closed is a
         spring, and no step leads there from a closed one.
         """
         found = self.starts()
+        found += [self._coordinates(start) + self._moved_start for start in self.begins]
         if self.logarithmic[0]:
             low, high = self.bounds
             moved = np.zeros(self.size)
@@ -281,7 +284,7 @@ def candidates(
         "wrench": not inputs.weight_alone,
     }
     return [
-        Candidate(law, place, mechanism, step)
+        Candidate(law, place, mechanism, step, begins=law.starts_in(inputs, place, mechanism))
         for law in laws_of(mechanism, markers, groups, alone)
         if all(has[need] for need in law.needs)
         for place in law.places(mechanism)

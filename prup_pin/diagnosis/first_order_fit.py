@@ -65,6 +65,8 @@ class FirstOrderFit:
         begins = [np.clip(start, *self.bounds) for start in self.candidate.scan()]
         if self.candidate.is_proportional:
             begins = [self._sized(begin) for begin in begins]
+        elif self.candidate.begins:
+            begins = [self._resized(begin) for begin in begins]
         begins.sort(key=self.chi_squared)
         if self.candidate.is_proportional and self.chi_squared(begins[0]) > promising:
             found = begins[:1]
@@ -84,13 +86,17 @@ class FirstOrderFit:
         """Return the residual that coordinates leave, with what they are off what is usual or known of them, (m,)."""
         return self._at(coordinates)[1]
 
-    def slope(self, coordinates: Array) -> Array:
-        """Return d(left)/d(coordinates), (m, p): steps of a fixed size; in proportion they vanish with a coordinate."""
+    def slope(self, coordinates: Array, places: np.ndarray | None = None) -> Array:
+        """Return d(left)/d(coordinates), (m, p), or of some of them: steps of a fixed size.
+
+        In proportion they vanish with a coordinate.
+        """
         here, columns, steps = self.left(coordinates), [], 1e-4 * self.candidate.scales()
-        for place, step in enumerate(np.where(coordinates + steps > self.bounds[1], -steps, steps)):
+        steps = np.where(coordinates + steps > self.bounds[1], -steps, steps)
+        for place in range(len(steps)) if places is None else places.tolist():
             moved = coordinates.copy()
-            moved[place] += step
-            columns.append((self.left(moved) - here) / step)
+            moved[place] += steps[place]
+            columns.append((self.left(moved) - here) / steps[place])
         return np.array(columns).T
 
     def _at(self, coordinates: Array) -> tuple[Array, Array]:
@@ -121,9 +127,11 @@ class FirstOrderFit:
         """Return a start with its size, or sizes, all of one unit, where these leave least."""
         if self.candidate.is_proportional:
             return self._sized(begin)
-        units = np.array([quantity.unit for quantity in self.candidate.quantities])
-        moved, sizes = begin.copy(), units == units[0]
-        moved[sizes] -= np.linalg.lstsq(self.slope(begin)[:, sizes], self.left(begin), rcond=1e-10)[0]
+        candidate = self.candidate
+        units = np.array([quantity.unit for quantity in candidate.quantities])
+        moved, sizes = begin.copy(), (units == units[0]) & (candidate.logarithmic == candidate.logarithmic[0])
+        slopes = self.slope(begin, np.flatnonzero(sizes))
+        moved[sizes] -= np.linalg.lstsq(slopes, self.left(begin), rcond=1e-10)[0]
         return np.clip(moved, *self.bounds)
 
     def _is_sized(self, coordinates: Array) -> bool:

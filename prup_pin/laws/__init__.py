@@ -26,7 +26,7 @@ from .inputs import Inputs, Trajectory
 from .joint_compliance import EveryJointCompliance, JointCompliance, UnevenJointCompliance
 from .joint_places import JointDirection, JointPosition, LoopEndPosition, SeatPosition
 from .law import Effect, Law, Place, Sharing, defects
-from .lead_error import HomedLeadError, LeadError, PeriodicLeadError
+from .lead_error import HomedLeadError, LeadError, PeriodicLeadError, PitchError
 from .link_bending import LinkBending
 from .model_equation_error import ModelEquationError
 from .out_of_level import OutOfLevel
@@ -88,6 +88,7 @@ _OWN: tuple[Law, ...] = (
     LeadError(),
     HomedLeadError(),
     PeriodicLeadError(),
+    PitchError(),
     GeometricOffset(),
     JointPosition(),
     JointDirection(),

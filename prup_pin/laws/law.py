@@ -187,6 +187,13 @@ class Law(ABC):
         """Return parameter values from which a fit starts; several where it may have several minima."""
         return [{quantity.name: float(quantity.default) for quantity in self.quantities_at(place, mechanism)}]  # type: ignore[arg-type]
 
+    def starts_in(self, inputs: Inputs, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
+        """Return further values from which a fit to a recording of these inputs starts, where its samples ask for them.
+
+        Many may be given: all are tried at the sizes that leave least, and only the best are fitted.
+        """
+        return ()
+
     def usual_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, tuple[float, float]]:
         """Return mean and standard deviation of what is usual, by parameter that may be negative.
 
