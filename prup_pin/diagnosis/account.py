@@ -12,7 +12,7 @@ from ..numbers import number, quantity
 from ..simulation import Simulator
 from .calibrate import calibrated_from
 from .candidates import Term
-from .criteria import FEW_ROUNDS, LITTLE, MOST, MOST_FITS, PARAMETER_COST, beyond_tolerance
+from .criteria import AS_GOOD, FEW_ROUNDS, LITTLE, MOST, MOST_FITS, PARAMETER_COST, beyond_tolerance
 from .diagnosis import Finding
 from .evidence import (
     count_beyond_tolerance,
@@ -173,6 +173,8 @@ def searched(begun: Account, tell: Tell, most: int = MOST_FITS) -> Account:
     now = _selected(begun, begun.problem, tell, most, begun.selection.last)
     now = _by_noise_of_the_rest(_by_noise_of_the_wrench(now, tell, most), tell, most)
     now = _with_weight_or_without(now, tell, most)
+    if not _foretells(now):
+        return without_laws(begun.prepared, tell)
     if begun.prepared.kinds:
         now = replace(now, selection=dropped_by_folds(now.problem, now.selection, now.labels))
     elif now.doubt is None and now.is_clean:
@@ -180,6 +182,16 @@ def searched(begun: Account, tell: Tell, most: int = MOST_FITS) -> Account:
     if begun.prepared.noise_unknown and now.doubt is None and now.is_clean:
         return replace(now, doubt=no_noise(now.problem, now.selection.last, begun.prepared.inputs.blocks))
     return now
+
+
+def _foretells(now: Account) -> bool:
+    """Return whether laws foretell blocks that were held out better than none: else they explain nothing."""
+    problem, last, first = now.problem, now.selection.last, now.problem.first
+    if not last.terms:
+        return True
+    return cross_validated(problem, last, now.labels[last.samples]) <= cross_validated(
+        problem, first, now.labels[first.samples]
+    )
 
 
 def _selected(now: Account, problem: Problem, tell: Tell, most: int = MOST_FITS, begun: Fit | None = None) -> Account:
@@ -217,8 +229,8 @@ def _by_noise_of_the_rest(now: Account, tell: Tell, most: int) -> Account:
     """
     inputs, fit = now.prepared.inputs, now.selection.last
     larger = noise_of_the_rest(now.problem, fit, inputs.blocks[fit.samples])
-    if larger is None:
-        return now
+    if larger is None or cross_validated(now.problem, fit, now.labels[fit.samples]) > AS_GOOD**2 * fit.chi2:
+        return now  # what laws leave of blocks that they are not fitted to is no noise of theirs
     load = _load_left(now.problem, fit) if inputs.weight_alone else None
     if load is not None:
         return replace(now, doubt=load_left(larger.noise, load))

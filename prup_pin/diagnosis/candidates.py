@@ -77,7 +77,7 @@ class Candidate:
     @cached_property
     def of_rigid_joint(self) -> bool:
         """True where a joint yields by it that the robot file has rigid."""
-        return any(isinstance(deed, YieldingJoint) for deed in self.deeds)
+        return any(isinstance(deed, YieldingJoint) and not deed.is_of_link for deed in self.deeds)
 
     @property
     def parts(self) -> tuple[str, ...]:

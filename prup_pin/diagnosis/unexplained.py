@@ -60,15 +60,11 @@ def final_state(
         return Final(last, tuple(laws), doubt, held, count, in_doubt=True)
     if count < FEWEST_NUMBERS:
         return Final(problem.first, (), too_few_poses(count), held, count)
-    # laws that foretell worse than none at all explain nothing, however little they leave of what they were fitted to
-    foretold = not last.terms or held <= cross_validated(problem, problem.first, blocks[problem.first.samples])
-    if foretold and not _unexplained(problem, last, count):
+    if not _unexplained(problem, last, count):
         group = _cancelling(problem, last) if rms_of_sum(held, count) > ROUGHLY * clean_bound(count) else ()
         left_over = tuple(finding for index, finding in enumerate(laws) if index not in group)
         ins = tuple(last.terms[index].effect for index in group)
         return Final(last, left_over, _in_place_of(ins), held, count, stand_ins=ins)
-    if not foretold:
-        selection, last, laws = replace(selection, last=problem.first), problem.first, []
     kept, unknown, fit = _beside_unknown(list(laws), problem, selection, blocks, tell)
     unknown = unknown or without_place(problem, fit, selection, count)
     left, held = (cross_validated(problem, each, labels, bounded=True) for each in (fit, last))

@@ -38,7 +38,6 @@ class LinkBending(Law):
     source = "Gere and Timoshenko, Mechanics of Materials, app. G"
     variant = "link before"
     quantities = (Quantity("flexibility", "1/(N m^2)", "1 / EI of the link's sections", 1e-5, upper=1.0),)
-    of_stiffness = True
     neutral: ClassVar = {"flexibility": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:

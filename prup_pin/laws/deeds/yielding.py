@@ -34,6 +34,11 @@ class YieldingJoint(Deed):
     way: str
     compliance: tuple[float, ...]
 
+    @property
+    def is_of_link(self) -> bool:
+        """True where the link before the joint yields, and not the joint."""
+        return self.way == "bending"
+
     def enter(self, setup: Setup) -> None:
         key = self.joint, self.way
         before = setup.yielding.get(key, (0.0,) * len(self.compliance))
