@@ -185,13 +185,15 @@ def searched(begun: Account, tell: Tell, most: int = MOST_FITS) -> Account:
 
 
 def _foretells(now: Account) -> bool:
-    """Return whether laws foretell blocks that were held out better than none: else they explain nothing."""
+    """Return whether laws foretell held-out blocks about as well as none, or better: else they explain nothing.
+
+    Where parameters may be off, a law in their place need not foretell better.
+    """
     problem, last, first = now.problem, now.selection.last, now.problem.first
     if not last.terms:
         return True
-    return cross_validated(problem, last, now.labels[last.samples]) <= cross_validated(
-        problem, first, now.labels[first.samples]
-    )
+    held = [cross_validated(problem, fit, now.labels[fit.samples]) for fit in (last, first)]
+    return held[0] <= AS_GOOD**2 * held[1]
 
 
 def _selected(now: Account, problem: Problem, tell: Tell, most: int = MOST_FITS, begun: Fit | None = None) -> Account:
@@ -229,8 +231,8 @@ def _by_noise_of_the_rest(now: Account, tell: Tell, most: int) -> Account:
     """
     inputs, fit = now.prepared.inputs, now.selection.last
     larger = noise_of_the_rest(now.problem, fit, inputs.blocks[fit.samples])
-    if larger is None or cross_validated(now.problem, fit, now.labels[fit.samples]) > AS_GOOD**2 * fit.chi2:
-        return now  # what laws leave of blocks that they are not fitted to is no noise of theirs
+    if larger is None or not _foretells(now):
+        return now  # what laws leave that foretell nothing is no noise
     load = _load_left(now.problem, fit) if inputs.weight_alone else None
     if load is not None:
         return replace(now, doubt=load_left(larger.noise, load))

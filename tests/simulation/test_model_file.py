@@ -71,8 +71,8 @@ def test_every_law_survives_the_file(tmp_path, robot):
     for law in LAWS:
         for place in list(law.places(mechanism))[-1:]:
             effects.append(Effect(law, place, dict(law.starts(place, mechanism)[0])))
-    # A printed error, and what only rigid joints, slides of trees, loops of ball joints, or slides whose screw
-    # nobody described have.
+    # A printed error, and what only rigid joints, links and slides of trees, loops of ball joints, or slides whose
+    # screw nobody described have.
     left_out = {type(law).__name__ for law in LAWS} - {type(effect.law).__name__ for effect in effects}
     assert left_out == {
         "EveryJointCompliance",
@@ -80,6 +80,8 @@ def test_every_law_survives_the_file(tmp_path, robot):
         "GuidePlay",
         "GuideTwist",
         "JointCompliance",
+        "LinkBending",
+        "LinkGrowth",
         "LoopEndPosition",
         "ModelEquationError",
         "SeatPosition",
