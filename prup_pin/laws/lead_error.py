@@ -110,6 +110,12 @@ def _unit(mechanism: Mechanism, column: int) -> str:
     return _joint(mechanism, column).unit or "rad"
 
 
+def _wave(column: int, values: Mapping[str, float], position: Array, period: float) -> Travel:
+    """Return that an actuator swings about where its encoder says it is, with its position (N,)."""
+    angle = 2 * np.pi * position / period
+    return Travel(column, values["sine"] * np.sin(angle) + values["cosine"] * np.cos(angle))
+
+
 class PeriodicLeadError(Law):
     """The nut swings about where the encoder says it is, once a turn of the screw."""
 
@@ -129,8 +135,7 @@ class PeriodicLeadError(Law):
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         column, lead = screws(setup.mechanism)[place.name]
-        angle = 2 * np.pi * setup.inputs.actuators[:, column] / lead
-        yield Travel(column, values["sine"] * np.sin(angle) + values["cosine"] * np.cos(angle))
+        yield _wave(column, values, setup.inputs.actuators[:, column], lead)
 
     def drawn(self, place: Place, at: Solved) -> Drawn:
         column, lead = screws(at.setup.mechanism)[place.name]
@@ -194,8 +199,7 @@ class PitchError(Law):
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         column = travels(setup.mechanism)[place.name]
         middle = middle_of(_joint(setup.mechanism, column), setup.mechanism)
-        angle = 2 * np.pi * (setup.inputs.actuators[:, column] - middle) / values["period"]
-        yield Travel(column, values["sine"] * np.sin(angle) + values["cosine"] * np.cos(angle))
+        yield _wave(column, values, setup.inputs.actuators[:, column] - middle, values["period"])
 
     def drawn(self, place: Place, at: Solved) -> Drawn:
         column = travels(at.setup.mechanism)[place.name]

@@ -71,7 +71,7 @@ class RememberedStrain(Deed):
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
-        if setup.remembered is at.setup.remembered or setup.remembered == at.setup.remembered:
+        if setup.remembered == at.setup.remembered:
             return
         for sign, deeds in ((1.0, setup.remembered), (-1.0, at.setup.remembered)):
             for deed in deeds:

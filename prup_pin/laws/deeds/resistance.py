@@ -83,7 +83,7 @@ class JointResistance(Deed):
 
     @classmethod
     def changes(cls, setup: Setup, at: Solved) -> Iterator[Array]:
-        alike = setup.resistances is at.setup.resistances or setup.resistances == at.setup.resistances
+        alike = setup.resistances == at.setup.resistances
         if alike and not at.displaced:
             return
         before = np.zeros((len(at.samples), len(at.first.chain.moving)))
