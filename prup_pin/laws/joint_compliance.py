@@ -9,11 +9,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..mechanism import Joint, Mechanism
+from ..mechanism import Joint, Mechanism, tilting_matrix
 from ..modules import DriveModule, WrenchModule
 from ..numbers import number
 from ..parameters import Quantity
-from .deeds import Deed, Solved, YieldingJoint, tilting_matrix, yield_of
+from .deeds import Deed, Solved, YieldingJoint, yield_of
 from .drawn import Drawn
 from .follows import Followed
 from .law import Law, Place

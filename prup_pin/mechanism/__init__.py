@@ -2,7 +2,7 @@
 
 from .changes import Changes, JointDynamics
 from .frames import REFERENCE_TEMPERATURE, Frame, Link, LoopClosure, MovedParts
-from .joints import WAYS, Coupling, Joint, yielding_matrix, yielding_module
+from .joints import WAYS, Coupling, Joint, tilting_matrix, yielding_matrix, yielding_module
 from .mechanism import Mechanism, Module
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "Mechanism",
     "Module",
     "MovedParts",
+    "tilting_matrix",
     "yielding_matrix",
     "yielding_module",
 ]

@@ -233,9 +233,14 @@ def yielding_matrix(way: str, compliance: Sequence[float], link: Array) -> Array
     if way == "bending":
         return slender_beam(float(np.linalg.norm(link)), *compliance)
     matrix = np.zeros((6, 6))
-    matrix[3, 3], matrix[4, 4], matrix[3, 4] = compliance
-    matrix[4, 3] = matrix[3, 4]
+    matrix[3:5, 3:5] = tilting_matrix(compliance)
     return matrix
+
+
+def tilting_matrix(compliance: Sequence[float]) -> Array:
+    """Return the compliance across a joint (c_xx, c_yy, c_xy) as a matrix, (2, 2)."""
+    xx, yy, xy = compliance
+    return np.array([[xx, xy], [xy, yy]])
 
 
 def on_seat(joint: Joint, way: str) -> bool:

@@ -14,7 +14,7 @@ from .resistance import JointResistance
 from .strain import Along, ExtraStrain, Strain, Strains
 from .travel import ChangedLength, MovedJoint, MovedLoopEnd, Travel
 from .value import ChangedValue
-from .yielding import YieldingJoint, tilting_matrix, yield_of, yielding_values
+from .yielding import YieldingJoint, yield_of, yielding_values
 from .yielding_base import YieldingBase, base_motion, carried_along
 
 #: Every kind, in the order in which their first-order effects are added up.
@@ -80,7 +80,6 @@ __all__ = [
     "YieldingJoint",
     "base_motion",
     "carried_along",
-    "tilting_matrix",
     "yield_of",
     "yielding_values",
 ]

@@ -115,12 +115,6 @@ def twists_from(place: Array) -> Array:
     return found
 
 
-def tilting_matrix(compliance: tuple[float, ...]) -> Array:
-    """Return the compliance across a joint as a matrix, (2, 2)."""
-    xx, yy, xy = compliance
-    return np.array([[xx, xy], [xy, yy]])
-
-
 def yielding_values(yielding: Mapping[tuple[str, str], tuple[float, ...]], mechanism: Mechanism) -> dict[str, Any]:
     """Return the values of the modules that stand for joints that yield, by their full names."""
     found: dict[str, Any] = {}
