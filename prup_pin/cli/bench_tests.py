@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +15,7 @@ import numpy as np
 import typer
 
 from .. import simulation
-from ..errors import InputError, PrupPinError, RecordingFileError, SimulationStoppedError
+from ..errors import InputError, Problem, PrupPinError, RecordingFileError, SimulationStoppedError
 from ..export import export_model
 from ..files import written_beside
 from ..laws import Effect
@@ -429,7 +430,7 @@ def import_(
             return
     open_ = unanswered(plan) if out is not None else []
     if open_:
-        lines = "\n".join(f"  {problem}" for problem in open_)
+        lines = "\n".join(f"  {text}" for text in _by_doubt(open_))
         whose = "is there already" if there else "was guessed and written"
         raise InputError(
             f"the map '{plan}' {whose}. {counted(len(open_), 'line')} in it must be looked at (CHECK) before a "
@@ -448,6 +449,13 @@ def import_(
     if not there:
         typer.echo("\nThe map was guessed, every line by a name or by proof; read it once.")
     list_written((*(() if there else (plan,)), out, out.with_suffix(".json")))
+
+
+def _by_doubt(problems: Sequence[Problem]) -> Iterator[str]:
+    """Yield lines of a map that are not sure, those one after the other with the same doubt as one."""
+    for _, alike in groupby(problems, key=lambda problem: problem.message.partition(": ")[2]):
+        first, *others = alike
+        yield f"{first}" + (f" (and so on to line {others[-1].line})" if others else "")
 
 
 def _check(logs: list[Path], plan: Path, out: Path | None) -> None:

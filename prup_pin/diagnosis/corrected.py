@@ -47,7 +47,7 @@ def corrected_model(
         notes,
         read,
         _noise(diagnosis),
-        {} if efforts is None or efforts.standing else efforts.band,
+        {} if efforts is None or efforts.separate else efforts.band,
         _conventions(diagnosis, recordings),
         diagnosis.own_by_run,
         _effort_noise(diagnosis),

@@ -197,7 +197,7 @@ class InMotion:
 
     def rate(self, values: Array) -> Array:
         """Return the rate of change of values (N, ...)."""
-        if self.motion.standing:
+        if self.motion.separate:
             return np.zeros_like(values)
         return differences(values, self.motion.piece, 1 / self.motion.rate)
 
@@ -244,7 +244,7 @@ class InMotion:
 
     def _ago(self, splines: list, values: Array, delay: float) -> Array:
         out = np.zeros_like(values)
-        if self.motion.standing or not delay:
+        if self.motion.separate or not delay:
             return out
         for where, spline in zip(pieces(self.motion.piece), splines, strict=True):
             time = self.motion.time[where]
@@ -293,7 +293,7 @@ class InMotion:
         At as many samples as the band of the efforts needs, and smoothly between them.
         """
         motion = self.motion
-        every = 1 if motion.standing else max(1, int(motion.rate / (_SAMPLES * motion.band.highest)))
+        every = 1 if motion.separate else max(1, int(motion.rate / (_SAMPLES * motion.band.highest)))
         parts = [np.unique(np.append(np.arange(w.start, w.stop, every), w.stop - 1)) for w in pieces(motion.piece)]
         rows = np.concatenate(parts)
         few, values = motion.select(rows), []
@@ -327,6 +327,6 @@ def could_be_gravity(field: Array, mechanism: Mechanism) -> bool:
 def _splines(motion: Motion, values: Array) -> list:
     from scipy.interpolate import CubicSpline  # heavy; not needed to load a robot
 
-    if motion.standing:
+    if motion.separate:
         return []
     return [CubicSpline(motion.time[where], values[where], axis=0) for where in pieces(motion.piece)]

@@ -50,6 +50,8 @@ _OF_SPECTRA, _LONG_PIECES = 48_000, 4
 _SLOW_CLOCK, _MOVING = 0.3, 0.3
 #: Rates that come later than what changes by less than this [s] are not told to.
 _NO_DELAY = 1e-4
+#: A state's way before and after it, as a share of the way of a second: it tells which way the joints go.
+_AROUND = 1e-6
 _OTHER_UNITS = (
     (57.29578, "they seem to be in degrees per second"),
     (1 / 57.29578, "the positions seem to be in degrees"),
@@ -92,10 +94,15 @@ class Motion:
     band: Band
     path: Path
     remarks: tuple[str, ...] = ()
-    standing: bool = False  # postures one after the other: nothing is known of the ways between them
+    separate: bool = False  # each row is a state by itself: nothing is known of the way from one to the next
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @property
+    def standing(self) -> bool:
+        """Whether the rows are postures in which the joints stand."""
+        return self.separate and not self.speed.any() and not self.acceleration.any()
 
     def select(self, rows: np.ndarray) -> Motion:
         """Return some of the samples, by their places (n,)."""
@@ -144,7 +151,7 @@ def is_standing(recording: Recording, names: Sequence[str]) -> bool:
     """Return whether a recording is of postures in which the joints `names` stand, not of motions between them."""
     if len(recording) < 2 or not names:
         return True
-    return _stands(one_rate(recording).recording, names)
+    return not recording.in_no_order(names) and _stands(one_rate(recording).recording, names)
 
 
 def _stands(recording: Recording, names: Sequence[str]) -> bool:
@@ -186,9 +193,11 @@ def motion_of(
         known = {name: recording.efforts.get(name, np.zeros(len(recording))) for name in driven}
         recording = recording.with_measurements(efforts={name: np.nan_to_num(tau) for name, tau in known.items()})
         drives = tuple(driven)
+    if recording.in_no_order(names):
+        return _states(recording, names, drives, driven is None)
     rates = one_rate(recording)
     if len(recording) < 2 or _stands(rates.recording, names):
-        return _standing_motion(recording, names, drives)
+        return _postures(recording, names, drives)
     clean, told_off = without_glitches(recording)
     rates = one_rate(clean) if told_off else rates
     limited = {name: at_limit(clean.efforts[name]) for name in drives}
@@ -352,37 +361,85 @@ def _compared(verb: str, drives: Sequence[str], cutoffs: Sequence[float], rigid:
     return f"{verb} up to so many Hz, {why}: {each}"
 
 
-def _standing_motion(recording: Recording, names: tuple[str, ...], driven: tuple[str, ...]) -> Motion:
-    table = np.column_stack(
-        [recording.positions[name] for name in names] + [recording.efforts[name] for name in driven]
+def _postures(recording: Recording, names: tuple[str, ...], driven: tuple[str, ...]) -> Motion:
+    """Return postures at rest, one after the other."""
+    position = _joined(names, recording.positions)
+    still = np.zeros_like(position)
+    return _separate(
+        recording,
+        names,
+        driven,
+        (position, still, still),
+        "the joints stand in every row: efforts are those of weight and load, and nothing shows that needs motion",
+        "a position or an effort",
     )
+
+
+def _states(recording: Recording, names: tuple[str, ...], driven: tuple[str, ...], fewer: bool) -> Motion:
+    """Return states of motion in no order; fewer: no more of them than tell something."""
+    lacking = [f"qdd.{name}" for name in names if name not in _logged(recording.accelerations, names)]
+    if lacking:
+        raise InputError(
+            "the rows are in no order of time, so that each has to say how the joints speed up: missing are "
+            f"{', '.join(lacking)}. Give the rows as they were logged, or these columns"
+        )
+    rows, told = np.arange(len(recording)), ""
+    if fewer and len(rows) > _MOST_SAMPLES:
+        rows = np.arange(_MOST_SAMPLES) * len(rows) // _MOST_SAMPLES
+        told = f"; {len(recording)} rows are more than are needed, and {_MOST_SAMPLES} of them were used, evenly spread"
+    some = recording.select(rows)
+    motion = _separate(
+        some,
+        names,
+        driven,
+        tuple(_joined(names, group) for group in (some.positions, some.velocities, some.accelerations)),
+        "the rows are in no order of time: each is taken for itself, with the speeds and accelerations that it holds, "
+        f"and nothing shows that needs to know what was before, such as a delay, a filter or backlash{told}",
+        "a position, a speed, an acceleration or an effort",
+    )
+    return replace(motion, rows=rows[motion.rows])
+
+
+def _joined(names: Sequence[str], group: Mapping[str, Array]) -> Array:
+    return np.column_stack([group[name] for name in names])
+
+
+def _separate(
+    recording: Recording,
+    names: tuple[str, ...],
+    driven: tuple[str, ...],
+    moved: Sequence[Array],
+    remark: str,
+    needed: str,
+) -> Motion:
+    """Return rows of which each is a sample by itself; moved: positions, speeds and accelerations (N, j)."""
+    table = np.column_stack([*moved, *(recording.efforts[name] for name in driven)])
     rows = np.flatnonzero(np.isfinite(table).all(axis=1))
-    position, count, piece = table[rows, : len(names)], len(names), recording.select(rows).blocks()
-    remarks = [
-        "the joints stand in every row: efforts are those of weight and load, and nothing shows that needs motion"
-    ]
-    if len(rows) < len(recording):
-        remarks.append(f"{len(recording) - len(rows)} of {len(recording)} rows lack a position or an effort")
+    position, speed, acceleration, efforts = np.split(table[rows], len(names) * np.arange(1, 4), axis=1)
+    usual, samples = np.sqrt(np.mean(speed**2, axis=0)), np.arange(len(rows))
+    slow = np.maximum(_STILL_SHARE * usual, np.finfo(float).tiny)
+    lost = f"{len(recording) - len(rows)} of {len(recording)} rows lack {needed}"
+    around = np.stack([position + sign * _AROUND * speed for sign in (-1.0, 0.0, 1.0)], axis=1)
     return Motion(
         names=names,
         driven=driven,
         time=np.asarray(recording.time)[rows],
-        piece=piece,
+        piece=recording.select(rows).blocks(),
         rate=1.0,
         position=position,
-        speed=np.zeros_like(position),
-        acceleration=np.zeros_like(position),
-        still=np.zeros(position.shape, bool),
-        slow=np.full(count, np.finfo(float).tiny),
-        efforts=table[rows, count:],
+        speed=speed,
+        acceleration=acceleration,
+        still=(np.abs(speed) < slow) & (usual > 0),
+        slow=slow,
+        efforts=efforts,
         saturated=np.zeros((len(rows), len(driven)), bool),
         wrench=np.nan_to_num(np.asarray(recording.wrench))[rows] if recording.has_wrench else None,
         gravity=None if recording.gravity is None else np.asarray(recording.gravity)[rows],
         rows=rows,
         band=Band((1.0,) * len(driven), 1.0),
-        path=Path(position, piece, np.arange(len(rows))),
-        remarks=tuple(remarks),
-        standing=True,
+        path=Path(around.reshape(-1, len(names)), np.repeat(samples, 3), 3 * samples + 1),
+        remarks=(remark, *[lost] * (len(rows) < len(recording))),
+        separate=True,
     )
 
 

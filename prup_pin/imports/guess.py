@@ -29,7 +29,7 @@ from .draft import Draft, Line
 from .log import Log
 from .map import CHECK
 from .motion import add_nameless, set_beside
-from .unit_by_numbers import settle_units
+from .unit_by_numbers import settle_rate, settle_units
 from .units import DRIVING, UNSCALED, WISHED, dimension_of, words_of
 
 
@@ -58,6 +58,7 @@ def guess(log: Log, mechanism: Mechanism | None = None, robot: str | None = None
     if mechanism is not None:
         add_by_unit(draft)
     settle_units(draft)
+    settle_rate(draft)
     set_beside(draft)
     return _Page(draft).written(robot)
 
@@ -127,7 +128,12 @@ class _Page:
         alone = len(self.draft.log.streams) == 1
         for stream in self.draft.log.streams:
             name, unit, doubt = self.draft.clocks[stream.name]
-            inside = [] if name is None else [f"from: {_text(name)}", f"unit: {unit}"] if name else ["rate: 1"]
+            if name is None:
+                inside = []
+            elif name:
+                inside = [f"from: {_text(name)}", f"unit: {unit}"]
+            else:
+                inside = [f"rate: {self.draft.rates.get(stream.name, 1.0):.9g}"]
             if stream.name in self.draft.alike:
                 inside, doubt = [f"like: {_text(self.draft.alike[stream.name])}"], ""
             delay, known, unsure = self.draft.delays.get(stream.name, (0.0, "", ""))

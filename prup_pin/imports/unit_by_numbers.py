@@ -10,6 +10,7 @@ from itertools import product
 
 import numpy as np
 
+from ..recordings import Recording
 from ..spatial import Array
 from .draft import Draft, Line
 from .units import UNITS, UNSCALED, dimension_of, factor_of, unit_in_name
@@ -51,6 +52,33 @@ def settle_units(draft: Draft) -> None:
                 f"in {line.unit}: write how much SI one {line.unit} is, as `scale`"
                 + " (gear ratio x torque constant)" * (kind == "tau" and line.unit in ("A", "mA"))
             )
+
+
+def settle_rate(draft: Draft) -> None:
+    """Give a stream without a time the rate at which its positions are the integral of its velocities.
+
+    Rows in no order are states by themselves, and any rate will do.
+    """
+    for stream in draft.log.streams:
+        if draft.clocks[stream.name][0] != "":
+            continue
+        position, speed = (
+            {x.target.partition(".")[2]: draft.in_si(x) for x in draft.of(kind) if draft.stream_of(x) is stream}
+            for kind in ("q.", "qd.")
+        )
+        joints = [joint for joint in position if joint in speed]
+        rows = np.arange(len(stream), dtype=float)
+        slopes = [_slope(rows, position[joint], speed[joint]) for joint in joints]
+        known = [slope for slope in slopes if slope is not None]
+        if known and np.isfinite(known).all() and np.ptp(known) < _AGREE * abs(known[0]) and known[0] > 0:
+            rate = float(f"{1 / np.median(known):.4g}")
+            why = "the velocities are the rate of the positions at so many rows a second"
+        elif Recording(time=rows, positions=position, velocities=speed).in_no_order(joints):
+            rate, why = 1.0, "the rows are in no order: each is a state of motion by itself, and any rate will do"
+        else:
+            continue
+        draft.rates[stream.name], draft.clocks[stream.name] = rate, ("", "s", "")
+        draft.delays.setdefault(stream.name, (0.0, why, ""))
 
 
 def _slides(draft: Draft, joint: str, line: Line | None) -> bool:

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 #: Encoders resolve better than this; deliberate steps between poses are larger [m or rad].
 STANDSTILL = 1e-5
+#: Rows are states by themselves where there are so many of them at least, von Neumann's ratio of positions is beyond
+#: this, and a joint goes through more than this share of its range in a second: below that it stands.
+_FEWEST_STATES, _SHUFFLED, _CREEPING = 30, 1.0, 1e-2
 
 
 def moment(date: str) -> datetime:
@@ -258,6 +261,26 @@ class Recording:
         given |= {"markers": markers, "marker_rotations": marker_rotations}
         changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
         return replace(self, **changes)
+
+    def in_no_order(self, names: Sequence[str]) -> bool:
+        """Return whether each row is a state of motion of the joints `names` by itself, as in a log that was shuffled.
+
+        It says how fast they move, and positions of one row and the next are as far apart as those of any two: von
+        Neumann's ratio is 2 of random numbers, and next to nothing of a course of time.
+        """
+        if not names or any(name not in group for group in (self.positions, self.velocities) for name in names):
+            return False
+        position, speed = (
+            np.column_stack([group[name] for name in names]) for group in (self.positions, self.velocities)
+        )
+        known = np.isfinite(position + speed).all(axis=1)
+        if known.sum() < _FEWEST_STATES:
+            return False
+        moved, usual = position[known] - position[known].mean(axis=0), np.sqrt(np.mean(speed[known] ** 2, axis=0))
+        moves = usual > _CREEPING * np.ptp(moved, axis=0)
+        moves &= moved.any(axis=0)
+        apart = np.sum(np.diff(moved[:, moves], axis=0) ** 2, axis=0) / np.sum(moved[:, moves] ** 2, axis=0)
+        return bool(moves.any() and np.median(apart) > _SHUFFLED)
 
     def blocks(self, tolerance: float = STANDSTILL) -> NDArray[np.int64]:
         """Return (N,) labels 0, 1, … of consecutive samples of one run with the same actuator positions.

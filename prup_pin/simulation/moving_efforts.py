@@ -122,7 +122,7 @@ def share_left(
     Empty of postures.
     """
     motion = motion_of(recording, mechanism, band=band)
-    if motion.standing:
+    if motion.separate:
         return {}
     found = np.full(motion.efforts.shape, np.nan)
     for column, name in enumerate(motion.driven):
@@ -164,7 +164,7 @@ def _added(at: InMotion, effects: Sequence[Effect]) -> Array:
     """Return what laws of the effort channel add (N, k), one after the other."""
     added, bodies = np.zeros_like(at.rigid), np.zeros_like(at.rigid)
     for effect in effects:
-        if isinstance(effect.law, EffortLaw) and not (effect.law.of_motion and at.motion.standing):
+        if isinstance(effect.law, EffortLaw) and effect.law.is_told_by(at.motion):
             knowing = at.knowing(added.copy(), np.zeros_like(added), bodies.copy())
             more = effect.law.efforts(effect.place, effect.values, knowing)
             added += more

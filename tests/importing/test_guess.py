@@ -134,6 +134,19 @@ def test_what_is_not_sure_says_so(ur5):
     assert "no column is a time: write how many rows a second" in "\n".join(guess(log_of(q), ur5).doubts)
 
 
+def test_speeds_tell_how_many_rows_a_second_there_are_or_that_rows_are_in_no_order(tmp_path, ur5):
+    rows, rate = logs.numbered("q{}", Q) | logs.numbered("qd{}", QD), 1 / np.diff(logs.T)[0]
+    first, there = imported(tmp_path, log_of(rows), ur5)
+    assert not first.doubts
+    assert np.diff(there.time) == pytest.approx(1 / rate, rel=1e-3)
+    order = np.random.default_rng(1).permutation(len(Q))
+    first = guess(log_of({name: values[order] for name, values in rows.items()}), ur5)
+    assert not first.doubts
+    assert "the rows are in no order" in first.text
+    turned = logs.numbered("q{}", Q) | logs.numbered("qd{}", -QD)
+    assert any("no column is a time" in text for text in guess(log_of(turned), ur5).doubts)
+
+
 def test_turns_of_an_endless_joint_are_seen(ur5):
     wrapped = Q.copy()
     wrapped[:, 5] = (3 * logs.T + np.pi) % (2 * np.pi) - np.pi

@@ -84,7 +84,7 @@ def in_motion(
 def band_of(mechanism: Mechanism, recording: Recording) -> tuple[dict[str, float] | None, float | None]:
     """Return the `coherent_band` of a recording; (None, None) of postures. Raises as `in_motion`."""
     seen = in_motion(mechanism, recording)
-    return (None, None) if seen.motion.standing else coherent_band(seen)
+    return (None, None) if seen.motion.separate else coherent_band(seen)
 
 
 def coherent_band(at: InMotion) -> tuple[dict[str, float], float | None]:

@@ -255,7 +255,7 @@ class EffortReadings:
     @property
     def _count(self) -> int:
         """How many samples are told apart: at rest all that are looked at, else as many as their band tells."""
-        return len(self.rows if self.at.motion.standing else kept_samples(self.at))
+        return len(self.rows if self.at.motion.separate else kept_samples(self.at))
 
     @cached_property
     def _noise(self) -> Array:

@@ -69,6 +69,7 @@ class EffortDiagnosis:
     remarks: tuple[str, ...]
     rows: np.ndarray
     standing: bool = False
+    separate: bool = False
     sliding: tuple[str, ...] = ()
     premises: tuple[str, ...] = ()
     proposals: tuple[Proposal, ...] = ()  # formulas for what is unknown, where they were asked for

@@ -114,7 +114,7 @@ class FinalState:
         efforts, bodies = self.efforts, self.efforts.bodies_within_tolerance
         model, matrix = efforts.with_given_gains(self.model), fit(self.model)[1]
         x, _ = consistent_fit(model, bodies)
-        if not len(x) or efforts.at.motion.standing:
+        if not len(x) or efforts.at.motion.separate:
             return x, np.zeros_like(x), matrix
         plain = efforts.unwhitened(model)
         other = consistent_fit(plain, bodies)[0]

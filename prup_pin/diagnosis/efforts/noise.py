@@ -85,19 +85,20 @@ def noise_of(recording: Recording, at: InMotion) -> Mapping[str, EffortNoise]:
 
 def noise_of_efforts(recording: Recording, joints: Sequence[str]) -> dict[str, EffortNoise]:
     """Return the noise of the recorded efforts of joints, by joint."""
-    standing = is_standing(recording, list(recording.positions))
-    still = _repeated(recording) if standing else _all_stand(recording)
-    return {joint: _noise(recording, recording.efforts[joint], still, standing) for joint in joints}
+    names = list(recording.positions)
+    separate = recording.in_no_order(names) or is_standing(recording, names)
+    still = _repeated(recording) if separate else _all_stand(recording)
+    return {joint: _noise(recording, recording.efforts[joint], still, separate) for joint in joints}
 
 
-def _noise(recording: Recording, effort: Array, still: np.ndarray, standing: bool) -> EffortNoise:
+def _noise(recording: Recording, effort: Array, still: np.ndarray, separate: bool) -> EffortNoise:
     effort = np.where(at_limit(effort), np.nan, effort)  # a drive at its limit scatters by nothing
     rows = _sampled(effort)
     parts = list(_parts(recording.time, recording.run, rows))
     steps = np.concatenate([np.diff(recording.time[part]) for part in parts]) if parts else np.ones(1)
     step = _step(effort[rows])
     sizes = {"quantisation": step / np.sqrt(12)}
-    if standing:
+    if separate:
         again = np.flatnonzero(still[1:]) + 1
         sizes["repeats"] = float(np.nanstd(effort[again] - effort[again - 1]) / np.sqrt(2)) if len(again) > 1 else 0.0
     else:

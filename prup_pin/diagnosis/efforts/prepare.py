@@ -65,7 +65,7 @@ class PreparedEfforts:
         self.judged = Band(tuple(min(most, cutoff) for cutoff in motion.band.cutoffs), motion.band.rate)
         self.kept = kept_samples(at)
         self.piece = motion.piece[self.kept]
-        self.blocks = column_blocks(self.kept, postures=len(np.unique(self.piece)) if motion.standing else 0)
+        self.blocks = column_blocks(self.kept, postures=len(np.unique(self.piece)) if motion.separate else 0)
         self.measured = self.filter(motion.efforts)
         self.rigid = self.filter(at.rigid)
         self.target = (self.measured - self.rigid)[self.kept]
@@ -86,8 +86,8 @@ class PreparedEfforts:
 
     def _shown(self, laws: Iterable[EffortLaw]) -> list[tuple[EffortLaw, Place]]:
         """Return laws at all places where this motion could show them."""
-        at, standing = self.at, self.at.motion.standing
-        here = ((law, place) for law in laws for place in law.places(at.mechanism) if not (law.of_motion and standing))
+        at = self.at
+        here = ((law, place) for law in laws if law.is_told_by(at.motion) for place in law.places(at.mechanism))
         return [(law, place) for law, place in here if law.acts(place, at)]
 
     def scanned_columns(self, laws: Iterable[tuple[EffortLaw, Place]], at: InMotion) -> Iterator[LawColumns]:
@@ -130,10 +130,10 @@ class PreparedEfforts:
         problem = self.with_candidates(columns, problem.candidates, prior)
         everything = EffortModel(problem, tuple(range(len(prior))))
         x, _ = fit(everything)
-        if not self.at.motion.standing:
+        if not self.at.motion.separate:
             self.outliers = outlier_intervals(problem, x, plain.good, self.at, self.kept)
         residual = columns.residual(everything.where, x) / flat[:, 0]
-        orders = (0 if self.at.motion.standing else AR_ORDER, 0)
+        orders = (0 if self.at.motion.separate else AR_ORDER, 0)
         white, plain = (
             Whitening(autoregression(residual, self.good, self.piece, order), usable(self.good, self.piece, order))
             for order in orders

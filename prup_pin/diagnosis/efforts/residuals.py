@@ -72,7 +72,7 @@ def _squares_over_noise(final: FinalState) -> tuple[list[Array], Array]:
     motion, judged, noise = final.motion, final.efforts.judged, final.noise_sizes
     good = final.efforts.settled(judged)
     cutoffs = np.array(judged.cutoffs)
-    white = np.zeros_like(noise) if motion.standing else np.maximum(1 - 2 * cutoffs / motion.rate, 0.0)
+    white = np.zeros_like(noise) if motion.separate else np.maximum(1 - 2 * cutoffs / motion.rate, 0.0)
     squares = []
     unread = final.scale / final.read_scale  # drives' gains that stay in the log as it is read
     for values in (motion.efforts - final.at.rigid / unread, motion.efforts - final.at.rigid - final.added):

@@ -162,7 +162,7 @@ def load_change(final: FinalState) -> LoadChange | None:
     Bodies of their own before it and after it take away most of what is left, and most of what one all the time leaves.
     """
     held = next((term for term in final.problem.candidates if term.law.body is Body.HELD), None)
-    if held is None or final.motion.standing:
+    if held is None or final.motion.separate:
         return None
     efforts = final.efforts
     columns = efforts.at_kept(held.law.efforts_per(held.place, held.values, final.at))
@@ -262,7 +262,7 @@ def _unmoved(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]
     scatter = MUCH * final.noise_sizes * final.scale
     for column, name in enumerate(final.at.driven):
         good = final.efforts.good[:, column]
-        if final.at.moves(name) or final.motion.standing or not good.any():
+        if final.at.moves(name) or final.motion.separate or not good.any():
             continue
         measured, predicted, rigid = (
             values[good, column] for values in (residuals.measured, residuals.predicted, residuals.rigid)
@@ -309,7 +309,7 @@ def _worse(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]:
 def _repeating(final: FinalState) -> Iterator[Finding]:
     """Yield joints whose residual comes back wherever they pass one place, and is much there."""
     efforts, motion, judged = final.efforts, final.motion, final.efforts.judged
-    if motion.standing:
+    if motion.separate:
         return
     measured, left = (
         judged(values, motion.piece)[efforts.kept] * final.scale
@@ -416,7 +416,7 @@ def time_varying(efforts: PreparedEfforts, left: Array, measured: Array, noise: 
     measured (n, k): the efforts; noise (k,): of them; all in the band where they are judged. The test is the largest of
     all joints and motions in the recording against each shifted one, in standard deviations of the shifted ones.
     """
-    if efforts.at.motion.standing:
+    if efforts.at.motion.separate:
         return None
     good = efforts.settled(efforts.judged) & np.isfinite(left)
     left = np.where(good, left, 0.0)

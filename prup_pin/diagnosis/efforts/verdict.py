@@ -85,6 +85,7 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
         remarks=tuple(remarks),
         rows=motion.rows[efforts.kept],
         standing=motion.standing,
+        separate=motion.separate,
         sliding=tuple(name for name in driven if final.mechanism.joint(name).slides),
         premises=(*(doubt.text for doubt in doubts), *_premises_of(final)),
     )

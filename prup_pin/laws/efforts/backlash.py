@@ -28,6 +28,7 @@ class LostLoad(MovingEffortLaw):
     summary = "a gap in which the drive loses its load"
     remedy = "take out the play at {place}: check its preload first, then the gear for wear"
     of_motion = True
+    of_history = True
     of_what_is_known = True
     linear = ("share",)
     one_sided = True

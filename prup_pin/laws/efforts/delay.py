@@ -30,6 +30,7 @@ class Lagging(EffortLaw):
     """
 
     of_motion = True
+    of_history = True
     of_what_is_known = True
     least_gain = LATE
     one_sided = True

@@ -61,7 +61,7 @@ class Filter(Lagging):
 def _behind(at: InMotion, values: Array, time_constant: float) -> Array:
     """Return by how much values (N, ...) behind the filter differ from those before it, each piece for itself."""
     out = np.zeros_like(values)
-    if at.motion.standing:
+    if at.motion.separate:
         return out
     for where in pieces(at.motion.piece):
         out[where] = low_passed(values[where], time_constant, 1 / at.motion.rate) - values[where]

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...dynamics import InMotion
+from ...dynamics import InMotion, Motion
 from ...mechanism import Changes, JointDynamics, Mechanism
 from ...numbers import number
 from ...parameters import Quantity
@@ -58,6 +58,8 @@ class EffortLaw(Law):
     family: ClassVar[str] = ""
     #: True where it needs joints that turn round or change speed: it says nothing of one at rest.
     of_motion: ClassVar[bool] = False
+    #: True where it needs to know what was before, or how fast loads change: it says nothing of states in no order.
+    of_history: ClassVar[bool] = False
     #: How many scanned values were looked at for each that stands in the library: chance had so many goes.
     looked_at: ClassVar[float] = 1.0
     #: True where another recording named it: chance has one go.
@@ -95,6 +97,10 @@ class EffortLaw(Law):
     @abstractmethod
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         """Return the efforts (N, k, p) per unit of each of the p `linear` parameters; `values` holds the others."""
+
+    def is_told_by(self, motion: Motion) -> bool:
+        """Return whether a motion tells what the law needs: that joints move, or what was before."""
+        return not (self.of_motion and motion.standing) and not (self.of_history and motion.separate)
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         """Return values of the other parameters among which the best are looked for."""

@@ -27,6 +27,7 @@ class YieldingGear(MovingEffortLaw):
     source = JointCompliance.source
     remedy = "give {place} a spring of this stiffness in the robot file, or keep motions far below its resonance"
     of_motion = True
+    of_history = True
     of_what_is_known = True
     of_bodies = True
     one_sided = True

@@ -641,6 +641,8 @@ def length_of(diagnosis: Diagnosis, recording: Recording) -> str:
     poses = len(set(recording.blocks().tolist())) if len(recording) else 0
     if diagnosis.efforts is None or 2 * poses <= len(recording):
         return counted(poses, "pose")
+    if diagnosis.efforts.separate:
+        return counted(len(recording), "state")
     read = (*recording.conventions, *(item for own in diagnosis.conventions for item in own))
     second = math.prod(item.meaning.factor or 1.0 for item in read if item.group == "time")
     lasted = second * sum(float(np.ptp(recording.time[run])) for run in pieces(recording.run))
@@ -652,7 +654,7 @@ def used_text(diagnosis: Diagnosis, samples: int) -> str:
     from ...diagnosis.criteria import MOST_SAMPLES
 
     used, why = len(diagnosis.samples), ""
-    if used < samples and diagnosis.efforts is not None and not diagnosis.efforts.standing:
+    if used < samples and diagnosis.efforts is not None and not diagnosis.efforts.separate:
         why = ": filtered, as many as the compared frequencies need"
     elif used < samples > MOST_SAMPLES:
         why = ", evenly chosen: more would tell hardly more"
@@ -700,7 +702,7 @@ def multiple_text(diagnosis: Diagnosis) -> str:
     """Return what a multiple of the noise is, where one may be asked what less than 1 means; else nothing."""
     if diagnosis.efforts is None or math.isnan(diagnosis.after["heldout"]):
         return ""
-    less = "" if diagnosis.efforts.standing else "; the comparison filters samples, so that less than 1 is normal"
+    less = "" if diagnosis.efforts.separate else "; the comparison filters samples, so that less than 1 is normal"
     return f"1 × noise is the scatter of a single sample of an effort{less}"
 
 
