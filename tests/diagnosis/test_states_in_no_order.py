@@ -1,4 +1,4 @@
-"""Rows of a motion that were shuffled, as some public sets are: each says itself how fast the joints go and speed up."""
+"""Rows of a motion that were shuffled, as some public sets are: each says how fast the joints go and speed up."""
 
 from dataclasses import replace
 
@@ -51,7 +51,7 @@ def test_what_was_left_out_is_told_as_of_a_course_of_time(ur5, shuffled):
     told = prup_pin.diagnose(ur5, shuffled)
     assert told.verdict == "explained"
     limits = {effect.place.name: effect.values["limit"] for effect in told.effects if "limit" in effect.values}
-    assert list(limits) and set(limits) == set(shuffled.efforts)
+    assert set(limits) == set(shuffled.efforts)
     assert [limits[name] for name in shuffled.efforts] == pytest.approx(FRICTION, rel=0.03)
     (mass,) = [item for item in told.findings if item.physics == "inertial_parameters"]
     assert "forearm_link" in mass.statement
@@ -95,5 +95,5 @@ def test_a_course_of_time_and_postures_are_what_they_were(ur5):
 
 
 def test_without_accelerations_it_is_told_what_is_missing(ur5, shuffled):
-    with pytest.raises(InputError, match="in no order of time.*qdd.shoulder_pan_joint"):
+    with pytest.raises(InputError, match=r"in no order of time.*qdd\.shoulder_pan_joint"):
         motion_of(replace(shuffled, accelerations={}), ur5.mechanism)
