@@ -12,6 +12,8 @@ INERTIAL = ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 #: By which share a link's mass and moments are off where nothing is declared, a standard deviation; and the share of
 #: the robot that every link may hold beyond what is drawn: where nothing is drawn, that is all.
 BODIES_OFF, SOME_BODY = 1.0, 2e-3
+#: What arms weigh over the cube of the way along all their joints [kg/m^3], within some factor.
+_HEFT = 10.0
 _PAIRS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 
 
@@ -54,19 +56,42 @@ def near_body(joint: int, mechanism: Mechanism) -> Array:
     To second order that of the entropic divergence of pseudo-inertias, tr((P^-1 dP)^2) / (2 w^2): the same in all
     frames and units, and growing without bound towards a body that cannot be (Lee, Wensing and Park 2019, Eq. 17).
     """
-    drawn = pseudo_inertia(mechanism.model.inertias[joint].toDynamicParameters())
-    inverse = np.linalg.inv(drawn + SOME_BODY * some_body(mechanism))
+    inverse = np.linalg.inv(usual_body(joint, mechanism))
     units = np.stack([inverse @ pseudo_inertia(unit) for unit in np.eye(10)])
     return np.einsum("aij,bji->ab", units, units) / (2 * BODIES_OFF**2)
 
 
 def usual_lever(mechanism: Mechanism) -> float:
     """Return how far one joint is from the next [m], in the mean."""
-    reach = sum(float(np.linalg.norm(place.translation)) for place in mechanism.model.jointPlacements) or 1.0
-    return reach / max(mechanism.model.njoints - 1, 1)
+    return _along(mechanism) / max(mechanism.model.njoints - 1, 1)
+
+
+def _along(mechanism: Mechanism) -> float:
+    """Return the way along all joints [m]."""
+    return sum(float(np.linalg.norm(place.translation)) for place in mechanism.model.jointPlacements) or 1.0
+
+
+def has_masses(mechanism: Mechanism) -> bool:
+    """Return whether the robot file gives the mass of anything that moves."""
+    return any(inertia.mass > 0 for inertia in list(mechanism.model.inertias)[1:])
+
+
+def mass_of(mechanism: Mechanism) -> float:
+    """Return the mass [kg] of the robot; of a file that gives none, what robots of its size usually weigh."""
+    drawn = sum(float(inertia.mass) for inertia in mechanism.model.inertias)
+    return drawn if has_masses(mechanism) else _HEFT * _along(mechanism) ** 3
+
+
+def usual_body(joint: int, mechanism: Mechanism) -> Array:
+    """Return the pseudo-inertia (4, 4) of a body as drawn, and what every link may hold beyond that.
+
+    Where nothing at all is drawn, it has its part of a usual robot.
+    """
+    drawn = pseudo_inertia(mechanism.model.inertias[joint].toDynamicParameters())
+    share = SOME_BODY if has_masses(mechanism) else 1 / max(mechanism.model.njoints - 1, 1)
+    return drawn + share * some_body(mechanism)
 
 
 def some_body(mechanism: Mechanism) -> Array:
     """Return the pseudo-inertia (4, 4) of a body as heavy as the robot and as large as a link, at its joint."""
-    mass = sum(float(inertia.mass) for inertia in mechanism.model.inertias) or 1.0
-    return mass * np.diag([*3 * [(0.3 * usual_lever(mechanism)) ** 2], 1.0])
+    return mass_of(mechanism) * np.diag([*3 * [(0.3 * usual_lever(mechanism)) ** 2], 1.0])

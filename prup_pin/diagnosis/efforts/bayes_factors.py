@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import least_squares
 
-from ...dynamics.inertial import SOME_BODY, near_body, of_pseudo_inertia, pseudo_inertia, some_body, usual_lever
+from ...dynamics.inertial import mass_of, near_body, of_pseudo_inertia, pseudo_inertia, usual_body, usual_lever
 from ...laws.efforts import Body
 from ...mechanism import Mechanism
 from ...spatial import Array
@@ -99,7 +99,7 @@ def held_body(mechanism: Mechanism, information: Array, gradient: Array) -> floa
 
     information (10, 10), gradient (10,): what data say of the parameters of a body about the tool's frame.
     """
-    mass, length = sum(float(inertia.mass) for inertia in mechanism.model.inertias) or 1.0, usual_lever(mechanism)
+    mass, length = mass_of(mechanism), usual_lever(mechanism)
     (share, spread), (part, radii) = HELD_MASS, HELD_RADIUS
     middle = np.array([np.log(share * mass), 0, 0, 0, *3 * [np.log(part * length)], 0, 0, 0])
     deviation = np.array([spread, *3 * [length], *3 * [radii], *3 * [HELD_SKEW * length]])
@@ -125,7 +125,7 @@ def other_link(
 
     links = [link.inertial for link in mechanism.links if link.joint == joint]
     drawn = mechanism.model.inertias[joint].toDynamicParameters()
-    pseudo = pseudo_inertia(drawn) + SOME_BODY * some_body(mechanism)
+    pseudo = usual_body(joint, mechanism)
     centre, second = pseudo[:3, 3] / pseudo[3, 3], float(np.trace(pseudo[:3, :3])) / pseudo[3, 3]
     radius = float(np.sqrt(max(second - float(centre @ centre), 0.0)))
     anyhow = np.linalg.inv(np.linalg.cholesky(near_body(joint, mechanism))).T  # by one deviation, in any mixture

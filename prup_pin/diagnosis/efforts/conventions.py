@@ -15,6 +15,7 @@ from itertools import chain, product
 import numpy as np
 
 from ...dynamics import InMotion, InverseDynamics, Motion, could_be_gravity, motion_of
+from ...dynamics.inertial import has_masses
 from ...errors import InputError, PrupPinError
 from ...mechanism import Mechanism
 from ...recordings import WORDS, Convention, Drawn, Recording, read_as
@@ -57,10 +58,11 @@ def conventions_of_efforts(mechanism: Mechanism, recording: Recording) -> Eviden
     """Return other ways in which a log of efforts seems to be written; None where none makes it far likelier.
 
     Where the clock seems to count in another unit, all else is looked for by either clock: in degrees and
-    milliseconds together, neither alone makes sense. Efforts that never change tell nothing of how they are written.
+    milliseconds together, neither alone makes sense. Efforts that never change tell nothing of how they are written,
+    and without any masses nobody knows what they were to be.
     Raises InputError where the motion cannot be told at all.
     """
-    if all(
+    if not has_masses(mechanism) or all(
         np.ptp(values[np.isfinite(values)]) == 0 for values in recording.efforts.values() if np.isfinite(values).any()
     ):
         return None

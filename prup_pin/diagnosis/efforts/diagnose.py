@@ -12,6 +12,7 @@ from ...errors import InputError
 from ...laws.efforts import Body
 from ...numbers import number
 from ...recordings import Recording
+from ...recordings.conventions import may_be_read
 from ...robot import Robot
 from ...spatial import Array
 from ..criteria import (
@@ -29,6 +30,7 @@ from ..normal_equations import NormalEquations
 from .band import band_of, in_motion
 from .bayes_factors import with_likelier_bodies
 from .belongs import check_efforts
+from .conventions import gain_of
 from .diagnosis import EffortDiagnosis
 from .evidence import CrossValidation, held_out, relative_gain, savings, scores
 from .few_bodies import with_few_bodies
@@ -141,7 +143,8 @@ def _final_state(
     at, tolerances = prepared.at, recording.tolerances.declared
 
     tell(_LAWS, 0.1)
-    gains = gains_of(at, tolerances)
+    as_written = not may_be_read(recording, [gain_of("tau", 1.0)])
+    gains = None if as_written and not in_any_unit(tolerances) else gains_of(at, tolerances)
     doubts = check_efforts(at, scale_of(gains, len(at.driven)))
     if gains is not None:
         gains, efforts, model = _in_own_units(prepared, tolerances, gains, _part(partial(tell, _LAWS), 0.1, 0.6))

@@ -21,9 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...dynamics.inertial import pseudo_inertia
+from ...dynamics.inertial import has_masses, pseudo_inertia, usual_body
 from ...mechanism import Mechanism
 from ...numbers import number
+from ...parameters import SMALLEST_VALUE
 from ...spatial import Array
 from ..criteria import EFFORT_TOLD, ITERATIONS, LITTLE, MOST_LISTED, NOTHING, ROUNDING, UNSEEN
 from .problem import EffortModel, fit
@@ -89,9 +90,13 @@ def _called(row: Array, lead: int, share: Array, names: Sequence[str]) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """A drawn body P0 (4, 4) and what each coefficient (p,) adds to it, (p, 4, 4)."""
+    """A drawn body (4, 4) and what each coefficient (p,) adds to it, (p, 4, 4).
+
+    usual: the body P0 (4, 4) that it is likely to be near: the drawn one, or of a robot file without masses any other.
+    """
 
     drawn: Array
+    usual: Array
     changes: Array
 
     def at(self, x: Array) -> Array:
@@ -112,7 +117,7 @@ def consistent_fit(model: EffortModel, toleranced: Sequence[tuple[int, Array] | 
     moment = model.problem.columns.moment[:, np.array(model.where, int)].sum(axis=0)
     free = ~model.one_sided | (x > 0)
     while True:
-        found, weight = np.zeros(len(x)), max(float(abs(moment @ x)), _WEIGHT)
+        found, weight = _as_usual(bodies), max(float(abs(moment @ x)), _WEIGHT)
         while True:  # from a stiff divergence to its own weight: Newton's steps stay away from the cone's wall
             found = _newton(matrix, moment, bodies, free, found, weight)
             if weight <= _WEIGHT:
@@ -120,8 +125,18 @@ def consistent_fit(model: EffortModel, toleranced: Sequence[tuple[int, Array] | 
             weight = max(LITTLE * weight, _WEIGHT)
         negative = model.one_sided & (found < 0)
         if not negative.any():
-            return found, matrix
+            return np.where(np.abs(found) < SMALLEST_VALUE, 0.0, found), matrix
         free &= ~negative
+
+
+def _as_usual(bodies: Sequence[_Body]) -> Array:
+    """Return coefficients (p,) with which bodies are as they usually are: none where that is as they are drawn."""
+    changes = np.concatenate([body.changes.reshape(len(body.changes), -1).T for body in bodies])
+    lacking = np.concatenate([(body.usual - body.drawn).ravel() for body in bodies])
+    own = np.flatnonzero(changes.any(axis=0))
+    found = np.zeros(changes.shape[1])
+    found[own] = np.linalg.lstsq(changes[:, own], lacking, rcond=None)[0]
+    return found
 
 
 def _newton(matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndarray, x: Array, weight: float) -> Array:
@@ -134,7 +149,7 @@ def _newton(matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndar
             present = body.at(x)
             if not _smallest(present) > 0:
                 return np.inf
-            value += weight * (np.trace(present @ np.linalg.inv(body.drawn)) - np.linalg.slogdet(present)[1])
+            value += weight * (np.trace(present @ np.linalg.inv(body.usual)) - np.linalg.slogdet(present)[1])
         return float(value)
 
     now = cost(x)
@@ -143,7 +158,7 @@ def _newton(matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndar
         for body in bodies:
             inverse = np.linalg.inv(body.at(x))
             seen = inverse @ body.changes  # (p, 4, 4)
-            slope += weight * np.einsum("pij,ji->p", body.changes, np.linalg.inv(body.drawn) - inverse)
+            slope += weight * np.einsum("pij,ji->p", body.changes, np.linalg.inv(body.usual) - inverse)
             curved += weight * np.einsum("pij,qji->pq", seen, seen)
         own = curved[np.ix_(here, here)]
         scale = 1 / np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))
@@ -177,8 +192,9 @@ def _bodies(mechanism: Mechanism, model: EffortModel, toleranced: Sequence[tuple
     found = []
     for joint, matrix in changes.items():
         drawn = pseudo_inertia(mechanism.model.inertias[joint].toDynamicParameters())
-        if _smallest(drawn) > ROUNDING * np.trace(drawn):
-            found.append(_Body(drawn, np.tensordot(matrix.T, _UNITS, axes=1)))
+        usual = drawn if has_masses(mechanism) else usual_body(joint, mechanism)
+        if _smallest(usual) > ROUNDING * np.trace(usual):
+            found.append(_Body(drawn, usual, np.tensordot(matrix.T, _UNITS, axes=1)))
     return found
 
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...dynamics import INERTIAL, InMotion
-from ...dynamics.inertial import near_body, usual_lever
+from ...dynamics.inertial import has_masses, mass_of, near_body, usual_lever
 from ...mechanism import Mechanism
 from ...numbers import number
 from ...parameters import Quantity
@@ -43,7 +43,7 @@ def body_of(place: Place, mechanism: Mechanism) -> int:
 
 def usual_inertia(mechanism: Mechanism) -> Array:
     """Return inverse variances (10,) of a body's parameters: no part outweighs or outreaches the robot."""
-    mass, lever = sum(float(inertia.mass) for inertia in mechanism.model.inertias) or 1.0, usual_lever(mechanism)
+    mass, lever = mass_of(mechanism), usual_lever(mechanism)
     return 1 / np.array([mass, *3 * [mass * lever], *6 * [mass * lever**2]]) ** 2
 
 
@@ -204,7 +204,8 @@ def is_impossible(link: str, change: Array, reach: Array, mechanism: Mechanism) 
     """
     drawn = mechanism.model.inertias[mechanism.frame(link).joint].toDynamicParameters()
     whole = drawn + change
-    mass = min(float(whole[0] + reach[0]), sum(float(inertia.mass) for inertia in mechanism.model.inertias))
+    mass = float(whole[0] + reach[0])
+    mass = min(mass, mass_of(mechanism)) if has_masses(mechanism) else mass
     about = (whole + reach)[[INERTIAL.index(name) for name in ("Ixx", "Iyy", "Izz")]]
     if not (mass > 0 and (about > 0).all()):
         return True
