@@ -74,8 +74,9 @@ class InMotion:
 
     def _as_moved(self, other: InMotion) -> InMotion:
         """Return another view of the same motion with what was computed of it."""
-        if "regressor" in self.__dict__:
-            other.__dict__["regressor"] = self.regressor
+        for name in ("regressor", "reached_by_tool"):
+            if name in self.__dict__:
+                other.__dict__[name] = self.__dict__[name]
         other.__dict__["_shifts"], other.__dict__["_travels"] = self._shifts, self._travels
         return other
 
@@ -100,6 +101,11 @@ class InMotion:
     def regressor(self) -> Array:
         """Efforts per inertial parameter of each joint's body, (N, k, bodies, 10)."""
         return self.dynamics.regressor(self.trajectory, self.motion.gravity)
+
+    @cached_property
+    def reached_by_tool(self) -> tuple[Array, Array]:
+        """The tool point's position (N, 3) [m] in base axes, and what drives feel (N, k, 3) per force on it there."""
+        return self.dynamics.reached_by_tool(self.trajectory)
 
     def position(self, joint: str) -> Array:
         """Return a joint's position (N,) [m or rad], an endless one's without jumps."""

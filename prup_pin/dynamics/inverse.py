@@ -118,6 +118,18 @@ class InverseDynamics:
         # by the work that they do
         return out[:, at.dofs] if at.spread is None else np.einsum("nva,nv->na", at.spread, out)
 
+    def reached_by_tool(self, at: Trajectory) -> tuple[Array, Array]:
+        """Return the tool point's position (N, 3) [m] and its speed per speed of the drives, transposed (N, k, 3), in
+        base axes: what drives feel of a force on it.
+        """
+        data, tool = self.model.createData(), self.mechanism.need_tool()
+        position, out = np.empty((len(at), 3)), np.empty((len(at), self.model.nv, 3))
+        for row in range(len(at)):
+            out[row] = self._jacobian(self.model, data, at.q[row], tool)[:3].T
+            joint = data.oMi[int(tool.joint)]
+            position[row] = joint.translation + joint.rotation @ tool.placement[:3, 3]
+        return position, out[:, at.dofs] if at.spread is None else np.einsum("nva,nvi->nai", at.spread, out)
+
     def regressor(self, at: Trajectory, gravity: Array | None = None) -> Array:
         """Return Y (N, k, bodies, 10): efforts per inertial parameter (`inertial.INERTIAL`) of each joint's body."""
         model = pin.Model(self.model)  # its gravity is set sample by sample

@@ -21,6 +21,7 @@ from prup_pin.laws.efforts.counterbalance import Counterbalance, CounterbalanceS
 from prup_pin.laws.efforts.effort_filter import EffortFilter, EffortsFilter
 from prup_pin.laws.efforts.effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
 from prup_pin.laws.efforts.encoder import DelayedEncoder, DelayedEncoders, OffsetEncoder
+from prup_pin.laws.efforts.external_pull import ElasticPull, EvenPull
 from prup_pin.laws.efforts.inertial_parameters import InertialParameters, ScaledInertia
 from prup_pin.laws.efforts.joint_compliance import YieldingGear
 from prup_pin.laws.efforts.joint_coupling import FeltMotion, FeltPosition, SpringAcross
@@ -42,6 +43,29 @@ class Form:
 
     def __call__(self, law, place, values, at):
         return self.of(law, place, values, at)
+
+
+def _pulled(law, place, x, at):
+    """By the energy of the pull, U = -f p + (p - home) K (p - home) / 2: drives give its rise along their joints."""
+    model, tool, step = at.mechanism.model, at.mechanism.tool, 1e-6
+    data, mechanism = model.createData(), at.mechanism
+    force = np.array([x["fx"], x["fy"], x["fz"]])
+    stiffness = np.array([[x.get("k" + "".join(sorted(a + b)), 0.0) for a in "xyz"] for b in "xyz"])
+
+    def energy(q):
+        pinocchio.forwardKinematics(model, data, q)
+        p = data.oMi[tool.joint].act(tool.placement[:3, 3])
+        return -force @ p + 0.5 * (p - home) @ stiffness @ (p - home)
+
+    pinocchio.forwardKinematics(model, data, mechanism.home_configuration())
+    home = data.oMi[tool.joint].act(tool.placement[:3, 3])
+    out = np.empty((len(at), len(at.driven)))
+    for row, q in enumerate(at.trajectory.q):
+        for column, dof in enumerate(at.trajectory.dofs):
+            way = step * np.eye(model.nv)[dof]
+            ends = [energy(pinocchio.integrate(model, q, sign * way)) for sign in (1, -1)]
+            out[row, column] = (ends[0] - ends[1]) / (2 * step)
+    return out
 
 
 def form_of(law):
@@ -269,6 +293,8 @@ CLOSED_FORMS: dict[type, Form] = {
     FeltPosition: Form(_felt_position),
     SpringAcross: Form(_spring_across, values={"ratio": 0.7}),
     HeldBody: Form(of_body(_held)),
+    EvenPull: Form(_pulled, 1e-6),
+    ElasticPull: Form(_pulled, 1e-6),
     ScaledInertia: Form(of_body(_scaled)),
     InertialParameters: Form(of_body(_another)),
     Counterbalance: Form(own(lambda j, x: x["cosine"] * np.cos(j.q) + x["sine"] * np.sin(j.q))),

@@ -13,6 +13,7 @@ from .effort_filter import EffortFilter, EffortsFilter
 from .effort_law import EFFORT, Body, EffortLaw
 from .effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
 from .encoder import DelayedEncoder, DelayedEncoders, OffsetEncoder
+from .external_pull import ElasticPull, EvenPull
 from .free_curve import CURVES, FINE_CURVES, ROUGH_CURVES, curve_by_position
 from .inertial_parameters import InertialParameters, ScaledInertia
 from .joint_compliance import YieldingGear
@@ -38,6 +39,8 @@ _OWN: tuple[EffortLaw, ...] = (
     FeltPosition(),
     SpringAcross(),
     HeldBody(),
+    EvenPull(),
+    ElasticPull(),
     ScaledInertia(),
     InertialParameters(),
     Counterbalance(),
