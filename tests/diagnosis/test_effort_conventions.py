@@ -103,13 +103,13 @@ OPPOSITE = "wrist_3_joint,wrist_2_joint,wrist_1_joint,elbow_joint,shoulder_lift_
         ("q=reversed", "tau=reversed"),
         ("q.elbow_joint=reversed", "tau.elbow_joint=reversed"),
         ("q=deg",),
-        pytest.param(("q=revolutions",), marks=pytest.mark.slow),
+        ("q=revolutions",),
         (f"tau=order:{EXCHANGED}",),
-        (f"q=order:{OPPOSITE}",),
+        pytest.param((f"q=order:{OPPOSITE}",), marks=pytest.mark.slow),  # as columns of efforts, and of poses
         ("q.elbow_joint=plus:shoulder_lift_joint",),
         ("q.elbow_joint=plus:shoulder_lift_joint", "tau.shoulder_lift_joint=minus:elbow_joint"),
-        pytest.param(("q.elbow_joint=quarter_turns:1",), marks=pytest.mark.slow),
-        pytest.param(  # as beside a wrist that nothing explains
+        ("q.elbow_joint=quarter_turns:1",),
+        pytest.param(
             ("q.shoulder_lift_joint=quarter_turns:1", "q.elbow_joint=quarter_turns:3"), marks=pytest.mark.slow
         ),
         ("tau=N_mm",),
@@ -127,6 +127,7 @@ def test_what_is_written_otherwise_is_told_as_it_is_declared(ur5, recording, sai
     assert told(ur5, written(recording, *said)) == list(said)
 
 
+@pytest.mark.slow  # daily beside friction alone
 def test_where_joints_count_from_is_told_beside_a_wrist_that_nothing_explains(ur5, recording):
     said = ("q.shoulder_lift_joint=quarter_turns:1", "q.elbow_joint=quarter_turns:3")
     torque = recording.efforts["wrist_3_joint"]
@@ -165,9 +166,8 @@ def slow_log(ur5, turned, friction=0.0):
     return replace(whole.select(motion.rows), efforts=dict(zip(ur5.actuated, tau.T, strict=True)))
 
 
-@pytest.mark.parametrize(
-    "turned", ["shoulder_lift_joint", *(pytest.param(name, marks=pytest.mark.slow) for name in ("elbow_joint", None))]
-)
+@pytest.mark.slow  # daily beside friction, which tells which way it is
+@pytest.mark.parametrize("turned", ["shoulder_lift_joint", "elbow_joint", None])
 def test_a_sign_is_told_of_a_motion_so_slow_and_small_that_most_drives_say_nothing(ur5, turned):
     log = slow_log(ur5, turned)
     assert told(ur5, log) == ([f"tau.{turned}=reversed"] if turned else [])
@@ -333,6 +333,7 @@ def test_a_spring_and_a_wrist_that_does_nothing_speak_for_no_other_unit(ur5, spr
     assert told(ur5, sprung) == []
 
 
+@pytest.mark.slow  # daily beside friction alone
 def test_a_unit_of_all_positions_is_told_beside_a_spring_that_hides_how_little_it_leaves(ur5, sprung):
     """Most joints make sense so."""
     assert told(ur5, changed(sprung, "positions", dict.fromkeys(ur5.actuated, 0.5 / np.pi))) == ["q=revolutions"]
@@ -364,7 +365,8 @@ def test_a_larger_effort_added_to_a_noisy_one_leaves_no_less(tmp_path):
     assert told(load("ur10").mechanism, recording) == []
 
 
-@pytest.mark.parametrize(("seed", "robot"), [(270002, "ur5"), pytest.param(290000, "xarm7", marks=pytest.mark.slow)])
+@pytest.mark.slow  # trials of what is daily of friction that this file makes
+@pytest.mark.parametrize(("seed", "robot"), [(270002, "ur5"), (290000, "xarm7")])
 def test_friction_is_no_other_way_to_write_a_log(tmp_path, seed, robot):
     """A motor that drives both last joints of a wrist; an arm of which everything is off, and shaken: in degrees it
     would hardly move, and a constant is most of what is left."""
@@ -464,13 +466,14 @@ def test_drives_in_units_of_their_own_make_more_sense_of_a_log_than_a_zero_elsew
 
 
 @pytest.fixture(scope="module")
-def five_bar(tmp_path_factory):
+def five_bar(once):
     """A loop in a vertical plane with a faultless log of its motion, and its robot."""
-    out = tmp_path_factory.mktemp("five_bar")
-    efforts.write(efforts.draw_efforts(4, "five_bar", [], (5.0, 40.0)), out, out / "sealed", "device")
-    return load(efforts.ROBOTS / "weighty_five_bar" / "weighty_five_bar.urdf").mechanism, read_recording(
-        out / "device.csv"
-    )
+
+    def drawn(out):
+        efforts.write(efforts.draw_efforts(4, "five_bar", [], (5.0, 40.0)), out, out / "sealed", "device")
+        return read_recording(out / "device.csv")
+
+    return load(efforts.ROBOTS / "weighty_five_bar" / "weighty_five_bar.urdf").mechanism, once("five_bar_log", drawn)
 
 
 @pytest.mark.parametrize(
