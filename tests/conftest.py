@@ -66,7 +66,7 @@ def clean_bench(once):
 @pytest.fixture(scope="session")
 def strange_bench(once):
     """A 3-PRUP in which the load of one drive moves another: no law of the library."""
-    return once("strange", lambda folder: make_bench(folder, "strange", 4, ["alien"], (15.0, 25.0), (4, 2)))
+    return once("strange", lambda folder: make_bench(folder, "strange", 4, ["alien"], (15.0, 25.0), (2, 2)))
 
 
 @pytest.fixture

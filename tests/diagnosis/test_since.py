@@ -34,7 +34,7 @@ class Pair:
     """An arm that was tested twice: the model of the first test, the second recording, and what happened."""
 
     def __init__(self, seed, arm, folder):
-        drawn = draw_pair(seed, "elastic_arm", CHANGES[seed % 4], (10, 8))
+        drawn = draw_pair(seed, "elastic_arm", CHANGES[seed % 4], (8, 6))
         write(drawn, folder, folder / "sealed", str(ARM))
         self.truth = drawn["truth"]
         self.then, self.now = (read_recording(folder / f"{name}.csv") for name in ("then", "now"))
@@ -44,8 +44,8 @@ class Pair:
 
 
 @pytest.fixture(scope="module")
-def grown(arm, tmp_path_factory):
-    return Pair(0, arm, tmp_path_factory.mktemp("grown"))
+def grown(arm, once):
+    return once("since_grown", lambda folder: Pair(0, arm, folder))
 
 
 @pytest.fixture(scope="module")
@@ -54,8 +54,8 @@ def moved(arm, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def found(grown, arm):
-    return diagnose(arm, grown.now, against=grown.model)
+def found(grown, arm, once):
+    return once("since_found", lambda _: diagnose(arm, grown.now, against=grown.model))
 
 
 def named(diagnosis):

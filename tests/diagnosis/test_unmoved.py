@@ -75,7 +75,7 @@ def test_friction_at_rest_may_hold_all_that_the_load_changes_by(tmp_path):
     path.write_text(
         ARM.replace("prismatic", "revolute").replace('<axis xyz="0 0 1"/>', '<axis xyz="0 1 0"/>'), encoding="utf-8"
     )
-    log = log_of(0.0)
+    log = log_of(0.0, length=6.0)
     turned = log.positions["hinge"]
     random = np.random.default_rng(4)
     weight = -5 * 9.81 * 0.3 * np.cos(turned)
