@@ -69,7 +69,7 @@ def test_first_order_of_markers_is_the_simulations_slope(robot, physics, place, 
 
 def test_markers_alone_tell_where_the_play_is(robot):
     """No pose of the tool, no orientation: three points on the star's branches."""
-    recording = with_markers(planned(robot))
+    recording = with_markers(planned(robot, 4, (0.0, 1.0, 0.5, 0.0, -1.0)))
     play = effect_named("backlash", "leg2/ball_nut", "", {"half_gap": 4e-5, "closing_load": 1.0}, robot.mechanism)
     bench = prup_pin.simulate(robot, recording, [play])
     measured = recording.with_measurements(markers=bench.markers)

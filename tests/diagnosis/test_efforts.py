@@ -456,7 +456,7 @@ def swung(seconds=12):
 
 def test_a_drive_without_a_column_of_efforts_is_left_out():
     """Its friction reaches no effort that was recorded: columns of nothing must not enter a fit."""
-    robot, whole = load("ur5"), swung()
+    robot, whole = load("ur5"), as_written(swung(), "q tau")
     recording = replace(whole, efforts={k: v for k, v in whole.efforts.items() if k != "elbow_joint"})
     found = diagnose(robot, recording)
     assert named(found) == {("viscous_friction", "shoulder_lift_joint")}
@@ -469,7 +469,7 @@ def test_a_drive_without_a_column_of_efforts_is_left_out():
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("value", [0.0, pytest.param(1.7, marks=pytest.mark.slow)])
 def test_an_effort_that_was_never_logged_is_told_first_and_left_out(value):
-    robot, whole = load("ur5"), swung()
+    robot, whole = load("ur5"), as_written(swung(), "q tau")
     recording = replace(whole, efforts=whole.efforts | {"wrist_2_joint": np.full(len(whole), value)})
     found = diagnose(robot, recording)
     assert named(found) == {("viscous_friction", "shoulder_lift_joint")}
@@ -488,7 +488,7 @@ def test_one_row_of_efforts_is_refused_in_words():
 
 def test_an_effort_that_stays_at_nothing_but_for_blips_was_not_measured():
     """So do the wrists of a real robot whose drivers log their current only while it is large."""
-    robot, whole = load("ur5"), swung()
+    robot, whole = load("ur5"), as_written(swung(), "q tau")
     blips = np.zeros(len(whole))
     blips[::9] = np.round(np.random.default_rng(3).normal(0.0, 0.02, len(blips[::9])), 3)
     found = diagnose(robot, replace(whole, efforts=whole.efforts | {"wrist_2_joint": blips}))

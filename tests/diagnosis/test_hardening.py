@@ -25,7 +25,7 @@ def robot():
 
 def found_in(seed, physics, robot, folder):
     """Return the drawn truth and the findings of what is no weight."""
-    drawn = draw_scattered(seed, "elastic_arm", [physics], (5.0, 40.0))
+    drawn = draw_scattered(seed, "elastic_arm", [physics], (5.0, 40.0), poses=(10, 1))
     write(drawn, folder, folder / "sealed", "device", str(FILE))
     found = diagnose(robot, read_recording(folder / "device.csv"))
     own = [item for item in found.findings if item.physics not in ("self_weight", "finite_deflection")]
