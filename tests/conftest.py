@@ -158,6 +158,16 @@ def diagnosed_strange(answer_strange, strange_bench):
 
 
 @pytest.fixture
+def without_pictures(monkeypatch):
+    """Pages have blank pictures: to draw them takes most of a page's time, and tests of its words do not look at them."""
+    from prup_pin.views.report import diagnosis_report, pages
+
+    blank = pages.Picture(*2 * ("data:image/svg+xml;base64,PHN2ZyB4bWxucz0iaHR0cDovL3d3dy53My5vcmcvMjAwMC9zdmciLz4=",))
+    for module in (pages, diagnosis_report):
+        monkeypatch.setattr(module, "picture", lambda *about, **how: blank)
+
+
+@pytest.fixture
 def remembered(once, monkeypatch):
     """Diagnoses and calibrations are made once for all pages: the same question has the same answer."""
     import prup_pin.diagnosis

@@ -66,6 +66,7 @@ def named(found):
     return {(finding.physics, finding.location) for finding in found.findings}
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_an_axis_as_drawn_misses_nothing(carriage):
     found = diagnose(carriage, axis())
     assert found.verdict == "nothing_missing"
@@ -468,6 +469,7 @@ def test_a_drive_without_a_column_of_efforts_is_left_out():
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("value", [0.0, pytest.param(1.7, marks=pytest.mark.slow)])
+@pytest.mark.usefixtures("without_pictures")
 def test_an_effort_that_was_never_logged_is_told_first_and_left_out(value):
     robot, whole = load("ur5"), as_written(swung(), "q tau")
     recording = replace(whole, efforts=whole.efforts | {"wrist_2_joint": np.full(len(whole), value)})
