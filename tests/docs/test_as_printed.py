@@ -110,6 +110,7 @@ def printed() -> list[tuple[str, str, list[str]]]:
         for each in printed()
     ],
 )
+@pytest.mark.usefixtures("without_pictures")
 def test_a_page_shows_what_its_commands_print(page, line, shown, tmp_path, monkeypatch, remembered):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
