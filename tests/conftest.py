@@ -159,7 +159,7 @@ def diagnosed_strange(answer_strange, strange_bench):
 
 @pytest.fixture
 def without_pictures(monkeypatch):
-    """Pages have blank pictures: to draw them takes most of a page's time, and tests of its words do not look at them."""
+    """Pages have blank pictures: to draw them takes most of the time, and tests of words do not look at them."""
     from prup_pin.views.report import diagnosis_report, pages
 
     blank = pages.Picture(*2 * ("data:image/svg+xml;base64,PHN2ZyB4bWxucz0iaHR0cDovL3d3dy53My5vcmcvMjAwMC9zdmciLz4=",))

@@ -134,7 +134,9 @@ def test_gravity_points_down(robot):
     assert min(place[leg] for leg in ("leg1", "leg2", "leg3")) > place["z"]
 
 
-@pytest.mark.parametrize("name", ["ur5", "panda", "double_pendulum", "double_pendulum_continuous"])
+@pytest.mark.parametrize(
+    "name", ["ur5", pytest.param("panda", marks=pytest.mark.slow), "double_pendulum", "double_pendulum_continuous"]
+)
 def test_other_robots(name):
     robot = prup_pin.load(name, joint_stiffness=1e4)
     compliance = robot.compliance(robot.home)

@@ -261,7 +261,8 @@ def test_the_command_writes_a_file_that_with_takes(found, tmp_path, monkeypatch)
     """What it proposes of the first recording is diagnosed for all tests of this file at once."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(
-        "prup_pin.diagnosis.diagnose", lambda *given, propose=False, **more: found if propose else diagnose(*given, **more)
+        "prup_pin.diagnosis.diagnose",
+        lambda *given, propose=False, **more: found if propose else diagnose(*given, **more),
     )
 
     def run(*words):

@@ -73,7 +73,11 @@ def measured(seed, gap, joint=1, poses=6, loads=40):
 
 @pytest.mark.parametrize(
     ("seed", "joint", "poses", "loads"),
-    [pytest.param(2, 1, 6, 40, marks=pytest.mark.slow), pytest.param(3, 1, 6, 40, marks=pytest.mark.slow), (1, 0, 10, 12)],
+    [
+        pytest.param(2, 1, 6, 40, marks=pytest.mark.slow),
+        pytest.param(3, 1, 6, 40, marks=pytest.mark.slow),
+        (1, 0, 10, 12),
+    ],
 )
 def test_play_explains_what_is_more_than_noise_only_at_the_edge_of_its_gap(lift, seed, joint, poses, loads):
     found = diagnose(lift, measured(seed, 1.2e-3, joint, poses, loads))

@@ -37,7 +37,9 @@ def bench_of(robot, *effects):
     loads = np.repeat(rng.normal(size=(6, 6)) * np.repeat([400.0, 40.0], 3), len(FACTORS), axis=0)
     wrench = loads * np.tile(FACTORS, 6)[:, None]
     count = 6 * len(FACTORS)
-    recording = Recording(np.arange(float(count)), positions=q, wrench=wrench, noise=Noise(position=2e-6, rotation=8e-6))
+    recording = Recording(
+        np.arange(float(count)), positions=q, wrench=wrench, noise=Noise(position=2e-6, rotation=8e-6)
+    )
     weight = ("self_weight", "robot", "", {"scale": 1.0})
     seen = simulate(robot, recording, [effect_named(*each, robot.mechanism) for each in (weight, *effects)])
     position = seen.position + rng.normal(0, 2e-6, (count, 3))

@@ -56,7 +56,10 @@ GAP = {"physics": "backlash", "location": "leg3/drive", "half_gap": 2e-5, "smoot
         ("slide", 60.0, 2e-6, [GAP]),
         ("u1", 40.0, 2e-5, []),
         ("u2", 40.0, 2e-5, []),
-        *(pytest.param(*each, marks=pytest.mark.slow) for each in (("slide", 60.0, 2e-6, []), ("u1", 40.0, 2e-5, [GAP]))),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in (("slide", 60.0, 2e-6, []), ("u1", 40.0, 2e-5, [GAP]))
+        ),
         pytest.param("u2", 40.0, 2e-5, [GAP], marks=pytest.mark.slow),
     ],
 )
