@@ -52,6 +52,14 @@ def once(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def robot():
+    """The 3-PRUP; what it was asked before changes no answer (tests/kinematics/test_no_history.py)."""
+    import prup_pin
+
+    return prup_pin.load("3prup")
+
+
+@pytest.fixture(scope="session")
 def bench(once):
     """A 3-PRUP with play in the drive of one leg."""
     return once("bench", lambda folder: make_bench(folder, "bench", 1, ["backlash"], (15.0, 25.0), (4, 2)))

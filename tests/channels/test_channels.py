@@ -16,11 +16,6 @@ MARKERS = ("leg1_bush", "leg2_bush", "star_3")
 BOX = {"z": (0.35, 0.45), "theta": (-0.2, 0.2), "phi": (-0.2, 0.2)}
 
 
-@pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
-
-
 def planned(robot, poses=6, cycle=(0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0)):
     loads = LoadProgramme(cycle, random_directions=1, force=80.0, moment=8.0)
     plan = TestPlan(poses=(RandomPoses(poses, BOX),), loads=(loads,), robot="3prup", seed=3)

@@ -28,10 +28,10 @@ from tests.reference.concealed.efforts import draw_efforts, write
 
 from ..as_written import as_written
 from ..elsewhere import EMPS, needs_emps
+from .conftest import AXIS
 from .test_effort_band import changed_bodies
 
 ROBOTS = Path(__file__).parents[1] / "robots"
-AXIS = Path(__file__).parents[2] / "urdf" / "ball_screw_axis.urdf"
 
 
 def device(folder, seed, robot, effects, multiple=(6.0, 20.0)):
@@ -55,11 +55,6 @@ def axis(n=6000, *, damping=0.0, limit=0.0, slow=0.0, drag=0.0, pinch=0.0, noise
     tau += pinch * np.sign(v) * (1 + np.sin(2 * np.pi * q / 0.12))
     q = np.round((q + 1e-8 * rng.normal(size=n)) * 1e7) / 1e7
     return Recording(time=time, positions={"carriage": q}, efforts={"carriage": tau})
-
-
-@pytest.fixture(scope="module")
-def carriage():
-    return load(AXIS)
 
 
 def named(found):

@@ -57,11 +57,6 @@ def turning(q, way):
 
 
 @pytest.fixture(scope="module")
-def carriage():
-    return load(AXIS)
-
-
-@pytest.fixture(scope="module")
 def found(carriage, once):
     return once("bumped", lambda _: diagnose(carriage, recorded(bumped), propose=True))
 

@@ -28,11 +28,6 @@ WAYS = {way.name: way for way in misread.of_poses(SLIDES, slide=True, tree=False
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return load("3prup")
-
-
-@pytest.fixture(scope="module")
 def bench(once):
     """A faultless 3-PRUP's log, by a simulator that shares no code with the package."""
     return once("written_bench", drawn_bench)

@@ -26,11 +26,6 @@ MATH = "$\\frac$ $x_{$ \u202e"
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
-
-
-@pytest.fixture(scope="module")
 def pose(robot):
     return robot.pose(z=0.4, theta=0.436, phi=0.262)
 
