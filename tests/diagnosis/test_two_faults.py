@@ -119,7 +119,7 @@ def test_what_moves_by_rounding_alone_is_none_of_what_yields():
     assert load_conventions._scale(columns, 2.0 * np.sqrt(6)) == pytest.approx([2.0 * np.sqrt(6), np.inf, np.inf])
 
 
-@pytest.mark.parametrize("rows", [[0], [0, 1], [0, 5, 10]])
+@pytest.mark.parametrize("rows", [[0], pytest.param([0, 1], marks=pytest.mark.slow), [0, 5, 10]])
 def test_of_too_few_samples_nothing_is_told(hexapod, rows):
     recording = bench_of(hexapod, ("encoder_offset", hexapod.mechanism.actuated[0], "", {"offset": 1e-3}))
     found = diagnose(hexapod, recording.select(np.array(rows)))
