@@ -142,7 +142,7 @@ OPPOSITE = "wrist_3_joint,wrist_2_joint,wrist_1_joint,elbow_joint,shoulder_lift_
     ],
 )
 def test_what_is_written_otherwise_is_told_as_it_is_declared(ur5, recording, arm, arm_log, said):
-    long = any(word in str(said) for word in ("time=", "gear:", "quarter_turns:", "order:elbow"))
+    long = len(said) < 4 and any(word in str(said) for word in ("time=", "gear:", "quarter_turns:", "order:elbow"))
     robot, log = (arm, arm_log) if long else (ur5, recording)
     assert told(robot, written(log, *said)) == list(said)
 

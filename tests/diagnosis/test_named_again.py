@@ -89,7 +89,7 @@ def test_a_fault_is_named_at_its_place(name, fault):
     physics, place, aspect, values = fault
     # a hose pulls as weight does: of a robot that weighs nothing it is not told from one that pulls less
     weight = [("self_weight", "robot", "", {"scale": 1.0})] if physics == "external_spring" else []
-    found = diagnose(robot(name), recorded(name, fault, *weight, poses=12 if name == "five_bar" else 6))
+    found = diagnose(robot(name), recorded(name, fault, *weight, poses=12 if name == "five_bar" else 8))
     assert found.verdict == "explained"
     (law,) = (finding for finding in found.findings if not weight or finding.physics != "self_weight")
     assert law.physics == physics

@@ -33,8 +33,8 @@ def arm():
 class Pair:
     """An arm that was tested twice: the model of the first test, the second recording, and what happened."""
 
-    def __init__(self, seed, arm, folder):
-        drawn = draw_pair(seed, "elastic_arm", CHANGES[seed % 4], (8, 6))
+    def __init__(self, seed, arm, folder, poses=(8, 6)):
+        drawn = draw_pair(seed, "elastic_arm", CHANGES[seed % 4], poses)
         write(drawn, folder, folder / "sealed", str(ARM))
         self.truth = drawn["truth"]
         self.then, self.now = (read_recording(folder / f"{name}.csv") for name in ("then", "now"))
@@ -50,7 +50,7 @@ def grown(arm, once):
 
 @pytest.fixture(scope="module")
 def moved(arm, tmp_path_factory):
-    return Pair(2, arm, tmp_path_factory.mktemp("moved"))
+    return Pair(2, arm, tmp_path_factory.mktemp("moved"), (10, 8))
 
 
 @pytest.fixture(scope="module")
