@@ -52,6 +52,14 @@ def once(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def robot():
+    """The 3-PRUP; what it was asked before changes no answer (tests/kinematics/test_no_history.py)."""
+    import prup_pin
+
+    return prup_pin.load("3prup")
+
+
+@pytest.fixture(scope="session")
 def bench(once):
     """A 3-PRUP with play in the drive of one leg."""
     return once("bench", lambda folder: make_bench(folder, "bench", 1, ["backlash"], (15.0, 25.0), (4, 2)))
@@ -66,7 +74,7 @@ def clean_bench(once):
 @pytest.fixture(scope="session")
 def strange_bench(once):
     """A 3-PRUP in which the load of one drive moves another: no law of the library."""
-    return once("strange", lambda folder: make_bench(folder, "strange", 4, ["alien"], (15.0, 25.0), (4, 2)))
+    return once("strange", lambda folder: make_bench(folder, "strange", 4, ["alien"], (15.0, 25.0), (2, 2)))
 
 
 @pytest.fixture
@@ -155,6 +163,16 @@ def diagnosed(answer, bench):
 def diagnosed_strange(answer_strange, strange_bench):
     """(robot, recording, diagnosis) of `strange_bench`."""
     return diagnosed_of(answer_strange, strange_bench)
+
+
+@pytest.fixture
+def without_pictures(monkeypatch):
+    """Pages have blank pictures: to draw them takes most of the time, and tests of words do not look at them."""
+    from prup_pin.views.report import diagnosis_report, pages
+
+    blank = pages.Picture(*2 * ("data:image/svg+xml;base64,PHN2ZyB4bWxucz0iaHR0cDovL3d3dy53My5vcmcvMjAwMC9zdmciLz4=",))
+    for module in (pages, diagnosis_report):
+        monkeypatch.setattr(module, "picture", lambda *about, **how: blank)
 
 
 @pytest.fixture

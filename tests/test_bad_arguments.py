@@ -10,11 +10,6 @@ HUGE = 10**400
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return load("3prup")
-
-
-@pytest.fixture(scope="module")
 def answer(robot):
     return robot.compliance(robot.home)
 

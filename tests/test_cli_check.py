@@ -194,7 +194,7 @@ def test_what_makes_numbers_doubtful_stands_with_the_stiffness(run, tmp_path, ol
     text = (Path(__file__).parents[1] / "examples" / "five_bar.urdf").read_text()
     assert old in text
     (tmp_path / "bar.urdf").write_text(text.replace(old, new, 1))
-    told_of_stiffness = told(run("stiffness", tmp_path / "bar.urdf", "--wrench", "fx=10"))
+    told_of_stiffness = told(run("stiffness", tmp_path / "bar.urdf", "--wrench", "fx=1e-6"))
     assert "To look at first" in told_of_stiffness
     for answer in (told_of_stiffness, told(run("stiffness", tmp_path / "bar.urdf", "--json", "-"))):
         assert said in answer

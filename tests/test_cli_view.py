@@ -19,6 +19,7 @@ from prup_pin.errors import InputError
 POSE = "z=0.4,theta=25deg,phi=15deg"
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_report_writes_one_page_and_says_where(run, tmp_path):
     done = run(
         "report", "--at", POSE, "--wrench", "fx=300,mz=100", "--out", "out.html", "--set", "leg*/motor.*stiff*=7e3"
@@ -31,6 +32,7 @@ def test_report_writes_one_page_and_says_where(run, tmp_path):
     assert os.listdir(tmp_path) == ["out.html"]
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_view_writes_a_page_named_like_the_robot(run, tmp_path):
     done = run("view", "--at", POSE, "--wrench", "fx=300", "--scale", "50")
     assert done.exit_code == 0, done.output
@@ -47,6 +49,7 @@ def test_view_shows_a_robot_without_any_compliance(run):
     assert Path("panda.html").stat().st_size > 1e5
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_the_browser_opens_only_when_asked(run, monkeypatch, tmp_path):
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)
@@ -219,6 +222,7 @@ def test_a_deflection_is_drawn_no_larger_than_a_picture_holds(run, tmp_path):
     assert "it would leave the picture. Expected at most" in " ".join(done.stderr.split())
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_either_word_says_where_a_page_is_written(run, tmp_path):
     assert run("view", "--out", "seen.html").exit_code == 0
     assert run("report", "--html", "told.html").exit_code == 0

@@ -20,11 +20,6 @@ SOFTEST = "leg3/linear_rod"
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
-
-
-@pytest.fixture(scope="module")
 def compliance(robot):
     return robot.compliance(robot.pose(z=0.4, theta=0.436, phi=0.262))
 
@@ -134,7 +129,9 @@ def test_gravity_points_down(robot):
     assert min(place[leg] for leg in ("leg1", "leg2", "leg3")) > place["z"]
 
 
-@pytest.mark.parametrize("name", ["ur5", "panda", "double_pendulum", "double_pendulum_continuous"])
+@pytest.mark.parametrize(
+    "name", ["ur5", pytest.param("panda", marks=pytest.mark.slow), "double_pendulum", "double_pendulum_continuous"]
+)
 def test_other_robots(name):
     robot = prup_pin.load(name, joint_stiffness=1e4)
     compliance = robot.compliance(robot.home)

@@ -16,11 +16,6 @@ MARKERS = ("leg1_bush", "leg2_bush", "star_3")
 BOX = {"z": (0.35, 0.45), "theta": (-0.2, 0.2), "phi": (-0.2, 0.2)}
 
 
-@pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
-
-
 def planned(robot, poses=6, cycle=(0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0)):
     loads = LoadProgramme(cycle, random_directions=1, force=80.0, moment=8.0)
     plan = TestPlan(poses=(RandomPoses(poses, BOX),), loads=(loads,), robot="3prup", seed=3)
@@ -69,7 +64,7 @@ def test_first_order_of_markers_is_the_simulations_slope(robot, physics, place, 
 
 def test_markers_alone_tell_where_the_play_is(robot):
     """No pose of the tool, no orientation: three points on the star's branches."""
-    recording = with_markers(planned(robot))
+    recording = with_markers(planned(robot, 4, (0.0, 1.0, 0.5, 0.0, -1.0)))
     play = effect_named("backlash", "leg2/ball_nut", "", {"half_gap": 4e-5, "closing_load": 1.0}, robot.mechanism)
     bench = prup_pin.simulate(robot, recording, [play])
     measured = recording.with_measurements(markers=bench.markers)

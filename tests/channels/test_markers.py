@@ -157,7 +157,7 @@ def test_a_marker_beside_its_frame_is_named(arm, tmp_path):
     """Without a tolerance: the tool's target is where it should be, the marker's is not."""
     values = {"x": 5e-4, "y": 0.0, "z": -3e-4, "rx": 0.0, "ry": 2e-3, "rz": 0.0}
     off = effect_named("target_misalignment", "target", "marker link5", values, arm.mechanism)
-    inputs = standing(arm, 20)
+    inputs = standing(arm, 10)
     seen = prup_pin.simulate(arm, inputs, [weight(arm), off], markers=["link5"])
     recording = inputs.with_measurements(position=seen.position, rotation=seen.rotation, markers=seen.markers)
     recording = recording.with_measurements(marker_rotations=seen.marker_rotations)

@@ -99,7 +99,7 @@ LAWS_ALONG = {
     ],
 }
 #: Those that remember while the robot was to stand still.
-HOLDING = [("friction", True), ("creep", True)]
+HOLDING = [("friction", True), pytest.param("creep", True, marks=pytest.mark.slow)]
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,21 @@
 """What several files of tests here begin with."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from prup_pin import load
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.recordings import Recording
+
+AXIS = Path(__file__).parents[2] / "urdf" / "ball_screw_axis.urdf"
+
+
+@pytest.fixture(scope="session")
+def carriage():
+    """An axis that a ball screw drives."""
+    return load(AXIS)
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import prup_pin
 from prup_pin.channels import Noise, PoseChannel, Stack
 from prup_pin.diagnosis.calibrate import calibrate, calibrated_parameters, twins
 from prup_pin.diagnosis.influence import Influence
@@ -107,11 +106,6 @@ def test_parameters_have_the_names_units_and_values_of_the_robot_file():
 
 
 # -- the posterior -----------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
 
 
 @pytest.fixture(scope="module")

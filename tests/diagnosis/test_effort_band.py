@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,14 +24,8 @@ from prup_pin.simulation import simulate
 
 from ..reference.concealed.elastic import draw_elastic, write
 
-AXIS = Path(__file__).parents[2] / "urdf" / "ball_screw_axis.urdf"
 #: Of the carriage and of the rotor that the file leaves out [kg].
 CARRIAGE, ROTOR = 95.0, 30.0
-
-
-@pytest.fixture(scope="module")
-def carriage():
-    return load(AXIS)
 
 
 def log(rate=1000.0, noise=0.0, counts=0.0, jitter=0.0, vibration=0.0, seconds=12.0):

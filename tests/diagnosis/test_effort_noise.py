@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,7 +19,8 @@ from prup_pin.recordings import Noise, Recording
 from prup_pin.views.report.as_json import diagnosis_as_json
 from prup_pin.views.text.diagnosis_words import effort_rows, noise_text
 
-AXIS = Path(__file__).parents[2] / "urdf" / "ball_screw_axis.urdf"
+from .conftest import AXIS
+
 STEP = 0.004
 
 

@@ -10,6 +10,7 @@ from scipy.special import gammaincc
 
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.conventions import read_logs
 from prup_pin.diagnosis.criteria import FALSE_ALARM
 from prup_pin.diagnosis.efforts import nonlinear, search
 from prup_pin.diagnosis.efforts.evidence import CrossValidation, relative_gain, savings, scores
@@ -309,7 +310,7 @@ def scaled(log, times):
 
 def test_two_joints_that_carry_the_arm_tell_the_unit_of_all_its_efforts():
     """Of a slow motion no other joint tells any: turned signs and other zeros were found that leave a fifth."""
-    first = diagnose(load("ur5"), scaled(one_way(3)[1], 1 / 7)).findings[0]
+    first = read_logs(load("ur5"), scaled(one_way(3)[1], 1 / 7)).findings()[0]
     assert "tau so many times the effort: A, per cent of a rating (0.128)" in first.statement
 
 

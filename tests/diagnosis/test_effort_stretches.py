@@ -6,18 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from prup_pin import load
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.efforts.outliers import OutlierInterval, is_outlying
 from prup_pin.dynamics import motion_of
 from prup_pin.recordings import Noise
 from prup_pin.views.text.diagnosis_words import summary_text, verdict_text
-from tests.diagnosis.test_efforts import AXIS, axis, named
-
-
-@pytest.fixture(scope="module")
-def carriage():
-    return load(AXIS)
+from tests.diagnosis.test_efforts import axis, named
 
 
 def struck(recording, *blows):

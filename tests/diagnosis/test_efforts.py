@@ -28,10 +28,10 @@ from tests.reference.concealed.efforts import draw_efforts, write
 
 from ..as_written import as_written
 from ..elsewhere import EMPS, needs_emps
+from .conftest import AXIS
 from .test_effort_band import changed_bodies
 
 ROBOTS = Path(__file__).parents[1] / "robots"
-AXIS = Path(__file__).parents[2] / "urdf" / "ball_screw_axis.urdf"
 
 
 def device(folder, seed, robot, effects, multiple=(6.0, 20.0)):
@@ -57,15 +57,11 @@ def axis(n=6000, *, damping=0.0, limit=0.0, slow=0.0, drag=0.0, pinch=0.0, noise
     return Recording(time=time, positions={"carriage": q}, efforts={"carriage": tau})
 
 
-@pytest.fixture(scope="module")
-def carriage():
-    return load(AXIS)
-
-
 def named(found):
     return {(finding.physics, finding.location) for finding in found.findings}
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_an_axis_as_drawn_misses_nothing(carriage):
     found = diagnose(carriage, axis())
     assert found.verdict == "nothing_missing"
@@ -456,7 +452,7 @@ def swung(seconds=12):
 
 def test_a_drive_without_a_column_of_efforts_is_left_out():
     """Its friction reaches no effort that was recorded: columns of nothing must not enter a fit."""
-    robot, whole = load("ur5"), swung()
+    robot, whole = load("ur5"), as_written(swung(), "q tau")
     recording = replace(whole, efforts={k: v for k, v in whole.efforts.items() if k != "elbow_joint"})
     found = diagnose(robot, recording)
     assert named(found) == {("viscous_friction", "shoulder_lift_joint")}
@@ -468,8 +464,9 @@ def test_a_drive_without_a_column_of_efforts_is_left_out():
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("value", [0.0, pytest.param(1.7, marks=pytest.mark.slow)])
+@pytest.mark.usefixtures("without_pictures")
 def test_an_effort_that_was_never_logged_is_told_first_and_left_out(value):
-    robot, whole = load("ur5"), swung()
+    robot, whole = load("ur5"), as_written(swung(), "q tau")
     recording = replace(whole, efforts=whole.efforts | {"wrist_2_joint": np.full(len(whole), value)})
     found = diagnose(robot, recording)
     assert named(found) == {("viscous_friction", "shoulder_lift_joint")}
@@ -488,7 +485,7 @@ def test_one_row_of_efforts_is_refused_in_words():
 
 def test_an_effort_that_stays_at_nothing_but_for_blips_was_not_measured():
     """So do the wrists of a real robot whose drivers log their current only while it is large."""
-    robot, whole = load("ur5"), swung()
+    robot, whole = load("ur5"), as_written(swung(), "q tau")
     blips = np.zeros(len(whole))
     blips[::9] = np.round(np.random.default_rng(3).normal(0.0, 0.02, len(blips[::9])), 3)
     found = diagnose(robot, replace(whole, efforts=whole.efforts | {"wrist_2_joint": blips}))

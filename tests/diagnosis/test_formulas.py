@@ -57,13 +57,8 @@ def turning(q, way):
 
 
 @pytest.fixture(scope="module")
-def carriage():
-    return load(AXIS)
-
-
-@pytest.fixture(scope="module")
-def found(carriage):
-    return diagnose(carriage, recorded(bumped), propose=True)
+def found(carriage, once):
+    return once("bumped", lambda _: diagnose(carriage, recorded(bumped), propose=True))
 
 
 def test_a_bump_is_found_with_its_place_its_width_and_their_intervals(found):
@@ -257,8 +252,13 @@ def test_friction_that_gives_energy_to_the_motion_is_told(carriage):
     assert any("gives energy to the motion" in text for text in proposal.doubts)
 
 
-def test_the_command_writes_a_file_that_with_takes(tmp_path, monkeypatch):
+def test_the_command_writes_a_file_that_with_takes(found, tmp_path, monkeypatch):
+    """What it proposes of the first recording is diagnosed for all tests of this file at once."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(
+        "prup_pin.diagnosis.diagnose",
+        lambda *given, propose=False, **more: found if propose else diagnose(*given, **more),
+    )
 
     def run(*words):
         done = CliRunner().invoke(app, [*words, "--robot", str(AXIS), "--no-report"])

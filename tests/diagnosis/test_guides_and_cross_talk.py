@@ -73,7 +73,7 @@ class Gantry:
                 stands[index] = q[index] + load / (JOINTS[name][4] * self.stiffer.get(name, 1.0))
         return self.placed(stands)[:2]
 
-    def recording(self, seed: int, poses: int = 40, loads: int = 4) -> tuple[Recording, np.ndarray, np.ndarray]:
+    def recording(self, seed: int, poses: int = 24, loads: int = 4) -> tuple[Recording, np.ndarray, np.ndarray]:
         """Return what is recorded in poses (p,) under loads (l,), and the true positions and rotation vectors."""
         draw = np.random.default_rng(seed)
         q = np.repeat(draw.uniform(LOW, HIGH, (poses, 4)), loads, axis=0)

@@ -67,7 +67,10 @@ def recorded(name, *faults, poses=8, cycle=(0.0, 1.0, -1.0), seed=3):
             marks=pytest.mark.slow,
         ),
         ("six_ups", ("base_compliance", "base", "", {"translation": 3e-8, "rotation": 5e-8})),
-        ("six_ups", ("external_spring", "environment", "", {"stiffness": 4e3, "x": 0.1, "y": -0.1, "z": 0.8})),
+        pytest.param(  # daily of the hexapod in test_two_faults.py
+            *("six_ups", ("external_spring", "environment", "", {"stiffness": 4e3, "x": 0.1, "y": -0.1, "z": 0.8})),
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             "3prup",
             (

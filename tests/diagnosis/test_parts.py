@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import prup_pin
 from prup_pin.channels import Noise, PoseChannel, Stack, channels_of, whitening
 from prup_pin.diagnosis.candidates import Candidate, candidates, under_load
 from prup_pin.diagnosis.diagnosis import Finding
@@ -26,11 +25,6 @@ from prup_pin.spatial import rotation_exp
 from ..simulation.bench import inputs
 
 NOISE = Noise(2e-6, 1e-5, 0.0, 0.0, "declared")
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
 
 
 @pytest.fixture(scope="module")

@@ -28,14 +28,12 @@ WAYS = {way.name: way for way in misread.of_poses(SLIDES, slide=True, tree=False
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return load("3prup")
-
-
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory):
+def bench(once):
     """A faultless 3-PRUP's log, by a simulator that shares no code with the package."""
-    folder = tmp_path_factory.mktemp("bench")
+    return once("written_bench", drawn_bench)
+
+
+def drawn_bench(folder):
     draw.write(draw.draw(5, [], level=60.0, poses=(8, 1)), folder, folder / "sealed", "bench")
     return folder / "bench.csv"
 
@@ -113,7 +111,7 @@ def test_what_a_base_does_that_yields_is_left_to_no_unit_of_forces(robot):
     [
         ("forces in kN", "force=as_written"),
         ("forces in kN", "wrench=as_written"),
-        ("positions in mm", "p=as_written"),
+        pytest.param("positions in mm", "p=as_written", marks=pytest.mark.slow),
         pytest.param("inverse rotation", "r=as_written", marks=pytest.mark.slow),
         ("all joints in mm", "q=as_written"),
         pytest.param("two joints exchanged", f"q.{SLIDES[0]}=as_written", marks=pytest.mark.slow),
@@ -135,7 +133,7 @@ def test_what_is_declared_to_be_as_written_is_read_in_no_other_way(robot, bench,
     [
         "positions in mm",
         "base mirrored",
-        "inverse rotation",
+        pytest.param("inverse rotation", marks=pytest.mark.slow),  # as angles in another order
         "angles about turned X Y Z",
         "yaw, pitch, roll in deg",
         "vector part of a quaternion",
@@ -143,7 +141,7 @@ def test_what_is_declared_to_be_as_written_is_read_in_no_other_way(robot, bench,
         "two joints exchanged",
         pytest.param("reaction", marks=pytest.mark.slow),  # as of recordings that are written alike
         pytest.param("wrench in the tool's axes", marks=pytest.mark.slow),  # as of a reaction in them
-        "moments about the base's origin",
+        pytest.param("moments about the base's origin", marks=pytest.mark.slow),  # as about a sensor's point
         pytest.param("forces in kN", marks=pytest.mark.slow),  # as beside other units
         pytest.param("moments in N mm", marks=pytest.mark.slow),  # moments that no robot bears take long to follow
         "reaction in the tool's axes",
@@ -170,7 +168,7 @@ def test_what_is_written_otherwise_is_told_and_read_so(robot, bench, tmp_path, n
         ("q=mm", "r=deg"),
         ("p=mm", "q=mm", "r=deg"),
         ("p=um", "q=cm", "r=euler_xyz_deg"),
-        ("p=mm", "q=mm", "r=deg", "force=kN"),
+        pytest.param(("p=mm", "q=mm", "r=deg", "force=kN"), marks=pytest.mark.slow),
         pytest.param(("force=kN", "moment=N_mm"), marks=pytest.mark.slow),  # moments that no robot bears
     ],
     ids=str,
@@ -306,7 +304,6 @@ def test_a_platform_of_slides_and_hinges_in_mm_and_degrees_is_told_by_both_units
     assert (Convention("q", "mm"), Convention("q", "deg")) in both
 
 
-@pytest.mark.slow  # as beside a module that is softer
 def test_the_point_of_a_sensor_is_found(robot, bench, tmp_path):
     logs = read_logs(robot, rewritten(bench, tmp_path, "moments about a sensor's point"))
     ((convention,),) = logs.conventions
@@ -314,7 +311,8 @@ def test_the_point_of_a_sensor_is_found(robot, bench, tmp_path):
     np.testing.assert_allclose(convention.argument, [0.03, -0.01, 0.11], atol=5e-3)
 
 
-@pytest.mark.parametrize("seed", [6, pytest.param(9, marks=pytest.mark.slow)])
+@pytest.mark.slow  # daily where all is as drawn
+@pytest.mark.parametrize("seed", [6, 9])
 def test_the_point_of_a_sensor_is_found_beside_a_module_that_is_softer(robot, tmp_path, seed):
     """It was sought with every module as drawn, and two centimetres off."""
     draw.write(draw.draw(seed, ["stiffness_changed"], level=60.0, poses=(8, 1)), tmp_path, tmp_path / "sealed", "bench")

@@ -33,8 +33,8 @@ def arm():
 class Pair:
     """An arm that was tested twice: the model of the first test, the second recording, and what happened."""
 
-    def __init__(self, seed, arm, folder):
-        drawn = draw_pair(seed, "elastic_arm", CHANGES[seed % 4], (10, 8))
+    def __init__(self, seed, arm, folder, poses=(8, 6)):
+        drawn = draw_pair(seed, "elastic_arm", CHANGES[seed % 4], poses)
         write(drawn, folder, folder / "sealed", str(ARM))
         self.truth = drawn["truth"]
         self.then, self.now = (read_recording(folder / f"{name}.csv") for name in ("then", "now"))
@@ -44,18 +44,18 @@ class Pair:
 
 
 @pytest.fixture(scope="module")
-def grown(arm, tmp_path_factory):
-    return Pair(0, arm, tmp_path_factory.mktemp("grown"))
+def grown(arm, once):
+    return once("since_grown", lambda folder: Pair(0, arm, folder))
 
 
 @pytest.fixture(scope="module")
 def moved(arm, tmp_path_factory):
-    return Pair(2, arm, tmp_path_factory.mktemp("moved"))
+    return Pair(2, arm, tmp_path_factory.mktemp("moved"), (10, 8))
 
 
 @pytest.fixture(scope="module")
-def found(grown, arm):
-    return diagnose(arm, grown.now, against=grown.model)
+def found(grown, arm, once):
+    return once("since_found", lambda _: diagnose(arm, grown.now, against=grown.model))
 
 
 def named(diagnosis):

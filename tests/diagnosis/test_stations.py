@@ -22,7 +22,7 @@ from .test_joint_compliance import MARKERS, NOISE, TORSO, bench
 from .test_registration import SOMEWHERE
 from .test_spread import drawn
 
-RUNS, EACH = 5, 20
+RUNS, EACH = 5, 14
 
 
 def stationed(recording: Recording, apart: float, seed: int = 5) -> Recording:
@@ -62,7 +62,9 @@ def test_stations_are_left_out_as_by_their_covariance():
         assert np.abs(anywhere.without(one)).max() > 0.1
 
 
-@pytest.mark.parametrize("apart", [2e-3, 0.3], ids=["nearby", "in another corner of the hall"])
+@pytest.mark.parametrize(
+    "apart", [2e-3, pytest.param(0.3, marks=pytest.mark.slow)], ids=["nearby", "in another corner of the hall"]
+)
 def test_stations_are_found_where_they_are(apart):
     """With columns g and a declared noise, on a machine on which everything is off."""
     recording = stationed(bench(drawn(), RUNS * EACH), apart)

@@ -407,6 +407,7 @@ def test_own_sensors_are_read_and_written(arm, tmp_path):
         replace(recording, own_sensors=("tracker",))
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_from_the_shell(arm, set_up_twice, tmp_path):
     (first, second), _ = set_up_twice
     paths = [tmp_path / "first.csv", tmp_path / "second.csv"]

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.recordings import read_recording
 from prup_pin.simulation import simulate
@@ -11,11 +10,6 @@ from prup_pin.spatial import rotation_exp, rotation_log
 from tests.reference.concealed.draw import draw, write
 
 POSES = (7, 3)
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
 
 
 def recorded(folder, seed, effects, multiple=(8.0, 20.0), level=60.0):

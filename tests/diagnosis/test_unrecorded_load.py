@@ -48,7 +48,10 @@ def remarks(pushed: float, astray: float, rotation: bool, slipped: float = 0.0, 
     return tuple(text for text in prepare(robot, recording, lambda *_: None).remarks if text.startswith("left out"))
 
 
-@pytest.mark.parametrize("rotation", [False, True])
+WITH_ROTATION = pytest.param(True, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("rotation", [False, WITH_ROTATION])
 def test_a_load_that_nobody_recorded_is_asked_for(rotation):
     (told,) = remarks(60.0, 0.0, rotation)
     assert f"{OFF} samples that lie where forces of some 1" in told  # of 60 N along each axis: some 100 N
@@ -56,7 +59,7 @@ def test_a_load_that_nobody_recorded_is_asked_for(rotation):
     assert "gross" not in told
 
 
-@pytest.mark.parametrize("rotation", [False, True])
+@pytest.mark.parametrize("rotation", [False, WITH_ROTATION])
 def test_a_tracker_that_slips_has_gross_errors(rotation):
     (told,) = remarks(0.0, 2e-3, rotation)
     assert f"{OFF} gross errors" in told
@@ -139,7 +142,7 @@ def turns_then(turns: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     return (Rotation.from_rotvec(turns) * Rotation.from_rotvec(rotation)).as_rotvec()
 
 
-@pytest.mark.parametrize("rotation", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rotation", [False, WITH_ROTATION])
 def test_repeats_that_loads_have_moved_are_no_noise(rotation):
     """Their scatter was taken for the noise, and an elbow for soft that is as drawn."""
     found = diagnose(*repeated(pushed=60.0, rotation=rotation))

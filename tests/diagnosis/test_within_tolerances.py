@@ -37,11 +37,6 @@ CYCLE = (0.0, 0.5, 1.0, 0.0, -0.5, -1.0)
 ARM = Path(__file__).parents[1] / "robots/elastic_arm/elastic_arm.urdf"
 
 
-@pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
-
-
 def bench(robot, seed, *faults, poses=10):
     """A recording of a robot whose weight acts, whose parameters scatter, and which has some faults."""
     deviations = deviations_of(robot.mechanism)

@@ -100,9 +100,17 @@ def printed() -> list[tuple[str, str, list[str]]]:
 
 @pytest.mark.parametrize(
     ("page", "line", "shown"),
-    printed(),
-    ids=[f"{page}: {' '.join(line.split()[:2])}" for page, line, _ in printed()],
+    [
+        pytest.param(
+            *each,
+            id=f"{each[0]}: {' '.join(each[1].split()[:2])}",
+            # a diagnosis of a whole robot; daily the one of the README
+            marks=[pytest.mark.slow] if (each[0], each[1].split()[1]) == ("efforts.md", "diagnose") else [],
+        )
+        for each in printed()
+    ],
 )
+@pytest.mark.usefixtures("without_pictures")
 def test_a_page_shows_what_its_commands_print(page, line, shown, tmp_path, monkeypatch, remembered):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")

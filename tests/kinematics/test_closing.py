@@ -20,11 +20,6 @@ A = 0.181
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
-
-
-@pytest.fixture(scope="module")
 def poses(robot):
     return random_poses(robot, BOX, 60, seed=1)
 

@@ -172,7 +172,7 @@ def test_a_length_moves_what_stands_beyond_a_fixed_joint(five_bar, crane):
     assert set(reach.joints) == {crane.mechanism.joint("lift").id}
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("side", ["left", pytest.param("right", marks=pytest.mark.slow)])
 def test_the_rod_of_a_five_bar_is_named(five_bar, side):
     """It ends in fixed joints, at the pin; nothing else in the drawing is called so."""
     recording = planned(five_bar, 12)

@@ -18,6 +18,7 @@ from prup_pin.simulation import Simulator, effect_named
 from prup_pin.spatial import rotation_exp
 from prup_pin.testing.poses import change
 
+from ..as_written import as_written
 from .bench import ROBOTS, inputs, robot
 
 TURN = {"rx": 0.03, "ry": -0.02}
@@ -108,7 +109,15 @@ def test_a_robot_file_can_hold_it():
     np.testing.assert_allclose(changes.fall[:2] / 9.81, [-0.02, -0.03], rtol=1e-2)
 
 
-@pytest.mark.parametrize(("degrees", "mass"), [(2.0, 0.0), (2.0, 3.0), (0.0, 3.0), (25.0, 0.0)])
+@pytest.mark.parametrize(
+    ("degrees", "mass"),
+    [
+        (2.0, 0.0),
+        (2.0, 3.0),
+        (0.0, 3.0),
+        (25.0, 0.0),
+    ],
+)
 def test_a_tilted_base_is_told_from_what_the_tool_holds(degrees, mass):
     """Of an arm with springs at its joints: the tilt, the mass, both, and nothing else."""
     arm = prup_pin.load("ur10", joint_stiffness=2e4)
@@ -123,7 +132,8 @@ def test_a_tilted_base_is_told_from_what_the_tool_holds(degrees, mass):
     words += [("geometric_offset", "base", "level", {"rx": np.radians(degrees), "ry": 0.0})] if degrees else []
     words += [("payload", "tool0", "", {"mass": mass})] if mass else []
     seen = prup_pin.simulate(arm, asked, [effect_named(*each, arm.mechanism) for each in words])
-    found = diagnose(arm, add_noise(asked.with_measurements(position=seen.position, rotation=seen.rotation), NOISE, 5))
+    measured = add_noise(asked.with_measurements(position=seen.position, rotation=seen.rotation), NOISE, 5)
+    found = diagnose(arm, as_written(measured))
     laws = {law.physics: law for law in found.findings if law.physics not in ("self_weight", "finite_deflection")}
     assert found.verdict == "explained"
     assert set(laws) == ({"geometric_offset"} if degrees else set()) | ({"payload"} if mass else set())

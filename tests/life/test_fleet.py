@@ -36,8 +36,8 @@ class Fleet:
 
 
 @pytest.fixture(scope="module")
-def arms(tmp_path_factory):
-    return Fleet(tmp_path_factory.mktemp("fleet"), 3)
+def arms(once):
+    return once("fleet", lambda folder: Fleet(folder, 3))
 
 
 def test_what_a_device_says_of_its_parameters_holds_the_true_ones(arms):

@@ -31,11 +31,6 @@ CHOICE = np.repeat([4e-8, 1e-7], 3)
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
-
-
-@pytest.fixture(scope="module")
 def opensees() -> None:
     try:
         import openseespy.opensees  # noqa: F401

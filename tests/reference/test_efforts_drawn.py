@@ -113,7 +113,7 @@ def test_noise_has_its_size_and_lasts():
     assert alike == pytest.approx(0.6 * np.exp(-1.0), abs=0.03)
 
 
-@pytest.mark.parametrize("robot", ["ur5", "five_bar"])
+@pytest.mark.parametrize("robot", ["ur5", pytest.param("five_bar", marks=pytest.mark.slow)])
 def test_an_effect_has_its_size_beside_noise_and_tolerances(robot):
     drawn = draw_efforts(5, robot, ["inertial_parameters"], (5.0, 8.0))
     (effect,) = drawn["truth"]["effects"]
@@ -129,7 +129,9 @@ def test_a_seed_decides_everything():
     assert first["truth"]["scatter"] != other["truth"]["scatter"]
 
 
-@pytest.mark.parametrize("robot", KINDS)
+@pytest.mark.parametrize(
+    "robot", [name if name in ("ur5", "five_bar") else pytest.param(name, marks=pytest.mark.slow) for name in KINDS]
+)
 def test_the_recording_tells_what_its_controller_logs_and_no_more(robot, tmp_path):
     drawn = draw_efforts(6, robot)
     write(drawn, tmp_path / "out", tmp_path / "sealed", "device")

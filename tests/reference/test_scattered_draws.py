@@ -11,7 +11,13 @@ from prup_pin.recordings import read_recording
 from tests.reference.concealed.scattered import KINDS, draw_scattered, write
 
 
-@pytest.mark.parametrize(("robot", "physics"), [("six_ups", "backlash"), ("elastic_arm", "geometric_offset")])
+@pytest.mark.parametrize(
+    ("robot", "physics"),
+    [
+        pytest.param("six_ups", "backlash", marks=pytest.mark.slow),
+        ("elastic_arm", "geometric_offset"),
+    ],
+)
 def test_an_effect_has_its_size_beside_the_tolerances(robot, physics):
     drawn = draw_scattered(4, robot, [physics], (5.0, 8.0), poses=(5, 2))
     (effect,) = drawn["truth"]["effects"]

@@ -3,17 +3,11 @@
 import numpy as np
 import pytest
 
-import prup_pin
 from prup_pin.robot import random_poses
 
 from ..reference.frame_fe import three_prup_compliance, three_prup_compliance_parts
 
 BOX = {"z": (0.25, 0.5), "theta": (-np.pi / 6, np.pi / 6), "phi": (-np.pi / 6, np.pi / 6)}
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
 
 
 @pytest.fixture(scope="module")

@@ -13,11 +13,6 @@ BOX = {"force": FORCE, "moment": MOMENT}
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
-
-
-@pytest.fixture(scope="module")
 def s(robot):
     names = ["C", "K", "eigenvalues", "ksi", "translational", "rotational", "softest", "homogenised", "homogenised_ksi",
              "directional", "K_yielding", "extremes", "extreme_components", "shares"]  # fmt: skip

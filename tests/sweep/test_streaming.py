@@ -26,11 +26,6 @@ ASKED = {
 PARTS = 7
 
 
-@pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
-
-
 @pytest.fixture(autouse=True)
 def small_parts(monkeypatch):
     """Seven parts of 30 poses."""

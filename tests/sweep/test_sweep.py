@@ -38,11 +38,6 @@ def asked_singly(robot, row):
     return robot.compliance(robot.pose_from_actuators(row))
 
 
-@pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_every_pose_is_answered_like_a_single_question(name):
     robot, ends = loaded(name)

@@ -164,6 +164,7 @@ def test_all_places_of_what_several_have_are_marked_by_its_number(diagnosed):
     assert [mark.number for mark in marks(robot, robot.home, [alike])] == [1, 0, 0]
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_what_many_drives_have_is_one_line_a_joint(diagnosed):
     robot, recording, diagnosis = diagnosed
     pair = {"limit": FittedParameter(2.5, "N", (2.0, 3.0)), "presliding": FittedParameter(1e-5, "m", (0.0, 2e-5))}
@@ -177,6 +178,7 @@ def test_what_many_drives_have_is_one_line_a_joint(diagnosed):
     assert by_place(diagnosis.findings[0]) == {}
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_next_experiment_has_a_heading_where_there_is_one_and_a_column_for_each_pose(diagnosed):
     robot, recording, diagnosis = diagnosed
     none = diagnosis_html(replace(diagnosis, next_experiment={"why": "", "plan": {}}), robot, recording)
@@ -336,6 +338,7 @@ def shows(tab, file, size):
 
 
 @needs_chromium
+@pytest.mark.usefixtures("without_pictures")
 def test_no_table_is_cut_off_on_a_screen(diagnosed, tmp_path, chromium):
     """Whatever stands in a box that scrolls sideways fits into it; on a phone the plan of five poses as well."""
     robot, recording, diagnosis = diagnosed

@@ -25,11 +25,6 @@ LOAD = {"fx": 250.0, "mz": 20.0}
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
-
-
-@pytest.fixture(scope="module")
 def explorer(robot):
     return Explorer(robot)
 

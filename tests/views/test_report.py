@@ -26,11 +26,6 @@ MATH = "$\\frac$ $x_{$ \u202e"
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
-
-
-@pytest.fixture(scope="module")
 def pose(robot):
     return robot.pose(z=0.4, theta=0.436, phi=0.262)
 
@@ -40,6 +35,7 @@ def page(robot, pose):
     return report_html(robot, pose, WRENCH, frame="star_2", notes=["a remark"])
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_parts_that_share_alike_are_all_named_as_the_softest(robot, pose, page):
     """Of a symmetric five-bar under a force along y both arms; of the 3-PRUP beside, one."""
     five_bar = prup_pin.load(Path(__file__).parents[2] / "examples" / "five_bar.urdf")
@@ -161,6 +157,7 @@ def test_values_to_change_first_are_those_that_a_changed_robot_confirms(robot, p
     assert STIFFENED in words(page)
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_an_overconstrained_robot_has_no_column_if_rigid(robot, pose):
     locked = robot.with_locked_joints(["leg1_branch", "leg2_branch", "leg3_branch"])
     there = locked.pose_from_configuration(pose.q)
@@ -180,12 +177,14 @@ def test_an_overconstrained_robot_has_no_column_if_rigid(robot, pose):
         (np.zeros(6), ["under no load", "no module has a share"]),
     ],
 )
+@pytest.mark.usefixtures("without_pictures")
 def test_any_load(robot, wrench, parts):
     text = words(report_html(robot, {"z": 0.4, "theta": 0, "phi": 0}, wrench))
     for part in parts:
         assert part in text
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_where_k_does_not_exist():
     robot = prup_pin.load("double_pendulum", joint_stiffness=1e4)
     text = words(report_html(robot, None, {"fx": 10}))

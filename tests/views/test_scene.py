@@ -28,11 +28,6 @@ SCALE = 7.0
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return prup_pin.load("3prup")
-
-
-@pytest.fixture(scope="module")
 def compliance(robot):
     return robot.compliance(robot.pose(z=0.4, theta=0.436, phi=0.262))
 
