@@ -233,7 +233,7 @@ def test_a_share_of_the_rated_torque_is_asked_for_its_scale(ur5, heading):
     for k, joint in enumerate(logs.JOINTS, 1):
         line = next(line for line in text.splitlines() if f"tau.{joint}" in line)
         assert heading.format(k) in line
-        assert "unit: \"%\"" in line or "unit: '%'" in line
+        assert 'unit: "%"' in line or "unit: '%'" in line
         assert "# CHECK: in %: write how much SI one % is, as `scale`" in line
     assert "effort_gain" in text
 
