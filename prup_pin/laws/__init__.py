@@ -10,7 +10,7 @@ from ..errors import UnknownNameError
 from ..mechanism import Mechanism
 from ..plugins import Library, Plugin, brought, instances
 from .backlash import Backlash, BacklashByAxis
-from .base_compliance import BaseCompliance, UnevenBaseCompliance
+from .base_compliance import BaseCompliance, BaseTilt, UnevenBaseAtPoint, UnevenBaseCompliance
 from .coulomb_friction import CoulombFriction
 from .creep import CreepLaw
 from .eccentric_encoder import EccentricEncoder, OvalEncoder
@@ -79,6 +79,8 @@ _OWN: tuple[Law, ...] = (
     SlackCable(),
     BaseCompliance(),
     UnevenBaseCompliance(),
+    BaseTilt(),
+    UnevenBaseAtPoint(),
     OutOfLevel(),
     Shear(),
     Torsion(),
