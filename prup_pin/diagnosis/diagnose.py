@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from ..dynamics import is_standing
 from ..errors import InputError, limits_heard, postures_beyond
-from ..laws import moved_at
+from ..laws import MOVABLE
 from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import CorrectedModel, as_recorded
@@ -255,16 +255,26 @@ def _with_outliers(drawn: AsDrawn, found: Account, spread: Spread, tell: Tell) -
 
 
 def _with_moved_sensor(found: Account, tell: Tell) -> Account:
-    """Return the account with a pose sensor that was moved while it measured, where that leaves noise and else more."""
+    """Return the account with what was moved while it measured, where that leaves noise and else more."""
     prepared, problem = found.prepared, found.problem
     if found.is_clean or found.doubt is not None or prepared.together.several:
         return found
+    mechanism = problem.simulator.robot.mechanism
+    tried: set[frozenset[str]] = set()
     for fit in (found.selection.last, problem.first):
-        moment = moment_of_move(problem, fit, found.labels)
-        if moment is not None:
-            law, mechanism = moved_at(moment), problem.simulator.robot.mechanism
-            library = [*prepared.library, *(Candidate(law, place, mechanism) for place in law.places(mechanism))]
-            return _cleaner(found, searched(without_laws(replace(prepared, library=library), tell), tell))
+        movable = [(law, law(0.0)) for law in MOVABLE]
+        asked = [(law, always) for law, always in movable if always.places(mechanism)]
+        moments = [(law, moment_of_move(problem, fit, found.labels, always)) for law, always in asked]
+        moved = [law(moment) for law, moment in moments if moment is not None]
+        added = [Candidate(law, place, mechanism) for law in moved for place in law.places(mechanism)]
+        names = frozenset(candidate.name for candidate in added)
+        if not names or names in tried:
+            continue
+        tried.add(names)
+        library = [*prepared.library, *added]
+        again = _cleaner(found, searched(without_laws(replace(prepared, library=library), tell), tell))
+        if again is not found:
+            return again
     return found
 
 

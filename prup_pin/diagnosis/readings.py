@@ -17,7 +17,7 @@ import numpy as np
 
 from ..mechanism import Mechanism
 from ..recordings import WORDS, Convention, Recording
-from ..recordings.conventions import AXES, GEARS, POSITION_UNITS, is_right_handed, may_be_read
+from ..recordings.conventions import AS_WRITTEN, AXES, GEARS, POSITION_UNITS, is_right_handed, may_be_read
 from .criteria import FEW_ROUNDS
 
 Reading = tuple[Convention, ...]
@@ -161,9 +161,10 @@ def _zeros(columns: Columns) -> Iterator[Reading]:
 
 
 def _plain(*groups: str) -> Iterator[Reading]:
-    """Yield all words of groups of columns that take nothing."""
+    """Yield all words of groups of columns that take nothing, but that they are as they say."""
+    words = [word for word in WORDS if not word.takes and word.name != AS_WRITTEN]
     for group in groups:
-        yield from ((Convention(group, word.name),) for word in WORDS if group in word.groups and not word.takes)
+        yield from ((Convention(group, word.name),) for word in words if group in word.groups)
 
 
 def _along(*words: tuple[str, str]) -> Iterator[Reading]:

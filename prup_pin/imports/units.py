@@ -56,6 +56,8 @@ _SPELLED = {
 
 
 _KNOWN = tuple(unit for units in UNITS.values() for unit in units) + UNSCALED
+#: A share of something that the drive knows: '% of rated torque', 'percent rated', '% Nennmoment'.
+_SHARE = re.compile(r"(?:%|percent|per cent|pct|prozent)(?![a-zäöü])", re.IGNORECASE)
 #: Units by their letters alone, the first of those that share them.
 _FLAT = {re.sub(r"\s", "", unit).lower(): unit for unit in reversed(_KNOWN)}
 
@@ -76,10 +78,12 @@ def narrow(text: str) -> str:
 
 
 def spelled(text: str) -> str | None:
-    """Return the unit that a text means, or None."""
+    """Return the unit that a text means, or None; of a share, in per cent of whatever, that it is one."""
     plain = re.sub(r"\s+", " ", narrow(text).strip().strip("[]()").strip())
     if plain in _KNOWN:
         return plain
+    if _SHARE.match(plain):
+        return "%"
     flat = re.sub(r"[\s._]", "", plain).lower()
     if flat in _SPELLED:
         return _SPELLED[flat]
@@ -145,7 +149,12 @@ def words_of(name: str) -> list[str]:
     """Return the words of a column's name in lower case, numbers apart: 'TorqueJ3 [Nm]' -> torque, j, 3."""
     name = narrow(name)
     tail = re.search(r"[\[(]([^\[\]()]*[A-Za-z°%][^\[\]()]*)[\])]\s*$", name)
-    plain = name[: tail.start()] if tail is not None and spelled(tail.group(1)) else name
+    plain = name
+    if tail is not None and spelled(tail.group(1)):
+        plain = name[: tail.start()]
+        if _SHARE.match(tail.group(1).strip()):  # of what: '% Nennmoment' is of an effort
+            of = re.findall(r"[a-zäöüß]+", tail.group(1).lower())
+            plain = " ".join((plain, *(kind for word in of if (kind := word.removeprefix("nenn")) in KIND)))
     plain = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", plain)
     found = re.findall(r"[a-zäöüß]+|\d+", plain.lower())
     return [part for word in found for part in _halves(word)]
@@ -161,7 +170,9 @@ def _halves(word: str) -> list[str]:
 #: underscore, of one letter where that is hardly anything else.
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])](?= \(\d+\)$|\s*$)")
 _AFTER = re.compile(
-    r"[_\s.]((?:(?i:deg|rad|grados|gradi|degr[eé]s|mm|cm|rpm|nm|ms|us|ns|dps)(?:[_/]s)?)|N|(?<=[\dxyzXYZ]_)[mA])$"
+    r"[_\s.]((?:(?i:deg|rad|grados|gradi|degr[eé]s|mm|cm|rpm|nm|ms|us|ns|dps)(?:[_/]s)?)|N|(?<=[\dxyzXYZ]_)[mA]"
+    r"|(?i:%|percent|per cent|pct|prozent)"
+    r"(?:[_\s.](?i:of|von|vom|des|the|rated|nominal|peak|max|nenn\w*|torque|current))*)$"
 )
 
 

@@ -10,7 +10,7 @@ from ..errors import UnknownNameError
 from ..mechanism import Mechanism
 from ..plugins import Library, Plugin, brought, instances
 from .backlash import Backlash, BacklashByAxis
-from .base_compliance import BaseCompliance, UnevenBaseCompliance
+from .base_compliance import BaseCompliance, BaseTilt, UnevenBaseAtPoint, UnevenBaseCompliance
 from .coulomb_friction import CoulombFriction
 from .creep import CreepLaw
 from .eccentric_encoder import EccentricEncoder, OvalEncoder
@@ -29,10 +29,11 @@ from .law import Effect, Law, Place, Sharing, defects
 from .lead_error import HomedLeadError, LeadError, PeriodicLeadError, PitchError
 from .link_bending import LinkBending
 from .model_equation_error import ModelEquationError
+from .moved_from import MOVABLE
 from .out_of_level import OutOfLevel
 from .payload import OffCentrePayload, Payload
 from .play_with_memory import HeldBacklash, LostMotion
-from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, moved_at, stands_elsewhere
+from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, stands_elsewhere
 from .root_tilt import HubRootCompliance, RootTiltCompliance
 from .self_weight import SelfWeight, SpreadSelfWeight
 from .setup import Setup
@@ -79,6 +80,8 @@ _OWN: tuple[Law, ...] = (
     SlackCable(),
     BaseCompliance(),
     UnevenBaseCompliance(),
+    BaseTilt(),
+    UnevenBaseAtPoint(),
     OutOfLevel(),
     Shear(),
     Torsion(),
@@ -148,6 +151,7 @@ LAWS: Library[Law] = Library(_OWN, lambda: [found for found in brought_laws() if
 
 __all__ = [
     "LAWS",
+    "MOVABLE",
     "Effect",
     "Everywhere",
     "Inputs",
@@ -160,7 +164,6 @@ __all__ = [
     "lasting",
     "law_at",
     "laws_of",
-    "moved_at",
     "sits_turned",
     "stands_elsewhere",
 ]

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..numbers import number, quantity
+from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import Array, rotation_exp, rotation_log
 from .deeds import Deed, Moved, PoseReport, Wandering
@@ -59,46 +59,6 @@ def stands_elsewhere(turn: Array, shift: Array, group: Sharing | None, mechanism
     numbers = map(float, (*rotation_log(turn[None])[0], *shift))
     values = dict(zip((quantity.name for quantity in law.quantities), numbers, strict=True))
     return Effect(law, law.places(mechanism)[0], values)
-
-
-class PoseSensorMoved(Law):
-    """The measuring frame stands elsewhere from a `moment` on [s since the recording began], which data have told.
-
-    A tripod that somebody pushed. It reports M p + t and M R from then on.
-    """
-
-    physics = PoseSensorMisalignment.physics
-    summary = "a pose sensor that was moved while it measured"
-    sensor = PoseSensorMisalignment.sensor
-    remedy = "look after what moved the tracker, and declare how it stood by runs (a column run, own_sensors by_run)"
-    quantities = PoseSensorMisalignment.quantities
-    neutral = PoseSensorMisalignment.neutral
-    lasts = False
-
-    def __init__(self, moment: float):
-        self.moment = moment
-
-    def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return [Place("pose_sensor", f"from {number(self.moment, 6)} s on")]
-
-    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        later = setup.inputs.elapsed >= self.moment
-        for deed in PoseSensorMisalignment().deeds(place, values, setup):
-            yield deed.within(later)
-
-    def meanwhile(self, values: Mapping[str, float], mechanism: Mechanism, elapsed: float) -> Effect | None:
-        if elapsed < self.moment:
-            return None
-        return Effect(PoseSensorMisalignment(), Place("pose_sensor"), values)
-
-    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        said = PoseSensorMisalignment().statement(place, values, mechanism)
-        return f"{said} from {number(self.moment, 6)} s on: somebody or something moved it, or the target"
-
-
-def moved_at(moment: float) -> Law:
-    """Return the law of a pose sensor that was moved at a moment of the recording [s since it began]."""
-    return PoseSensorMoved(moment)
 
 
 class PoseSensorDrift(Law):

@@ -213,10 +213,29 @@ def test_names_are_read_word_by_word(name, words, unit):
 @pytest.mark.parametrize(
     ("text", "unit"),
     [("Nm", "N m"), ("[DEG]", "deg"), ("mm", "mm"), ("1/min", "rpm"), ("m", "m"), ("M", None), ("Nmm", "N mm"),
-     ("% ", "%"), ("furlong", None), ("rad/s", "rad/s"), ("°C", "degC")],
+     ("% ", "%"), ("% Nennmoment", "%"), ("[% of rated]", "%"), ("percent rated", "%"), ("percentile", None),
+     ("furlong", None), ("rad/s", "rad/s"), ("°C", "degC")],
 )  # fmt: skip
 def test_units_are_known_as_people_spell_them(text, unit):
     assert spelled(text) == unit
+
+
+@pytest.mark.parametrize(
+    "heading",
+    ["Achse {} Drehmoment [% Nennmoment]", "Achse {} [% Nennmoment]", "torque_{} (% of rated)", "tau{}_pct",
+     "torque {} [percent]", "torque_{}_percent_of_rated"],
+)  # fmt: skip
+def test_a_share_of_the_rated_torque_is_asked_for_its_scale(ur5, heading):
+    """It was read as N m without a word."""
+    share = np.array([300.0, 300, 150, 28, 28, 28])
+    log = log_of({"t": logs.T} | logs.numbered("q{} [rad]", Q) | logs.numbered(heading, 100 * TAU / share))
+    text = guess(log, ur5, "robot").text
+    for k, joint in enumerate(logs.JOINTS, 1):
+        line = next(line for line in text.splitlines() if f"tau.{joint}" in line)
+        assert heading.format(k) in line
+        assert 'unit: "%"' in line or "unit: '%'" in line
+        assert "# CHECK: in %: write how much SI one % is, as `scale`" in line
+    assert "effort_gain" in text
 
 
 def _joint(name, kind, parent, child):

@@ -126,6 +126,24 @@ def test_a_tracker_that_was_pushed_is_told_with_its_moment_and_nothing_else(arm)
     assert not any("pose_sensor" in effect.place.name and effect.values.get("tx") for effect in kept)
 
 
+def test_a_target_that_was_hit_is_told_with_its_moment_and_nothing_else(arm):
+    """A sound shoulder was an unknown part, and a drift and an eccentric encoder took most of it."""
+    still = bench(5, poses=12)
+    turn = still.positions["A1"] + still.positions["A2"]
+    x, y = 3e-4, -2e-4
+    shift = np.column_stack((x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), 0 * turn))
+    moved = still.position + np.where(np.arange(len(still)) >= 50, 1.0, 0.0)[:, None] * shift
+    found = diagnose(arm, replace(still, position=moved))
+    (law,) = (item for item in found.findings if item.physics not in ("finite_deflection", "self_weight"))
+    assert found.verdict == "explained"
+    assert law.physics == "target_misalignment"
+    assert "from 100 s on" in law.statement  # a row is 2 s
+    assert law.parameters["x"].value == pytest.approx(3e-4, abs=3e-5)
+    assert law.parameters["y"].value == pytest.approx(-2e-4, abs=3e-5)
+    kept = corrected_model(found, arm, [still], "scara.urdf").effects
+    assert not any("target" in effect.place.name and effect.values.get("x") for effect in kept)
+
+
 def test_without_a_holding_load_it_is_a_gap_without_memory():
     load = np.random.default_rng(0).normal(size=(50, 1))
     play = HeldGap(2e-4, 0.0, 0.3, 0.5)

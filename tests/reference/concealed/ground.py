@@ -17,13 +17,15 @@ __all__ = ["Ground"]
 
 
 class Ground:
-    """Compliances along x, y, z [m/N] and about them [rad/(N m)] of what the robot stands on."""
+    """Compliances along x, y, z [m/N] and about them [rad/(N m)] of what the robot stands on, seen at a point [m]."""
 
     def __init__(self) -> None:
         self.soft = np.zeros((2, 3))
+        self.point = np.zeros(3)
 
     def give(self, e: Mapping[str, Any]) -> None:
-        """translation (m/N) and rotation (rad/(N m)) of an effect: one number each, or one by axis."""
+        """translation (m/N) and rotation (rad/(N m)) of an effect: one number each, or one by axis; point (m, 3)."""
+        self.point = np.asarray(e.get("point", self.point), float)
         self.soft += [np.broadcast_to(np.asarray(e.get(key, 0.0), float), 3) for key in ("translation", "rotation")]
 
     @property
@@ -36,6 +38,7 @@ class Ground:
         rest: the same forces and points, (3,), as the robot rests at home.
         """
         force = sum(force for force, _ in pulls) - sum(force for force, _ in rest)
-        about = moment + sum(np.cross(point, force) for force, point in pulls)
-        about = about - sum(np.cross(point, force) for force, point in rest)
-        return force * self.soft[0], matrix(about * self.soft[1])
+        about = moment + sum(np.cross(point - self.point, force) for force, point in pulls)
+        about = about - sum(np.cross(point - self.point, force) for force, point in rest)
+        turn = matrix(about * self.soft[1])
+        return force * self.soft[0] + self.point - turn @ self.point, turn
