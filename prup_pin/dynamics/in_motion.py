@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -32,11 +32,23 @@ _BINS = 8192
 
 
 @dataclass(frozen=True, eq=False)
+class _Nearby:
+    """Two motions at some samples `rows` of another one, in which one joint is a little `ahead` and `behind`."""
+
+    rows: np.ndarray
+    wrench: Array | None
+    gravity: Array | None
+    ahead: Trajectory
+    behind: Trajectory
+
+
+@dataclass(frozen=True, eq=False)
 class InMotion:
     """N samples of a motion, and the rigid robot's efforts (N, k) [N or N m] of the joints `driven` in it.
 
     `known` (N, k): the efforts as far as they are known beside the rigid robot's, of which `bodies` (N, k) weigh or
-    are accelerated; `left` (N, k): what is measured beyond all of that. None: nothing yet.
+    are accelerated; `left` (N, k): what is measured beyond all of that. None: nothing yet. `added`: by joint, what its
+    body is known to have beyond the drawn inertial parameters (10,), about the joint's frame.
     """
 
     mechanism: Mechanism
@@ -47,6 +59,7 @@ class InMotion:
     known: Array | None = None
     left: Array | None = None
     bodies: Array | None = None
+    added: Mapping[int, Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, mechanism: Mechanism, motion: Motion) -> InMotion:
@@ -64,9 +77,11 @@ class InMotion:
         """The joints whose efforts are compared."""
         return self.motion.driven
 
-    def knowing(self, known: Array, left: Array, bodies: Array | None = None) -> InMotion:
-        """Return the same motion with more known of its efforts."""
-        return self._as_moved(replace(self, known=known, left=left, bodies=bodies))
+    def knowing(
+        self, known: Array, left: Array, bodies: Array | None = None, added: Mapping[int, Array] | None = None
+    ) -> InMotion:
+        """Return the same motion with more known of its efforts, and of its bodies."""
+        return self._as_moved(replace(self, known=known, left=left, bodies=bodies, added=dict(added or {})))
 
     def measuring(self, efforts: Array) -> InMotion:
         """Return the same motion with other measured efforts (N, k)."""
@@ -77,7 +92,8 @@ class InMotion:
         for name in ("regressor", "reached_by_tool"):
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]
-        other.__dict__["_shifts"], other.__dict__["_travels"] = self._shifts, self._travels
+        for name in ("_nearby", "_changes", "_travels"):
+            other.__dict__[name] = getattr(self, name)
         return other
 
     @property
@@ -258,17 +274,23 @@ class InMotion:
         return out
 
     def shifted(self, joint: str) -> Array:
-        """Return d(rigid efforts)/dt (N, k) by the motion of one joint alone, as if its encoder were early."""
-        if joint not in self._shifts:
-            motion = self.motion
-            column = motion.names.index(joint)
-            jerk = self.rate(motion.acceleration[:, column])
-            change = self._derivative(column, motion.speed[:, column], motion.acceleration[:, column], jerk)
-            self._shifts[joint] = change / _STEP
-        return self._shifts[joint]
+        """Return d(efforts)/dt (N, k) of all known bodies by the motion of one joint alone, as of an early encoder."""
+
+        def rates() -> tuple[Array, Array, Array]:
+            column = self.motion.names.index(joint)
+            speed, acceleration = self.motion.speed[:, column], self.motion.acceleration[:, column]
+            return speed, acceleration, self.rate(acceleration)
+
+        return self._kept_derivative("shifted", joint, rates)
 
     @cached_property
-    def _shifts(self) -> dict[str, Array]:
+    def _nearby(self) -> dict[tuple[str, str], _Nearby]:
+        """Motions beside this one in which one joint is elsewhere, by how and which."""
+        return {}
+
+    @cached_property
+    def _changes(self) -> dict[tuple[str, str], tuple[dict[int, bytes], Array]]:
+        """What efforts differ by in these, and beside which bodies."""
         return {}
 
     @cached_property
@@ -276,7 +298,7 @@ class InMotion:
         return {}
 
     def yielded(self, joint: str) -> Array:
-        """Return d(rigid efforts)/dc (N, k) by the compliance c of one joint's gear, behind the encoder.
+        """Return d(efforts)/dc (N, k) of all known bodies by the compliance c of one joint's gear, behind the encoder.
 
         The links lag behind the encoder by c times what bodies, as far as they are known, ask of the joint.
         """
@@ -289,20 +311,33 @@ class InMotion:
         return self._derivative(column, back, speed, self.rate(speed)) * (largest / _STEP)
 
     def displaced(self, joint: str) -> Array:
-        """Return d(rigid efforts)/dq (N, k) by the position of one joint."""
-        column, zero = self.motion.names.index(joint), np.zeros(len(self))
-        return self._derivative(column, zero + 1.0, zero, zero) / _STEP
+        """Return d(efforts)/dq (N, k) of all known bodies by the position of one joint."""
+        one, zero = np.ones(len(self)), np.zeros(len(self))
+        return self._kept_derivative("displaced", joint, lambda: (one, zero, zero))
+
+    def _kept_derivative(self, how: str, joint: str, rates: Callable[[], tuple[Array, Array, Array]]) -> Array:
+        """Return the change of efforts (N, k) per rates (N,) of one joint; motions beside and the last are kept."""
+        key, bodies = (how, joint), {index: more.tobytes() for index, more in self.added.items()}
+        if key not in self._nearby:
+            self._nearby[key] = self._beside(self.motion.names.index(joint), *rates())
+        if key not in self._changes or self._changes[key][0] != bodies:
+            self._changes[key] = bodies, self._change(self._nearby[key]) / _STEP
+        return self._changes[key][1]
 
     def _derivative(self, column: int, position: Array, speed: Array, acceleration: Array) -> Array:
-        """Return by how much rigid efforts (N, k) change as one joint moves by `_STEP` times these rates (N,).
+        """Return by how much efforts (N, k) of known bodies change as one joint moves by `_STEP` times rates (N,)."""
+        return self._change(self._beside(column, position, speed, acceleration))
 
-        At as many samples as the band of the efforts needs, and smoothly between them.
+    def _beside(self, column: int, position: Array, speed: Array, acceleration: Array) -> _Nearby:
+        """Return the motions half a `_STEP` times rates (N,) of one joint before and behind this one.
+
+        At as many samples as the band of the efforts needs.
         """
         motion = self.motion
         every = 1 if motion.separate else max(1, int(motion.rate / (_SAMPLES * motion.band.highest)))
         parts = [np.unique(np.append(np.arange(w.start, w.stop, every), w.stop - 1)) for w in pieces(motion.piece)]
         rows = np.concatenate(parts)
-        few, values = motion.select(rows), []
+        few, beside = motion.select(rows), []
         rates = [rate[rows] for rate in (position, speed, acceleration)]
         for sign in (0.5, -0.5):
             moved = []
@@ -310,10 +345,18 @@ class InMotion:
                 other = table.copy()
                 other[:, column] += sign * _STEP * rate
                 moved.append(other)
-            trajectory = self.dynamics.trajectory(few.with_motion(*moved))
-            values.append(self.dynamics.efforts(trajectory, few.wrench, few.gravity))
-        change = values[0] - values[1]
-        if every == 1:
+            beside.append(self.dynamics.trajectory(few.with_motion(*moved)))
+        return _Nearby(rows, few.wrench, few.gravity, beside[0], beside[1])
+
+    def _change(self, nearby: _Nearby) -> Array:
+        """Return by how much efforts (N, k) of known bodies change between two motions, smoothly between samples."""
+        motion, rows = self.motion, nearby.rows
+        ahead, behind = (
+            self.dynamics.efforts(trajectory, nearby.wrench, nearby.gravity, self.added)
+            for trajectory in (nearby.ahead, nearby.behind)
+        )
+        change = ahead - behind
+        if len(rows) == len(self):
             return change
         from scipy.interpolate import CubicSpline
 

@@ -9,7 +9,7 @@ the inertial parameters of the bodies: tau_a = Y pi (Featherstone 2008, ch. 8; K
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,8 @@ from .motion import Motion
 
 #: Step of the numerical rate of S along the motion [s].
 _STEP = 1e-5
+#: Mass [kg] of a body that has moments but no mass.
+_TRACE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +103,23 @@ class InverseDynamics:
         order = [list(mechanism.actuated).index(name) for name in self.driven]
         return Trajectory(q, v, a, dofs, spread[:, :, order])
 
-    def efforts(self, at: Trajectory, wrench: Array | None = None, gravity: Array | None = None) -> Array:
-        """Return efforts (N, k) [N or N m] under wrenches (N, 6) on the tool in base axes, gravity (3,) or (N, 3)."""
+    def efforts(
+        self,
+        at: Trajectory,
+        wrench: Array | None = None,
+        gravity: Array | None = None,
+        added: Mapping[int, Array] | None = None,
+    ) -> Array:
+        """Return efforts (N, k) [N or N m] under wrenches (N, 6) on the tool in base axes, gravity (3,) or (N, 3).
+
+        added: by joint, what its body has beyond the drawn inertial parameters (10,), about the joint's frame.
+        """
         model = pin.Model(self.model)  # its gravity is set sample by sample
+        for joint, more in (added or {}).items():
+            whole = model.inertias[joint].toDynamicParameters() + more
+            # a body is stored by its centre: one without mass but with moments keeps a trace of mass
+            whole[0] = whole[0] if abs(whole[0]) > _TRACE else _TRACE
+            model.inertias[joint] = pin.Inertia.FromDynamicParameters(whole)
         data = model.createData()
         out = np.empty((len(at), model.nv))
         fields = _fields(self.mechanism.gravity if gravity is None else gravity, len(at))

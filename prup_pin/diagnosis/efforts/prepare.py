@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
@@ -252,24 +253,36 @@ class PreparedEfforts:
 
         at: another motion of the same robot, in which they are; None: this one.
         """
+        return self._modelled(model, x, at)[:2]
+
+    def _modelled(
+        self, model: EffortModel, x: Array, at: InMotion | None = None
+    ) -> tuple[Array, Array, dict[int, Array]]:
+        """Return the same, and what bodies have beyond the drawn inertial parameters (10,), by joint."""
         deviations, at = (self.deviations, self.at) if at is None else (self._deviations(at), at)
         out, bodies = np.zeros_like(at.rigid), np.zeros_like(at.rigid)
+        added: defaultdict[int, Array] = defaultdict(lambda: np.zeros(10))
+        within = self.bodies_within_tolerance
         for index in model.toleranced:
             more = x[index] * deviations[index].efforts
             out += more
-            if deviations[index].inertial is not None:
+            if (body := within[index]) is not None:
                 bodies += more
+                added[body[0]] += x[index] * body[1]
         for term in model.terms:
-            known = _knowing(at, out, bodies) if term.law.of_what_is_known else at
-            more = term.law.efforts_per(term.place, term.values, known) @ x[model.slice_of(term)]
+            known = _knowing(at, out, bodies, added) if term.law.of_what_is_known else at
+            own = x[model.slice_of(term)]
+            more = term.law.efforts_per(term.place, term.values, known) @ own
             out += more
             if term.law.of_bodies:
                 bodies += more
-        return out, bodies
+            for joint, per in term.law.of_body(term.place, at.mechanism).items():
+                added[joint] += per @ own
+        return out, bodies, added
 
     def knowing(self, model: EffortModel, x: Array) -> InMotion:
         """Return the motion with the efforts that a model explains known: laws that follow from them act on these."""
-        return _knowing(self.at, *self.modelled(model, x))
+        return _knowing(self.at, *self._modelled(model, x))
 
     def inertial_rank(self) -> tuple[int, int]:
         """Return the number of identifiable combinations of inertial parameters, and the number of parameters."""
@@ -418,6 +431,10 @@ class PreparedEfforts:
         return replace(start, terms=tuple(common), keeps_nuisances=True)
 
 
-def _knowing(at: InMotion, known: Array, bodies: Array) -> InMotion:
-    """Return a motion of which efforts (N, k) beyond the rigid robot's are known, and those of bodies among them."""
-    return at.knowing(known.copy(), at.motion.efforts - at.rigid - known, bodies.copy())
+def _knowing(at: InMotion, known: Array, bodies: Array, added: Mapping[int, Array] | None = None) -> InMotion:
+    """Return a motion of which efforts (N, k) beyond the rigid robot's are known, and those of bodies among them.
+
+    added: what bodies have beyond the drawn inertial parameters (10,), by joint.
+    """
+    more = {joint: own.copy() for joint, own in (added or {}).items()}
+    return at.knowing(known.copy(), at.motion.efforts - at.rigid - known, bodies.copy(), more)

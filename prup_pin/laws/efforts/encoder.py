@@ -25,6 +25,8 @@ class OffsetEncoder(DrivenEffortLaw):
     physics = "encoder_offset"
     summary = "an encoder with an offset"
     remedy = "set the zero of the encoder at {place} anew, by the offset found here"
+    of_what_is_known = True
+    told_from_noise = True
     linear = ("offset",)
     tolerance = "encoder_offset"
     quantities = (Quantity("offset", "rad", "true position less the reported one", 1e-2, False, -0.25, 0.25),)
