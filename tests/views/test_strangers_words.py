@@ -187,7 +187,7 @@ def test_why_not_all_samples_were_used_is_told(diagnosed):
     used = len(diagnosis.samples)
     assert used_text(diagnosis, used) == f"{used} used"
     assert used_text(diagnosis, 10000) == f"{used} used, evenly chosen: more would tell hardly more"
-    moving = replace(diagnosis, efforts=SimpleNamespace(standing=False))
+    moving = replace(diagnosis, efforts=SimpleNamespace(separate=False))
     assert used_text(moving, 10000) == f"{used} used: filtered, as many as the compared frequencies need"
 
 
@@ -216,7 +216,7 @@ class Efforts:
 
     units: tuple[str, ...]
     declared: bool = False
-    standing: bool = False
+    separate: bool = False
     how: tuple[str, ...] = ("innovations",)
     shares: dict = field(default_factory=lambda: {"all": {"rigid": 0.116, "heldout": 0.021}})
 
@@ -229,7 +229,7 @@ def test_noise_of_newtons_and_newton_metres_is_no_one_number(diagnosed):
     assert "effort 1.03 N m" in noise_text(turning)
     assert noise_text(both)[-1] == "estimated, of efforts by what their past does not foretell"
     assert "the comparison filters samples, so that less than 1 is normal" in multiple_text(both)
-    assert "below" not in multiple_text(replace(both, efforts=Efforts(("N",), standing=True)))
+    assert "below" not in multiple_text(replace(both, efforts=Efforts(("N",), separate=True)))
     assert multiple_text(diagnosis) == ""
 
 
@@ -429,19 +429,25 @@ def test_many_effects_of_a_model_are_counted_and_few_are_typed(capsys):
 
 def test_runs_whose_clocks_begin_anew_last_as_long_as_all_of_them():
     time, run = np.tile(np.arange(101) * 0.1, 3), np.repeat([0, 1, 2], 101)
+    efforts = SimpleNamespace(separate=False)
 
     class Log(SimpleNamespace):
         def __len__(self):
             return len(self.time)
 
     recording = Log(time=time, run=run, conventions=(), blocks=lambda: np.arange(303))
-    assert length_of(SimpleNamespace(efforts=object(), conventions=()), recording) == "30 s of motion"
+    assert length_of(SimpleNamespace(efforts=efforts, conventions=()), recording) == "30 s of motion"
     # by a clock of milliseconds that is declared, or found
     ms, slow = (Convention("time", "ms"),), 1000 * time
     declared = Log(time=slow, run=run, conventions=ms, blocks=lambda: np.arange(303))
-    assert length_of(SimpleNamespace(efforts=object(), conventions=()), declared) == "30 s of motion"
+    assert length_of(SimpleNamespace(efforts=efforts, conventions=()), declared) == "30 s of motion"
     found = Log(time=slow, run=run, conventions=(), blocks=lambda: np.arange(303))
-    assert length_of(SimpleNamespace(efforts=object(), conventions=(ms,)), found) == "30 s of motion"
+    assert length_of(SimpleNamespace(efforts=efforts, conventions=(ms,)), found) == "30 s of motion"
+
+
+def test_rows_in_no_order_are_so_many_states():
+    recording = Recording(time=np.arange(30.0), positions={"a": np.linspace(0, 1, 30)})
+    assert length_of(SimpleNamespace(efforts=SimpleNamespace(separate=True)), recording) == "30 states"
 
 
 def test_a_value_at_the_least_of_its_law_is_a_bound():
