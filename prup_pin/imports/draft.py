@@ -47,7 +47,7 @@ class Draft:
     clocks: by stream. open: driven joint whose position no column is -> the columns left that may be it by their unit.
     turns: bodies whose orientation is told, by target. others: bodies that no frame is called like, without a line.
     alike: stream without a time -> the stream that it goes with, row by row.
-    rates: stream without a time -> how many rows a second its speeds tell, or 1 of rows in no order.
+    rates: stream without a time -> how many rows a second it has, and how that is known.
     rests: how often the joints stood, where only these rows should be kept.
     delays: stream -> how far its clock is ahead of the joints' [s], how that is known, and what is not sure of it.
     elsewhere: whether places in the joints' own rows were seen by what stands elsewhere than the base.
@@ -61,7 +61,7 @@ class Draft:
     turns: dict[str, Body] = field(default_factory=dict)
     others: list[Body] = field(default_factory=list)
     delays: dict[str, tuple[float, str, str]] = field(default_factory=dict)
-    rates: dict[str, float] = field(default_factory=dict)
+    rates: dict[str, tuple[float, str]] = field(default_factory=dict)
     rests: int = 0
     alike: dict[str, str] = field(default_factory=dict)
     elsewhere: bool = False

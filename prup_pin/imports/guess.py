@@ -128,19 +128,17 @@ class _Page:
         alone = len(self.draft.log.streams) == 1
         for stream in self.draft.log.streams:
             name, unit, doubt = self.draft.clocks[stream.name]
-            if name is None:
-                inside = []
-            elif name:
-                inside = [f"from: {_text(name)}", f"unit: {unit}"]
-            else:
-                inside = [f"rate: {self.draft.rates.get(stream.name, 1.0):.9g}"]
+            rate, why = self.draft.rates.get(stream.name, (1.0, ""))
+            inside = (
+                [] if name is None else [f"from: {_text(name)}", f"unit: {unit}"] if name else [f"rate: {rate:.9g}"]
+            )
             if stream.name in self.draft.alike:
                 inside, doubt = [f"like: {_text(self.draft.alike[stream.name])}"], ""
             delay, known, unsure = self.draft.delays.get(stream.name, (0.0, "", ""))
             entry = ", ".join([*inside, *[f"delay: {delay:.9g}"] * (delay != 0)])
             if stream.name in self.streams or alone:
                 what = "time" if alone else f"time of {stream.name}"
-                yield self.told(f"  {_text(stream.name)}: {{{entry}}}", unsure or doubt, what, known)
+                yield self.told(f"  {_text(stream.name)}: {{{entry}}}", unsure or doubt, what, known or why)
 
     def columns(self) -> Iterator[str]:
         yield from ("", "columns:")

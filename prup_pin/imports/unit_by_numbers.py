@@ -77,8 +77,7 @@ def settle_rate(draft: Draft) -> None:
             rate, why = 1.0, "the rows are in no order: each is a state of motion by itself, and any rate will do"
         else:
             continue
-        draft.rates[stream.name], draft.clocks[stream.name] = rate, ("", "s", "")
-        draft.delays.setdefault(stream.name, (0.0, why, ""))
+        draft.rates[stream.name], draft.clocks[stream.name] = (rate, why), ("", "s", "")
 
 
 def _slides(draft: Draft, joint: str, line: Line | None) -> bool:

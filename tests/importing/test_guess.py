@@ -143,6 +143,10 @@ def test_speeds_tell_how_many_rows_a_second_there_are_or_that_rows_are_in_no_ord
     first = guess(log_of({name: values[order] for name, values in rows.items()}), ur5)
     assert not first.doubts
     assert "the rows are in no order" in first.text
+    # what is seen in the same rows needs no other clock
+    seen = guess(log_of(rows | {f"p.{axis}": Q[:, k] for k, axis in enumerate("xyz")}), ur5)
+    assert "rate of the positions" in seen.text
+    assert "The camera may stand anywhere" not in seen.text
     turned = logs.numbered("q{}", Q) | logs.numbered("qd{}", -QD)
     assert any("no column is a time" in text for text in guess(log_of(turned), ur5).doubts)
 
