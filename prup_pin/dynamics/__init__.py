@@ -5,7 +5,7 @@ accelerations on an even clock, and `InverseDynamics` says what the actuators mu
 """
 
 from .clock import EvenClock, even_clock
-from .in_motion import InMotion, could_be_gravity
+from .in_motion import Explained, InMotion, could_be_gravity
 from .inertial import INERTIAL, in_frame, point_mass
 from .inertial_loads import BodyMotion, body_motion
 from .inverse import InverseDynamics, Trajectory
@@ -19,6 +19,7 @@ __all__ = [
     "Band",
     "BodyMotion",
     "EvenClock",
+    "Explained",
     "InMotion",
     "InverseDynamics",
     "LowPass",

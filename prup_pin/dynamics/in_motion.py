@@ -367,6 +367,32 @@ class InMotion:
         return out
 
 
+class Explained:
+    """What laws add to the rigid robot's efforts in a motion, one after the other: the next ones act on what is known.
+
+    efforts, bodies (N, k) [N or N m]: of all, and of bodies among them. added: by joint, what its body has beyond
+    the drawn inertial parameters (10,).
+    """
+
+    def __init__(self, at: InMotion):
+        self.at, self.added = at, dict[int, Array]()
+        self.efforts, self.bodies = np.zeros_like(at.rigid), np.zeros_like(at.rigid)
+
+    def add(self, efforts: Array, of_bodies: bool = False, inertial: Mapping[int, Array] | None = None) -> None:
+        """Add the efforts (N, k) of one more law, and what it adds to bodies (10,), by joint."""
+        self.efforts = self.efforts + efforts
+        if of_bodies:
+            self.bodies = self.bodies + efforts
+        for joint, more in (inertial or {}).items():
+            self.added[joint] = self.added.get(joint, np.zeros(10)) + more
+
+    @property
+    def known(self) -> InMotion:
+        """The motion with all of this known."""
+        left = self.at.motion.efforts - self.at.rigid - self.efforts
+        return self.at.knowing(self.efforts, left, self.bodies, self.added)
+
+
 def could_be_gravity(field: Array, mechanism: Mechanism) -> bool:
     """Return whether a field (3,) [m/s^2] could be gravity, whichever way it pulls: as strong as the robot file's."""
     size = float(np.linalg.norm(mechanism.gravity))

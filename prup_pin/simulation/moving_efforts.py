@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from ..dynamics import InMotion, Motion, is_standing, motion_of
+from ..dynamics import Explained, InMotion, Motion, is_standing, motion_of
 from ..errors import InputError
 from ..laws import Effect
 from ..laws.efforts import EffortLaw
@@ -163,16 +162,11 @@ def efforts_at_rest(robot: Robot, recording: Recording, effects: Sequence[Effect
 
 def _added(at: InMotion, effects: Sequence[Effect]) -> Array:
     """Return what laws of the effort channel add (N, k), one after the other."""
-    added, bodies = np.zeros_like(at.rigid), np.zeros_like(at.rigid)
-    inertial: defaultdict[int, Array] = defaultdict(lambda: np.zeros(10))
+    explained = Explained(at)
     for effect in effects:
         if isinstance(effect.law, EffortLaw) and effect.law.is_told_by(at.motion):
-            known = {joint: own.copy() for joint, own in inertial.items()}
-            knowing = at.knowing(added.copy(), np.zeros_like(added), bodies.copy(), known)
-            more = effect.law.efforts(effect.place, effect.values, knowing)
-            added += more
-            if effect.law.of_bodies:
-                bodies += more
-            for joint, per in effect.law.of_body(effect.place, at.mechanism).items():
-                inertial[joint] += per @ effect.law.coefficients(effect.place, effect.values)
-    return added
+            law, place, values = effect.law, effect.place, effect.values
+            bodies = law.of_body(place, at.mechanism)
+            inertial = {joint: per @ law.coefficients(place, values) for joint, per in bodies.items()}
+            explained.add(law.efforts(place, values, explained.known), law.of_bodies, inertial)
+    return explained.efforts

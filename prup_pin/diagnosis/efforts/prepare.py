@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
-from ...dynamics import InMotion
+from ...dynamics import Explained, InMotion
 from ...dynamics.smoothing import Band
 from ...laws import Place
 from ...laws.efforts import CURVES, EFFORT_LAWS, ROUGH_CURVES, EffortLaw
@@ -149,8 +148,9 @@ class PreparedEfforts:
                 continue
             dry = self.at.along(place.name, self.at.dragged(place.name, usual_way(self.at, place.name)))
             for known in (nothing, dry):
-                at = _knowing(self.at, known, nothing)
-                yield self.columns_at(law, place, law.scanned(place, at)[0], at)
+                explained = Explained(self.at)
+                explained.add(known)
+                yield self.columns_at(law, place, law.scanned(place, explained.known)[0], explained.known)
 
     def columns_of(self, model: EffortModel) -> Array:
         """Return what each coefficient of a model adds (n, k, p) to the efforts at the kept samples."""
@@ -253,36 +253,25 @@ class PreparedEfforts:
 
         at: another motion of the same robot, in which they are; None: this one.
         """
-        return self._modelled(model, x, at)[:2]
+        explained = self._explained(model, x, at)
+        return explained.efforts, explained.bodies
 
-    def _modelled(
-        self, model: EffortModel, x: Array, at: InMotion | None = None
-    ) -> tuple[Array, Array, dict[int, Array]]:
-        """Return the same, and what bodies have beyond the drawn inertial parameters (10,), by joint."""
+    def _explained(self, model: EffortModel, x: Array, at: InMotion | None = None) -> Explained:
         deviations, at = (self.deviations, self.at) if at is None else (self._deviations(at), at)
-        out, bodies = np.zeros_like(at.rigid), np.zeros_like(at.rigid)
-        added: defaultdict[int, Array] = defaultdict(lambda: np.zeros(10))
-        within = self.bodies_within_tolerance
+        explained, within = Explained(at), self.bodies_within_tolerance
         for index in model.toleranced:
-            more = x[index] * deviations[index].efforts
-            out += more
-            if (body := within[index]) is not None:
-                bodies += more
-                added[body[0]] += x[index] * body[1]
+            body = within[index]
+            inertial = {} if body is None else {body[0]: x[index] * body[1]}
+            explained.add(x[index] * deviations[index].efforts, body is not None, inertial)
         for term in model.terms:
-            known = _knowing(at, out, bodies, added) if term.law.of_what_is_known else at
-            own = x[model.slice_of(term)]
-            more = term.law.efforts_per(term.place, term.values, known) @ own
-            out += more
-            if term.law.of_bodies:
-                bodies += more
-            for joint, per in term.law.of_body(term.place, at.mechanism).items():
-                added[joint] += per @ own
-        return out, bodies, added
+            known, own = explained.known if term.law.of_what_is_known else at, x[model.slice_of(term)]
+            inertial = {joint: per @ own for joint, per in term.law.of_body(term.place, at.mechanism).items()}
+            explained.add(term.law.efforts_per(term.place, term.values, known) @ own, term.law.of_bodies, inertial)
+        return explained
 
     def knowing(self, model: EffortModel, x: Array) -> InMotion:
         """Return the motion with the efforts that a model explains known: laws that follow from them act on these."""
-        return _knowing(self.at, *self._modelled(model, x))
+        return self._explained(model, x).known
 
     def inertial_rank(self) -> tuple[int, int]:
         """Return the number of identifiable combinations of inertial parameters, and the number of parameters."""
@@ -429,12 +418,3 @@ class PreparedEfforts:
         weighed = weighed or (self.of_all_gains or 0.0) > UNSEEN
         common = [c for c in start.problem.candidates if c.law.everywhere and not (c.law.body and weighed)]
         return replace(start, terms=tuple(common), keeps_nuisances=True)
-
-
-def _knowing(at: InMotion, known: Array, bodies: Array, added: Mapping[int, Array] | None = None) -> InMotion:
-    """Return a motion of which efforts (N, k) beyond the rigid robot's are known, and those of bodies among them.
-
-    added: what bodies have beyond the drawn inertial parameters (10,), by joint.
-    """
-    more = {joint: own.copy() for joint, own in (added or {}).items()}
-    return at.knowing(known.copy(), at.motion.efforts - at.rigid - known, bodies.copy(), more)
