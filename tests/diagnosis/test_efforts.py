@@ -313,6 +313,22 @@ def test_a_gap_in_a_drive_and_a_gear_that_warms_up_are_named(carriage):
         assert finding.parameters[name].value == pytest.approx(true, rel=0.1)
 
 
+def test_grease_that_gets_thinner_is_no_dry_friction_that_warms_up(carriage):
+    """It was told as such, with a dry friction of half its size beside a damping that stays."""
+    recording = axis(limit=10.0)
+    speed = np.gradient(recording.positions["carriage"], recording.time)
+    thicker = 80.0 * np.exp(-recording.time / 8) * speed
+    found = diagnose(
+        carriage, recording.with_measurements(efforts={"carriage": recording.efforts["carriage"] + thicker})
+    )
+    assert found.verdict == "explained"
+    values = {finding.physics: finding.parameters for finding in found.findings}
+    assert set(values) == {"coulomb_friction", "viscous_friction"}
+    assert values["coulomb_friction"]["limit"].value == pytest.approx(10.0, rel=0.05)
+    assert values["viscous_friction"]["cold"].value == pytest.approx(80.0, rel=0.1)
+    assert values["viscous_friction"]["time"].value == pytest.approx(8.0, rel=0.15)
+
+
 def test_a_rail_that_pinches_in_places_is_no_coulomb_friction(carriage):
     found = diagnose(carriage, axis(pinch=5.0))
     assert found.verdict == "unexplained"

@@ -7,21 +7,29 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis.efforts.band import band_of, in_motion
-from prup_pin.diagnosis.efforts.few_bodies import nearest_body, with_few_bodies
+from prup_pin.diagnosis.efforts.few_bodies import nearest_body, with_few_bodies, with_law_for_bodies
 from prup_pin.diagnosis.efforts.prepare import PreparedEfforts
 from prup_pin.diagnosis.efforts.problem import fit
 from prup_pin.diagnosis.efforts.search import without_needless_kinds
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.laws.efforts import Body
+from prup_pin.laws.efforts.counterbalance import Counterbalance, CounterbalanceStrut
 from prup_pin.recordings import Recording
+
+SHOULDER = "shoulder_lift_joint"
+
+
+def weighing(at, *factors):
+    """Return prepared efforts of a UR5 of which links weigh so many times what they are drawn with."""
+    drawn = np.stack([body.toDynamicParameters() for body in list(at.mechanism.model.inertias)[1:]])
+    efforts = at.regressor.reshape(len(at), 6, -1) @ (drawn * np.array(factors)[:, None]).ravel()
+    noise = 0.1 * np.random.default_rng(5).normal(size=efforts.shape)
+    return PreparedEfforts(at.measuring(efforts + 0.8 * np.sign(at.motion.speed) + noise), {})
 
 
 def scaled(at, *factors):
     """Return the model of all links' masses, and everything else that most drives have, where links weigh so much."""
-    drawn = np.stack([body.toDynamicParameters() for body in list(at.mechanism.model.inertias)[1:]])
-    efforts = at.regressor.reshape(len(at), 6, -1) @ (drawn * np.array(factors)[:, None]).ravel()
-    noise = 0.1 * np.random.default_rng(5).normal(size=efforts.shape)
-    return PreparedEfforts(at.measuring(efforts + 0.8 * np.sign(at.motion.speed) + noise), {}).start_with_nuisances()
+    return weighing(at, *factors).start_with_nuisances()
 
 
 def bodies(model):
@@ -60,6 +68,51 @@ def test_no_body_does_a_share_of_what_all_links_do_not(at):
         nearest = nearest_body(model.with_term(links), links)
     assert 0 <= nearest.share < 1
     assert nearest.times < 1.01
+
+
+def balanced(at, effort):
+    """Return prepared efforts of a UR5 as drawn with dry friction and a further effort (N,) at its shoulder."""
+    efforts = at.rigid.copy()
+    efforts[:, at.driven.index(SHOULDER)] += effort
+    noise = 0.1 * np.random.default_rng(5).normal(size=efforts.shape)
+    return PreparedEfforts(at.measuring(efforts + 0.8 * np.sign(at.motion.speed) + noise), {})
+
+
+def at_shoulder(model):
+    """The laws of a model at the shoulder that no drive has anyway, with their scanned values and coefficients."""
+    x, _ = fit(model)
+    there = [term for term in model.terms if term.place.name == SHOULDER and not model.is_nuisance(term)]
+    return [(term.law, term.values, x[model.slice_of(term)]) for term in there]
+
+
+def test_a_counterbalance_takes_the_place_of_masses_of_all_links(at):
+    """Friction that is held at nothing without it hid that it leaves less than all links: 12 times as much."""
+    q = at.position(SHOULDER)
+    efforts = balanced(at, 150 * np.cos(q) + 60 * np.sin(q))
+    model = with_law_for_bodies(efforts, efforts.start_with_nuisances(), lambda share: None)
+    assert not any(term.law.of_bodies for term in model.terms)
+    ((law, _, x),) = at_shoulder(model)
+    assert isinstance(law, Counterbalance)
+    assert x == pytest.approx([150, 60], rel=0.01)
+
+
+def test_a_cylinder_between_two_links_is_told_with_its_dead_centre(at):
+    q = at.position(SHOULDER)
+    length = np.sqrt(1.0 - 0.8 * np.cos(q + 2.0))
+    efforts = balanced(at, np.sin(q + 2.0) * (500.0 - 260.0 / length))
+    model = with_law_for_bodies(efforts, efforts.start_with_nuisances(), lambda share: None)
+    assert not any(term.law.of_bodies for term in model.terms)
+    ((law, values, x),) = at_shoulder(model)
+    assert isinstance(law, CounterbalanceStrut)
+    assert values["dead_centre"] == pytest.approx(-2.0, abs=0.02)
+    assert values["slenderness"] == pytest.approx(0.8, abs=0.05)
+    assert x == pytest.approx([-260, 500], rel=0.1)
+
+
+def test_links_that_are_heavier_are_no_counterbalance(at):
+    efforts = weighing(at, 1, 1.15, 1, 1.5, 1, 1)
+    model = efforts.start_with_nuisances()
+    assert with_law_for_bodies(efforts, model, lambda share: None) is model
 
 
 @pytest.fixture(scope="module")

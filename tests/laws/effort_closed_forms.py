@@ -16,8 +16,8 @@ from scipy.interpolate import CubicSpline
 from prup_pin.dynamics import INERTIAL
 from prup_pin.laws.efforts.backlash import LostLoad
 from prup_pin.laws.efforts.cogging import Cogging, CoggingOfFewPeriods
-from prup_pin.laws.efforts.coulomb_friction import ColdFriction, LoadedFriction, SlidingFriction
-from prup_pin.laws.efforts.counterbalance import Counterbalance, CounterbalanceSpring
+from prup_pin.laws.efforts.coulomb_friction import LoadedFriction, SlidingFriction
+from prup_pin.laws.efforts.counterbalance import Counterbalance, CounterbalanceSpring, CounterbalanceStrut
 from prup_pin.laws.efforts.effort_filter import EffortFilter, EffortsFilter
 from prup_pin.laws.efforts.effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
 from prup_pin.laws.efforts.encoder import DelayedEncoder, DelayedEncoders, OffsetEncoder
@@ -31,6 +31,7 @@ from prup_pin.laws.efforts.rotor_inertia import RotorInertia
 from prup_pin.laws.efforts.stribeck_friction import StribeckFriction
 from prup_pin.laws.efforts.transmission_coupling import TransmissionCoupling
 from prup_pin.laws.efforts.viscous_friction import Damping, DirectedViscousFriction
+from prup_pin.laws.efforts.warming_up import ColdDamping, ColdFriction
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,20 @@ class Form:
 
     def __call__(self, law, place, values, at):
         return self.of(law, place, values, at)
+
+
+def _strut(j, x):
+    """By the energy F0 L + k L^2 / 2 of a strut between points at distances 1 and b of the joint's axis."""
+    e, step = x["slenderness"], 1e-6
+    b = (1 - np.sqrt(1 - e * e)) / e
+    pull, stiffness = x["force"] * np.hypot(1, b) / b, x["spring"] / b
+
+    def energy(q):
+        ends = np.stack([b * np.cos(q - x["dead_centre"]), b * np.sin(q - x["dead_centre"])])
+        length = np.linalg.norm(ends - np.array([[1.0], [0.0]]), axis=0)
+        return pull * length + stiffness * length**2 / 2
+
+    return (energy(j.q + step) - energy(j.q - step)) / (2 * step)
 
 
 def _pulled(law, place, x, at):
@@ -275,6 +290,7 @@ CLOSED_FORMS: dict[type, Form] = {
         own(lambda j, x: x["limit"] * j.sign * np.tanh(np.abs(j.v) / x["smoothing"])), values={"smoothing": 0.3}
     ),
     LoadedFriction: Form(_loaded),
+    ColdDamping: Form(own(lambda j, x: (x["damping"] + x["cold"] * np.exp(-(j.t - x["start"]) / x["time"])) * j.v)),
     ColdFriction: Form(own(lambda j, x: (x["limit"] + x["cold"] * np.exp(-(j.t - x["start"]) / x["time"])) * j.sign)),
     StribeckFriction: Form(
         own(
@@ -299,6 +315,7 @@ CLOSED_FORMS: dict[type, Form] = {
     InertialParameters: Form(of_body(_another)),
     Counterbalance: Form(own(lambda j, x: x["cosine"] * np.cos(j.q) + x["sine"] * np.sin(j.q))),
     CounterbalanceSpring: Form(own(lambda j, x: x["stiffness"] * j.q + x["preload"])),
+    CounterbalanceStrut: Form(own(_strut), values={"dead_centre": -2.0, "slenderness": 0.8}),
     Mounting: Form(of_body(_hung)),
     EffortOffset: Form(own(lambda j, x: np.full(len(j.q), x["offset"]))),
     EffortGain: Form(lambda law, place, x, at: x["gain"] * single(place, at)),

@@ -33,7 +33,7 @@ from .belongs import check_efforts
 from .conventions import gain_of
 from .diagnosis import EffortDiagnosis
 from .evidence import CrossValidation, held_out, relative_gain, savings, scores
-from .few_bodies import with_few_bodies
+from .few_bodies import with_few_bodies, with_law_for_bodies
 from .final_state import FinalState, shows
 from .gains import (
     Gains,
@@ -153,9 +153,10 @@ def _final_state(
         efforts, model = _searched(prepared, _part(partial(tell, _LAWS), 0.1, 0.7))
     tell("what no law explains", 0.75)
     model = with_relieving_laws(efforts, model)
-    problem = model.problem
-    model = with_few_bodies(model.in_problem(problem.without_curves()))
-    model = with_likelier_bodies(model).in_problem(problem)
+    problem, plain = model.problem, model.in_problem(model.problem.without_curves())
+    beside = with_law_for_bodies(efforts, plain, _part(partial(tell, _LAWS), 0.7, 0.75))
+    model = with_likelier_bodies(with_few_bodies(beside))
+    model = model.in_problem(problem) if beside is plain else model
     model = optimised_in_either_form(efforts, model)
     scale = scale_of(gains, len(at.driven))
     sample, rounding = (of(noise, at.driven, scale) for of in (true_sizes, true_roundings))

@@ -1,21 +1,22 @@
-"""No body, one or two in the place of all links: where these foretell as well, the others are as they are drawn.
+"""No body, one law, one body or two in the place of all links: where these foretell as well, the others are as drawn.
 
 Free masses of all links follow whatever one body does, and many combinations of them hide which one it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from ...laws.efforts import Body
 from ...spatial import Array
-from ..criteria import GAIN
+from ..criteria import GAIN, MOST_SIMULATED
 from .evidence import CrossValidation, held_out, relative_gain
+from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel
-from .search import is_plausible
+from .search import is_plausible, searched, shows_beside
 
 
 class FewBodies(NamedTuple):
@@ -50,6 +51,36 @@ def with_few_bodies(model: EffortModel, most: int = 2) -> EffortModel:
                 return min(good, key=lambda few: [body.where.start for body in few.terms]).model
             if good:
                 return min(good, key=lambda few: (sum(body.size for body in few.terms), few.left)).model
+    return model
+
+
+def with_law_for_bodies(efforts: PreparedEfforts, model: EffortModel, tell: Callable[[float], None]) -> EffortModel:
+    """Return the model with one law of no body in the place of all links, and what else is asked for beside it then.
+
+    Links' masses follow what a cylinder between two of them does. The law foretells blocks as well as all links, no
+    worse than the best body in their place, and has no more numbers than that.
+    """
+    for term in model.terms:
+        if term.law.body is not Body.ALL_LINKS:
+            continue
+        rest, by_all, nearest = model.without(term), held_out(model), nearest_body(model, term)
+        most, left = (
+            (nearest.terms[0].size, nearest.left) if nearest is not None and nearest.do else (term.size, np.inf)
+        )
+        laws = [
+            other
+            for other in model.problem.candidates
+            if not other.law.body
+            and other.size <= most
+            and not any(each.excludes(other) or other.replaces(each) for each in rest.terms)
+        ]
+        nearly = CrossValidation(rest).with_each(laws).sum(axis=1)
+        for index in np.argsort(nearly)[:MOST_SIMULATED]:
+            law, one = laws[index], rest.with_term(laws[index])
+            own = held_out(one)  # anew: friction that is held at nothing without the law is free beside it
+            does = float(own.sum()) <= left and relative_gain(own, by_all)[0] <= GAIN
+            if does and is_plausible(one, law) and shows_beside(one, law):
+                return searched(efforts, one, tell)
     return model
 
 

@@ -399,9 +399,22 @@ class PreparedEfforts:
         fixed = [c for c in problem.candidates if c.where.start < self._own_size]
         kept = [term for term in terms if term.where.start >= self._own_size]
         problem = self.with_candidates(columns, (*fixed, *kept), problem.prior[picked])
-        at = self.knowing(model, fit(model.in_problem(problem))[0])
-        problem, _ = self.extended(problem, self.scanned_columns(self._moving, at))
+        problem, _ = self.extended(problem, self._moving_columns(model.in_problem(problem)))
         return model.in_problem(problem)
+
+    def _moving_columns(self, model: EffortModel) -> Iterator[LawColumns]:
+        """Yield laws that follow from what is known by a model, and their columns: each of what is left without the
+        plainer forms of it, whose place it would take.
+        """
+        x = fit(model)[0]
+        at = self.knowing(model, x)
+        for law, place in self._moving:
+            plainer = [
+                term for term in model.terms if term.law.family == law.family != "" and term.place.name == place.name
+            ]
+            rest = model.without(*plainer)
+            own = np.isin(model.where, rest.where)
+            yield from self.scanned_columns([(law, place)], self.knowing(rest, x[own]) if plainer else at)
 
     def start(self) -> EffortModel:
         """Return the model before any law: toleranced parameters."""

@@ -98,7 +98,7 @@ def _entering(model: EffortModel, validation: CrossValidation, refused: Mapping[
         best += [candidate for candidate, own in joints_of.items() if joint in own][: TRIED // 2]
     candidates, tried = list(dict.fromkeys(best)), []
     for candidate, after in zip(candidates, validation.with_each(candidates), strict=True):
-        if _earns(validation, candidate, validation.squares, after) and _shows_beside(model, candidate):
+        if _earns(validation, candidate, validation.squares, after) and shows_beside(model, candidate):
             tried.append((float((validation.squares - after).sum()), after, candidate))
     new: list[EffortCandidate] = []
     taken: set[int] = set()
@@ -178,7 +178,7 @@ def _simplifications(model: EffortModel) -> Iterator[tuple[tuple[EffortCandidate
                     for c in candidates
                     if c.size < columns
                     and (c.place.name == joint or terms[0].replaces(c))
-                    and not any(c.key == term.key or (c.replaces(term) and c.size > term.size) for term in terms)
+                    and not any(c is term or (c.replaces(term) and c.size > term.size) for term in terms)
                 ],
             )
     for physics in dict.fromkeys(term.law.physics for term in own):
@@ -202,7 +202,7 @@ def _earns(validation: CrossValidation, term: EffortCandidate, before: Array, af
     return saving > term.law.least_gain * float(before.sum())
 
 
-def _shows_beside(model: EffortModel, term: EffortCandidate) -> bool:
+def shows_beside(model: EffortModel, term: EffortCandidate) -> bool:
     """Return whether a term earns its place beside plainer laws too, which it might imitate."""
     names = set(term.law.unlike(term.place))
     if not names:
@@ -336,7 +336,7 @@ def _needless(model: EffortModel, doubtful: Sequence[EffortCandidate]) -> Effort
         # without a needless term less may be left than nothing, but for rounding
         left, numbers = validation.squares_at(term) + saving, np.finfo(float)
         share = saving / max(left, numbers.eps * abs(saving), numbers.tiny)
-        earns = _earns(validation, term, without, validation.squares) and _shows_beside(model, term)
+        earns = _earns(validation, term, without, validation.squares) and shows_beside(model, term)
         if not earns and share < least[0]:
             least = share, term
     return least[1]

@@ -7,8 +7,8 @@ They share their words with the laws of the pose channel where it is the same ph
 from ...plugins import Library
 from .backlash import LostLoad
 from .cogging import Cogging, CoggingOfFewPeriods
-from .coulomb_friction import ColdFriction, LoadedFriction, SlidingFriction
-from .counterbalance import Counterbalance, CounterbalanceSpring
+from .coulomb_friction import LoadedFriction, SlidingFriction
+from .counterbalance import Counterbalance, CounterbalanceSpring, CounterbalanceStrut
 from .effort_filter import EffortFilter, EffortsFilter
 from .effort_law import EFFORT, Body, EffortLaw
 from .effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
@@ -24,6 +24,7 @@ from .rotor_inertia import RotorInertia
 from .stribeck_friction import StribeckFriction
 from .transmission_coupling import TransmissionCoupling
 from .viscous_friction import Damping, DirectedViscousFriction
+from .warming_up import ColdDamping, ColdFriction
 
 _OWN: tuple[EffortLaw, ...] = (
     Damping(),
@@ -31,6 +32,7 @@ _OWN: tuple[EffortLaw, ...] = (
     SlidingFriction(),
     LoadedFriction(),
     ColdFriction(),
+    ColdDamping(),
     StribeckFriction(),
     RotorInertia(),
     YieldingGear(),
@@ -45,6 +47,7 @@ _OWN: tuple[EffortLaw, ...] = (
     InertialParameters(),
     Counterbalance(),
     CounterbalanceSpring(),
+    CounterbalanceStrut(),
     Mounting(),
     EffortOffset(),
     EffortGain(),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -21,11 +21,7 @@ from .effort_law import (
     MovingEffortLaw,
     columns_along,
     joint_unit,
-    usual_way,
 )
-
-#: Shares of a recording in which a gear warms up.
-_WARMING = (0.15, 0.4, 1.0)
 
 
 class SlidingFriction(DryFriction, JointEffortLaw):
@@ -95,52 +91,3 @@ class LoadedFriction(DryFriction, MovingEffortLaw):
             f"{place.name} rubs: it takes {self.sized('limit', place, values, mechanism)} to slide, and "
             f"{number(100 * values['share_of_load'], 3)} % of what the drive passes on"
         )
-
-
-class ColdFriction(DryFriction, MovingEffortLaw):
-    """tau = (f + c exp(-t / T)) z, z the direction: a gear that warms up while it is recorded."""
-
-    physics = "coulomb_friction"
-    summary = "dry friction that falls as the gear warms up"
-    remedy = "warm {place} up before it works, or feed its friction forward by how long it has run"
-    variant = f"{EFFORT} while it warms up"
-    linear = ("limit", "cold")
-    resists = linear
-    settled = ("time", "presliding")
-    quantities = (
-        Quantity("limit", "N m", "effort that it takes to slide when warm", 1.0, positive=False, upper=1e6),
-        Quantity("cold", "N m", "beyond that at the start", 1.0, positive=False, upper=1e6),
-        Quantity("time", "s", "in which that falls to 37 %", 10.0, upper=1e6),
-        Quantity("start", "s", "when the recording that told it begins", 0.0, positive=False, lower=-1e12, upper=1e12),
-        PRESLIDING,
-    )
-
-    def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
-        # a little more when slow is a little more at the start, where that was slow
-        return [(word, place.name) for word in ("coulomb_friction", "viscous_friction")]
-
-    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        begun, lasting = float(at.motion.time.min()), float(np.ptp(at.motion.time))
-        way = usual_way(at, place.name)
-        return [{"time": share * lasting, "start": begun, "presliding": way} for share in _WARMING]
-
-    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
-        longest = float(np.ptp(at.motion.time))
-        times = [min(values["time"] * factor, longest) for factor in (0.3, 0.6, 0.8, 1.25, 1.6, 3.0)]
-        return [*({**self.scanned_of(values), "time": time} for time in times), *super().closer(place, values, at)]
-
-    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        direction = at.dragged(place.name, values["presliding"])
-        cold = np.exp(-np.maximum(at.motion.time - values["start"], 0.0) / values["time"])
-        return columns_along(at, place.name, direction, cold * direction)
-
-    def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"{place.name} rubs by {self._cold(place, values, mechanism)}"
-
-    def _cold(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        more = self.sized("cold", place, values, mechanism)
-        return f"{more} more at the start, as it warms up in {number(values['time'], 3)} s"
-
-    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        limit, cold = self.sized("limit", place, values, mechanism), self._cold(place, values, mechanism)
-        return f"{place.name} rubs: it takes {limit} to slide, and {cold}"

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import JointDynamics, Mechanism
-from ...numbers import number
+from ...numbers import number, quantity
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
 from .effort_law import EFFORT, DrivenEffortLaw, columns_along
+
+#: Dead centres and slendernesses of a strut that are looked for.
+_DEAD_CENTRES = np.pi / 12 * np.arange(-11, 13)
+_SLENDERNESSES = (0.5, 0.8, 0.95)
 
 
 class Counterbalance(DrivenEffortLaw):
@@ -46,6 +50,85 @@ class Counterbalance(DrivenEffortLaw):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         size = float(np.hypot(values["cosine"], values["sine"]))
         return f"a counterbalance acts on {place.name}, with up to {number(size, 3)} N m as the joint turns"
+
+
+class CounterbalanceStrut(DrivenEffortLaw):
+    """tau = sin(q - d) (p / sqrt(1 - e cos(q - d)) + s): a cylinder or spring between two points of two links.
+
+    With its ends a and b from the joint's axis its length is L^2 = a^2 + b^2 - 2 a b cos(q - d), and at q = d, a dead
+    centre, both are in line with the joint. It pulls with F0 + k L: p = F0 a b / sqrt(a^2 + b^2) and s = k a b, by
+    dL/dq; e = 2 a b / (a^2 + b^2).
+    """
+
+    physics = "counterbalance"
+    summary = "a gas cylinder, hydraulic cylinder or spring between two points of two links"
+    called = "gas spring, balancer, strut"
+    remedy = Counterbalance.remedy
+    family = "counterbalance"
+    variant = f"{EFFORT} of a strut"
+    linear = ("force", "spring")
+    against = "position"
+    settled = ("dead_centre", "slenderness")
+    of_what_is_known = True
+    by_shape = True
+    told_by_values = True
+    within_travel = True
+    looked_at = float(len(_DEAD_CENTRES))
+    quantities = (
+        Quantity("force", "N m", "moment by the part of its force that is the same at any length", 1.0, False, -1e6),
+        Quantity("spring", "N m", "moment by the part of its force that grows with its length", 1.0, False, -1e6),
+        Quantity("dead_centre", "rad", "angle at which it is in line with the joint", 0.0, False, -10.0, 10.0),
+        Quantity("slenderness", "1", "2 a b / (a^2 + b^2) of its ends' distances from the axis", 0.5, upper=0.999),
+    )
+
+    def places(self, mechanism: Mechanism):
+        return [place for place in super().places(mechanism) if mechanism.joint(place.name).turns]
+
+    def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
+        return [("counterbalance", place.name)]
+
+    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
+        """Return by slenderness the dead centre that what is left by the joint's angle asks for, but for an offset."""
+        angle, left, root = at.left_by_position(place.name)
+        if not len(angle):
+            return []
+
+        def unexplained(centre: float, slenderness: float) -> float:
+            shapes = np.ones_like(angle), _lever(angle - centre, slenderness), np.sin(angle - centre)
+            columns = root[:, None] * np.stack(shapes, axis=-1)
+            return float(np.sum((left - columns @ np.linalg.lstsq(columns, left, rcond=None)[0]) ** 2))
+
+        centres = [min(_DEAD_CENTRES, key=lambda d: unexplained(d, slenderness)) for slenderness in _SLENDERNESSES]
+        return [
+            {"dead_centre": float(centre), "slenderness": slenderness}
+            for centre, slenderness in zip(centres, _SLENDERNESSES, strict=True)
+        ]
+
+    def free(self, values: Mapping[str, float]) -> tuple[str, ...]:
+        return self.settled
+
+    def scaled(self, values: Mapping[str, float], factors: Sequence[float]) -> Mapping[str, float]:
+        """Return values with the dead centre moved by the logarithm of its factor [rad], and odds of slenderness."""
+        odds = values["slenderness"] / (1 - values["slenderness"]) * float(factors[1])
+        return {"dead_centre": values["dead_centre"] + float(np.log(factors[0])), "slenderness": odds / (1 + odds)}
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        angle = at.position(place.name) - values["dead_centre"]
+        return columns_along(at, place.name, _lever(angle, values["slenderness"]), np.sin(angle))
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        angle = np.linspace(0, 2 * np.pi, 361)
+        moment = values["force"] * _lever(angle, values["slenderness"]) + values["spring"] * np.sin(angle)
+        return (
+            f"a cylinder or spring between two links acts on {place.name}, with up to "
+            f"{number(float(np.abs(moment).max()), 3)} N m in a turn; it is in line with the joint at "
+            f"{quantity(values['dead_centre'], 'rad', 3)}"
+        )
+
+
+def _lever(angle: Array, slenderness: float) -> Array:
+    """Return dL/dq of a strut (...) by the angle from its dead centre, as a share of a b / sqrt(a^2 + b^2)."""
+    return np.sin(angle) / np.sqrt(1 - slenderness * np.cos(angle))
 
 
 class CounterbalanceSpring(DrivenEffortLaw):
