@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..errors import InputError
 from ..mechanism import Mechanism
 from ..spatial import Array
 from .inverse import InverseDynamics, Trajectory
@@ -76,6 +77,13 @@ class InMotion:
     def driven(self) -> tuple[str, ...]:
         """The joints whose efforts are compared."""
         return self.motion.driven
+
+    @property
+    def temperature(self) -> Array:
+        """The temperature (N,) [deg C]. Raises InputError where none was recorded."""
+        if self.motion.temperature is None:
+            raise InputError("a law follows the temperature, and the recording has no column temperature")
+        return self.motion.temperature
 
     def knowing(
         self, known: Array, left: Array, bodies: Array | None = None, added: Mapping[int, Array] | None = None

@@ -70,8 +70,9 @@ class Motion:
 
     time (N,) [s]; piece (N,) labels of pieces without a break; position, speed, acceleration (N, j) [m or rad and s];
     still (N, j): where a joint stands; efforts (N, k) of the joints `driven` [N or N m], not filtered, and where they
-    are at a limit of the drive, or within reach of the filter of that, `saturated` (N, k); wrench (N, 6) and gravity
-    (N, 3) where they were recorded; rows (N,): the row of the recording nearest to each sample.
+    are at a limit of the drive, or within reach of the filter of that, `saturated` (N, k); wrench (N, 6), gravity
+    (N, 3) and temperature (N,) [deg C] where they were recorded; rows (N,): the row of the recording nearest to each
+    sample.
     `band` is what measured and predicted efforts are both to be filtered with; path: where the joints were between
     samples, as far as their sensors tell it; remarks: sentences for a person.
     """
@@ -90,6 +91,7 @@ class Motion:
     saturated: np.ndarray
     wrench: Array | None
     gravity: Array | None
+    temperature: Array | None
     rows: np.ndarray
     band: Band
     path: Path
@@ -107,7 +109,7 @@ class Motion:
     def select(self, rows: np.ndarray) -> Motion:
         """Return some of the samples, by their places (n,)."""
         changes = {name: getattr(self, name)[rows] for name in _BY_SAMPLE}
-        for name in ("wrench", "gravity"):
+        for name in ("wrench", "gravity", "temperature"):
             value = getattr(self, name)
             changes[name] = None if value is None else value[rows]
         return replace(self, **changes, path=self.path.select(rows))
@@ -314,6 +316,7 @@ def motion_of(
         saturated=np.column_stack([np.convolve(here, np.ones(reached), "same")[keep] > 0 for here in saturated.T]),
         wrench=None if wrench is None else np.nan_to_num(clock.sampled(np.asarray(wrench)))[keep],
         gravity=None if recording.gravity is None else clock.sampled(np.asarray(recording.gravity))[keep],
+        temperature=_temperature_at(rows[keep], recording),
         rows=rows[keep],
         band=Band(tuple(cutoffs), rate),
         path=Path(path, parts, keep, every),
@@ -400,6 +403,14 @@ def _states(recording: Recording, names: tuple[str, ...], driven: tuple[str, ...
     return replace(motion, rows=rows[motion.rows])
 
 
+def _temperature_at(rows: np.ndarray, recording: Recording) -> Array | None:
+    """Return the temperature (N,) [deg C] at rows (N,), between those that have one; None where none has."""
+    if recording.temperature is None:
+        return None
+    there = np.flatnonzero(np.isfinite(recording.temperature))
+    return np.interp(rows, there, np.asarray(recording.temperature)[there]) if len(there) else None
+
+
 def _joined(names: Sequence[str], group: Mapping[str, Array]) -> Array:
     return np.column_stack([group[name] for name in names])
 
@@ -435,6 +446,7 @@ def _separate(
         saturated=np.zeros((len(rows), len(driven)), bool),
         wrench=np.nan_to_num(np.asarray(recording.wrench))[rows] if recording.has_wrench else None,
         gravity=None if recording.gravity is None else np.asarray(recording.gravity)[rows],
+        temperature=_temperature_at(rows, recording),
         rows=rows,
         band=Band((1.0,) * len(driven), 1.0),
         path=Path(around.reshape(-1, len(names)), np.repeat(samples, 3), 3 * samples + 1),

@@ -68,6 +68,11 @@ def efforts_in_motion(
             out[rows, column] = np.interp(recording.time[rows], motion.time[own], total[own, column])
     laws = (effect.law for effect in effects if isinstance(effect.law, EffortLaw))
     beyond = [text for law in laws for text in law.left_range(at)]
+    beyond += [
+        f"{effect.law.physics} at {effect.place} has no effect: the recording has no column temperature."
+        for effect in effects
+        if isinstance(effect.law, EffortLaw) and "temperature" in effect.law.needs and motion.temperature is None
+    ]
     found = dict(zip(driven, out.T, strict=True))
     logged = {effect.place.name for effect in effects if isinstance(effect.law, EffortUnit)}
     units = {name: AS_LOGGED if name in logged else mechanism.joint(name).effort_unit for name in driven}

@@ -140,8 +140,8 @@ def _scale(unit):
 def _product(factors):
     out = 1.0
     for factor in factors.strip("1()").split():
-        name, power = factor.rstrip("0123456789"), int(factor.lstrip("abcdefghijklmnopqrstuvwxyzN") or 1)
-        out *= {"N": FASTER**2, "s": 1 / FASTER, "m": 1.0, "rad": 1.0, "kg": 1.0}[name] ** power
+        name, power = factor.rstrip("0123456789"), int(factor.lstrip("abcdefghijklmnopqrstuvwxyzNK°C") or 1)
+        out *= {"N": FASTER**2, "s": 1 / FASTER, "m": 1.0, "rad": 1.0, "kg": 1.0, "K": 1.0, "°C": 1.0}[name] ** power
     return out
 
 
@@ -259,6 +259,7 @@ def motion_along(names: Sequence[str], q: Array, qd: Array, qdd: Array, wrench: 
         saturated=np.zeros(q.shape, bool),
         wrench=wrench,
         gravity=None,
+        temperature=35.0 - 12.0 * np.exp(-np.arange(n) / 60.0),
         rows=np.arange(n),
         band=Band((20.0,) * len(names), 50.0),
         path=Path(q, np.zeros(n, int), np.arange(n)),
@@ -281,7 +282,8 @@ def recorded(at: InMotion, robot: Robot) -> tuple[Recording, InMotion]:
     """Return the same motion as a recording, and as a simulation sees it there."""
     motion = at.motion
     positions = dict(zip(motion.names, motion.position.T, strict=True))
-    recording = Recording(time=motion.time, positions=positions, efforts=dict.fromkeys(motion.names, 0 * motion.time))
+    efforts = dict.fromkeys(motion.names, 0 * motion.time)
+    recording = Recording(motion.time, positions, efforts=efforts, temperature=motion.temperature)
     found = InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism))
     nothing = np.zeros_like(found.rigid)
     return recording, found.knowing(nothing, np.random.default_rng(2).normal(size=nothing.shape), nothing)

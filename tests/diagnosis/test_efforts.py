@@ -329,6 +329,25 @@ def test_grease_that_gets_thinner_is_no_dry_friction_that_warms_up(carriage):
     assert values["viscous_friction"]["time"].value == pytest.approx(8.0, rel=0.15)
 
 
+@pytest.mark.parametrize("word", ["effort_gain", "viscous_friction"])
+def test_what_follows_the_temperature_is_told_by_it(carriage, word):
+    """Before, a torque constant that falls as motors get warm was a payload, a rotor and an offset."""
+    recording = axis(limit=10.0, damping=60.0)
+    temperature = 25 + 40 * (1 - np.exp(-recording.time / 9)) + 4 * np.sin(recording.time / 2.5)
+    speed = np.gradient(recording.positions["carriage"], recording.time)
+    drawn = recording.efforts["carriage"]
+    efforts, name, true = {
+        "effort_gain": (drawn * (1 + 2e-3 * (temperature - temperature[0])), "per_kelvin", 2e-3),
+        "viscous_friction": (drawn + 400 * np.exp((temperature[0] - temperature) / 15) * speed, "kelvin", 15.0),
+    }[word]
+    found = diagnose(carriage, replace(recording, efforts={"carriage": efforts}, temperature=temperature))
+    assert found.verdict == "explained"
+    assert {finding.physics for finding in found.findings} == {"coulomb_friction", "viscous_friction", word}
+    finding = next(item for item in found.findings if name in item.parameters)
+    assert finding.physics == word
+    assert finding.parameters[name].value == pytest.approx(true, rel=0.1)
+
+
 def test_a_rail_that_pinches_in_places_is_no_coulomb_friction(carriage):
     found = diagnose(carriage, axis(pinch=5.0))
     assert found.verdict == "unexplained"

@@ -22,6 +22,7 @@ from prup_pin.laws.efforts.effort_filter import EffortFilter, EffortsFilter
 from prup_pin.laws.efforts.effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
 from prup_pin.laws.efforts.encoder import DelayedEncoder, DelayedEncoders, OffsetEncoder
 from prup_pin.laws.efforts.external_pull import ElasticPull, EvenPull
+from prup_pin.laws.efforts.gain_by_temperature import GainByTemperature
 from prup_pin.laws.efforts.inertial_parameters import InertialParameters, ScaledInertia
 from prup_pin.laws.efforts.joint_compliance import YieldingGear
 from prup_pin.laws.efforts.joint_coupling import FeltMotion, FeltPosition, SpringAcross
@@ -31,7 +32,7 @@ from prup_pin.laws.efforts.rotor_inertia import RotorInertia
 from prup_pin.laws.efforts.stribeck_friction import StribeckFriction
 from prup_pin.laws.efforts.transmission_coupling import TransmissionCoupling
 from prup_pin.laws.efforts.viscous_friction import Damping, DirectedViscousFriction
-from prup_pin.laws.efforts.warming_up import ColdDamping, ColdFriction
+from prup_pin.laws.efforts.warming_up import ColdDamping, ColdFriction, ThinnedDamping, ThinnedFriction
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,15 @@ class Form:
 
     def __call__(self, law, place, values, at):
         return self.of(law, place, values, at)
+
+
+def _thinned(j, x):
+    return np.exp((x["reference"] - j.temperature) / x["kelvin"])
+
+
+def _warm_gain(law, place, x, at):
+    reported = every(place, at) if place.name == "robot" else single(place, at)
+    return x["per_kelvin"] * (at.motion.temperature - x["reference"])[:, None] * reported
 
 
 def _strut(j, x):
@@ -94,7 +104,7 @@ class Joint:
     def __init__(self, at, name):
         column = at.motion.names.index(name)
         self.q, self.v, self.a = (x[:, column] for x in (at.motion.position, at.motion.speed, at.motion.acceleration))
-        self.t = at.motion.time
+        self.t, self.temperature = at.motion.time, at.motion.temperature
         self.sign = signs(self.v)
 
 
@@ -292,6 +302,8 @@ CLOSED_FORMS: dict[type, Form] = {
     LoadedFriction: Form(_loaded),
     ColdDamping: Form(own(lambda j, x: (x["damping"] + x["cold"] * np.exp(-(j.t - x["start"]) / x["time"])) * j.v)),
     ColdFriction: Form(own(lambda j, x: (x["limit"] + x["cold"] * np.exp(-(j.t - x["start"]) / x["time"])) * j.sign)),
+    ThinnedDamping: Form(own(lambda j, x: (x["damping"] + x["cold"] * _thinned(j, x)) * j.v)),
+    ThinnedFriction: Form(own(lambda j, x: (x["limit"] + x["cold"] * _thinned(j, x)) * j.sign)),
     StribeckFriction: Form(
         own(
             lambda j, x: (
@@ -319,6 +331,7 @@ CLOSED_FORMS: dict[type, Form] = {
     Mounting: Form(of_body(_hung)),
     EffortOffset: Form(own(lambda j, x: np.full(len(j.q), x["offset"]))),
     EffortGain: Form(lambda law, place, x, at: x["gain"] * single(place, at)),
+    GainByTemperature: Form(_warm_gain),
     EffortUnit: Form(lambda law, place, x, at: x["gain"] * single(place, at)),
     EffortDelay: Form(later(1, single), values={"delay": 0.04}),
     EffortsDelay: Form(later(1, every), values={"delay": 0.04}),

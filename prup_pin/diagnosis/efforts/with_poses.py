@@ -172,10 +172,7 @@ def unused_by_efforts(recording: Recording, mechanism: Mechanism, standing: bool
     """Return the columns with numbers that are not used where efforts alone are compared."""
     names, _ = unused_columns(recording, mechanism)
     own = ("tau.", "q.") if standing else _OWN
-    unused = [name for name in names if not name.startswith(own) or _strange(name, mechanism)]
-    if recording.temperature is not None and np.isfinite(recording.temperature).any():
-        unused.append("temperature")
-    return unused
+    return [name for name in names if not name.startswith(own) or _strange(name, mechanism)]
 
 
 def joined(poses: Diagnosis, efforts: EffortDiagnosis) -> Diagnosis:

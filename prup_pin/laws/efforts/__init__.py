@@ -15,6 +15,7 @@ from .effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, 
 from .encoder import DelayedEncoder, DelayedEncoders, OffsetEncoder
 from .external_pull import ElasticPull, EvenPull
 from .free_curve import CURVES, FINE_CURVES, ROUGH_CURVES, curve_by_position
+from .gain_by_temperature import GainByTemperature
 from .inertial_parameters import InertialParameters, ScaledInertia
 from .joint_compliance import YieldingGear
 from .joint_coupling import FeltMotion, FeltPosition, SpringAcross
@@ -24,7 +25,7 @@ from .rotor_inertia import RotorInertia
 from .stribeck_friction import StribeckFriction
 from .transmission_coupling import TransmissionCoupling
 from .viscous_friction import Damping, DirectedViscousFriction
-from .warming_up import ColdDamping, ColdFriction
+from .warming_up import ColdDamping, ColdFriction, ThinnedDamping, ThinnedFriction
 
 _OWN: tuple[EffortLaw, ...] = (
     Damping(),
@@ -33,6 +34,8 @@ _OWN: tuple[EffortLaw, ...] = (
     LoadedFriction(),
     ColdFriction(),
     ColdDamping(),
+    ThinnedFriction(),
+    ThinnedDamping(),
     StribeckFriction(),
     RotorInertia(),
     YieldingGear(),
@@ -52,6 +55,7 @@ _OWN: tuple[EffortLaw, ...] = (
     EffortOffset(),
     EffortGain(),
     EffortUnit(),
+    GainByTemperature(),
     EffortDelay(),
     EffortsDelay(),
     OffsetEncoder(),

@@ -99,7 +99,9 @@ class EffortLaw(Law):
         """Return the efforts (N, k, p) per unit of each of the p `linear` parameters; `values` holds the others."""
 
     def is_told_by(self, motion: Motion) -> bool:
-        """Return whether a motion tells what the law needs: that joints move, or what was before."""
+        """Return whether a motion tells what the law needs: that joints move, what was before, or a temperature."""
+        if "temperature" in self.needs and motion.temperature is None:
+            return False
         return not (self.of_motion and motion.standing) and not (self.of_history and motion.separate)
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:

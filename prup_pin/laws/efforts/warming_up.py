@@ -1,4 +1,4 @@
-"""Friction that falls while a gear warms up: that of its grease, and dry friction."""
+"""Friction that falls while a gear warms up: that of its grease, and dry friction; by time, or by its temperature."""
 
 from __future__ import annotations
 
@@ -15,16 +15,24 @@ from ...spatial import Array
 from ..law import Place
 from .effort_law import EFFORT, PRESLIDING, DryFriction, MovingEffortLaw, columns_along, usual_way
 
-#: Shares of a recording in which a gear warms up.
+#: Shares of a recording, or of its range of temperatures, in which a gear warms up.
 _SHARES = (0.15, 0.4, 1.0)
+_FACTORS = (0.3, 0.6, 0.8, 1.25, 1.6, 3.0)
+#: A temperature that changes by less is none [K].
+LEAST_WARMING = 0.2
 _TIME = Quantity("time", "s", "in which that falls to 37 %", 10.0, upper=1e6)
 _START = Quantity("start", "s", "when the recording that told it begins", 0.0, False, -1e12, 1e12)
+
+
+_KELVIN = Quantity("kelvin", "K", "in which that falls to 37 %", 20.0, upper=1e4)
+_REFERENCE = Quantity("reference", "°C", "temperature at the start of the recording", 20.0, False, -300.0, 1e4)
 
 
 class WarmingUp(MovingEffortLaw):
     """Friction (f + c exp(-t / T)) times what `rubs`; t from the start of the recording."""
 
     variant = f"{EFFORT} while it warms up"
+    remedy = "warm {place} up before it works, or feed its friction forward by how long it has run"
     #: What its first parameter is, as a statement says it.
     verb: ClassVar[str]
 
@@ -42,12 +50,15 @@ class WarmingUp(MovingEffortLaw):
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         longest, kept = float(np.ptp(at.motion.time)), self.scanned_of(values)
-        return [{**kept, "time": min(values["time"] * factor, longest)} for factor in (0.3, 0.6, 0.8, 1.25, 1.6, 3.0)]
+        return [{**kept, "time": min(values["time"] * factor, longest)} for factor in _FACTORS]
+
+    def progress(self, values: Mapping[str, float], at: InMotion) -> Array:
+        """Return how far it has warmed up (N,): at 1 what it has beyond a warm gear has fallen to 37 %."""
+        return np.asarray(np.maximum(at.motion.time - values["start"], 0.0) / values["time"])
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         warm = self.rubs(place, values, at)
-        cold = np.exp(-np.maximum(at.motion.time - values["start"], 0.0) / values["time"])
-        return columns_along(at, place.name, warm, cold * warm)
+        return columns_along(at, place.name, warm, np.exp(-self.progress(values, at)) * warm)
 
     def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place.name} {self.verb} by {self._cold(place, values, mechanism)}"
@@ -62,7 +73,6 @@ class ColdFriction(WarmingUp, DryFriction):
 
     physics = "coulomb_friction"
     summary = "dry friction that falls as the gear warms up"
-    remedy = "warm {place} up before it works, or feed its friction forward by how long it has run"
     verb = "rubs"
     linear = ("limit", "cold")
     resists = linear
@@ -95,7 +105,6 @@ class ColdDamping(WarmingUp):
     physics = "viscous_friction"
     summary = "friction by speed that falls as the grease warms up"
     called = "warm-up, viscosity"
-    remedy = "warm {place} up before it works, or feed its friction forward by how long it has run"
     verb = "resists its speed"
     family = "viscous friction"
     linear = ("damping", "cold")
@@ -120,3 +129,45 @@ class ColdDamping(WarmingUp):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         warm, cold = self.sized("damping", place, values, mechanism), self._cold(place, values, mechanism)
         return f"{place.name} resists its speed, by {warm} when warm, and by {cold}"
+
+
+class ByTemperature(WarmingUp):
+    """The same by the recorded temperature T: (f + c exp(-(T - T_0) / theta)) times what `rubs`, T_0 at the start."""
+
+    variant = f"{EFFORT} by temperature"
+    remedy = "warm {place} up before it works, or feed its friction forward by its temperature"
+    needs = ("temperature",)
+
+    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
+        temperature = at.motion.temperature
+        if temperature is None or not np.ptp(temperature) > LEAST_WARMING:
+            return []
+        begun, range_ = float(temperature[0]), float(np.ptp(temperature))
+        return [{"kelvin": share * range_, "reference": begun} for share in _SHARES]
+
+    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
+        kept = self.scanned_of(values)
+        return [{**kept, "kelvin": values["kelvin"] * factor} for factor in _FACTORS]
+
+    def progress(self, values: Mapping[str, float], at: InMotion) -> Array:
+        return (at.temperature - values["reference"]) / values["kelvin"]
+
+    def _cold(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        more, reference = self.sized("cold", place, values, mechanism), number(values["reference"], 3)
+        return f"{more} more at {reference} °C, which falls to 37 % in {number(values['kelvin'], 3)} K"
+
+
+class ThinnedDamping(ColdDamping, ByTemperature):
+    """tau = (d + c exp(-(T - T_0) / theta)) v."""
+
+    summary = "friction by speed that falls as the temperature rises"
+    settled = ("kelvin",)
+    quantities = (*ColdDamping.quantities[:2], _KELVIN, _REFERENCE)
+
+
+class ThinnedFriction(ColdFriction, ByTemperature):
+    """tau = (f + c exp(-(T - T_0) / theta)) z, z the direction."""
+
+    summary = "dry friction that falls as the temperature rises"
+    settled = ("kelvin", "presliding")
+    quantities = (*ColdFriction.quantities[:2], _KELVIN, _REFERENCE, PRESLIDING)
