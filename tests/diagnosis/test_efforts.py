@@ -348,6 +348,22 @@ def test_what_follows_the_temperature_is_told_by_it(carriage, word):
     assert finding.parameters[name].value == pytest.approx(true, rel=0.1)
 
 
+def test_cogging_is_where_the_joint_is_and_not_where_a_late_encoder_has_it(carriage):
+    """The cogging acts before the delay, whichever came in first: beside it the delay was not found."""
+    recording, late = axis(limit=10.0, noise=0.1), 20e-3
+    time, q = recording.time, recording.positions["carriage"]
+    cogging = 4.0 * np.sin(2 * np.pi * q / 0.1)
+    reported = np.interp(time - late, time, q)
+    efforts = {"carriage": recording.efforts["carriage"] + cogging}
+    found = diagnose(carriage, replace(recording, positions={"carriage": reported}, efforts=efforts))
+    assert found.verdict == "explained"
+    values = {finding.physics: finding.parameters for finding in found.findings}
+    assert set(values) == {"coulomb_friction", "cogging", "encoder_delay"}
+    assert values["encoder_delay"]["delay"].value == pytest.approx(late, rel=0.05)
+    assert values["cogging"]["period"].value == pytest.approx(0.1, rel=1e-2)
+    assert np.hypot(values["cogging"]["sine"].value, values["cogging"]["cosine"].value) == pytest.approx(4.0, rel=0.05)
+
+
 def test_a_rail_that_pinches_in_places_is_no_coulomb_friction(carriage):
     found = diagnose(carriage, axis(pinch=5.0))
     assert found.verdict == "unexplained"

@@ -73,7 +73,7 @@ class PreparedEfforts:
         self.good = self.settled(motion.band)
         self.deviations = self._deviations(at)
         competing = self._shown(law for law in EFFORT_LAWS if law.competes)
-        self._moving = [(law, place) for law, place in competing if law.of_what_is_known]
+        self._moving = [(law, place) for law, place in competing if law.of_what_is_known or law.of_what_is_left]
         self._fixed = list(self.scanned_columns([own for own in competing if own not in self._moving], at))
         self.outliers: list[OutlierInterval] = []
         self._learned_priors: Mapping[tuple[str, str], Array] = {}

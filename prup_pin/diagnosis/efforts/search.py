@@ -69,7 +69,7 @@ def _forward(
         if fresh:
             squares = float(validation.squares.sum())
         new = _entering(model, validation, refused)
-        if not fresh and (not new or any(term.law.of_what_is_known for term in new)):
+        if not fresh and (not new or any(term.law.of_what_is_known or term.law.of_what_is_left for term in new)):
             model = efforts.refreshed(model)
             validation, fresh, squares = CrossValidation(model), True, float(validation.squares.sum())
             new = _entering(model, validation, refused)

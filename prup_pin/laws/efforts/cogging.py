@@ -74,7 +74,7 @@ class Cogging(Periodic):
     """A wave that comes back in the joint's travel, twice and more."""
 
     summary = "an effort that is periodic in the position"
-    of_what_is_known = True
+    of_what_is_left = True
     looked_at = _MOST / _TAKEN
     fewest = 2.0
 

@@ -69,7 +69,7 @@ class CounterbalanceStrut(DrivenEffortLaw):
     linear = ("force", "spring")
     against = "position"
     settled = ("dead_centre", "slenderness")
-    of_what_is_known = True
+    of_what_is_left = True
     by_shape = True
     told_by_values = True
     within_travel = True

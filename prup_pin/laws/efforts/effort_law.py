@@ -52,6 +52,8 @@ class EffortLaw(Law):
     competes: ClassVar[bool] = True
     #: True where its columns follow from what is known of the efforts so far: they are made anew as laws are found.
     of_what_is_known: ClassVar[bool] = False
+    #: True where its other parameters are looked for in what is left: scanned values are found anew as laws are.
+    of_what_is_left: ClassVar[bool] = False
     #: True where it is a body that weighs and is accelerated: a gain of the effort is told by what bodies ask for.
     of_bodies: ClassVar[bool] = False
     #: Laws of one family are one thing at one place: the richer one takes the place of the plainer.
