@@ -142,7 +142,9 @@ def _with_new(
 
 
 def _simpler(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
-    """Return the model with one law in the place of others where these do not earn what they have more."""
+    """Return the model with one law in the place of others where these do not earn what they have more, and it does
+    not take tolerances further.
+    """
     for others, single in _simplifications(model):
         if not all(term in model.terms for term in others):
             continue
@@ -154,7 +156,8 @@ def _simpler(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
             one = refined(efforts, rest.with_term(single[best]), [len(rest.terms)])
             if any(_is_earned(one, model, term) for term in others):
                 break
-            if is_plausible(one, one.terms[-1]):
+            strained = squared_strain(one) - squared_strain(model)
+            if is_plausible(one, one.terms[-1]) and strained < beyond_tolerance(len(model.toleranced)) ** 2:
                 model = one
                 break
     return model
@@ -371,25 +374,26 @@ def with_relieving_laws(efforts: PreparedEfforts, model: EffortModel) -> EffortM
         laws = _reliefs(model, model.problem.without_curves().candidates)
         if not laws:
             break
-        most = max(relief for relief, _ in laws)
-        if any(relief > max(AS_GOOD * most, most + limit**2) for relief, _ in _reliefs(model, curves)):
+        most = max(gain for gain, _ in laws)
+        if any(gain > max(AS_GOOD * most, most + limit**2) for gain, _ in _reliefs(model, curves)):
             break
-        good = [law for relief, law in laws if relief > most - limit**2]
+        good = [law for gain, law in laws if gain > most - limit**2]
         model = model.with_term(min(good, key=lambda law: (law.size, law.where.start)))
     if len(model.terms) > len(before):
         fewer = pruned(model, before)
         if not (strain(fewer) > max(limit, strain(model).max())).any():
             model = fewer
+        model = _simpler(efforts, model)
     return model
 
 
 def relieving_curve(model: EffortModel, curves: Sequence[EffortCandidate]) -> EffortCandidate | None:
-    """Return the curve of no law that takes most strain off where parameters lie beyond their tolerances, or None."""
+    """Return the curve of no law that saves most where parameters lie beyond their tolerances, or None."""
     return max(_reliefs(model, curves), key=lambda item: item[0], default=(0.0, None))[1]
 
 
 def _reliefs(model: EffortModel, candidates: Sequence[EffortCandidate]) -> list[tuple[float, EffortCandidate]]:
-    """Return candidates that take off most of the strain beyond tolerance, with how much, squared."""
+    """Return candidates that take off most of the strain beyond tolerance, with what they save of all (`cost_of`)."""
     limit = beyond_tolerance(len(model.toleranced))
     before = strain(model)
     if not (before > limit).any():
@@ -405,6 +409,7 @@ def _reliefs(model: EffortModel, candidates: Sequence[EffortCandidate]) -> list[
         fewer = (after > limit).sum() < (before > limit).sum()
         if not fewer or relief < MOST * float((before[before > limit] ** 2).sum()):
             continue
-        if no_worse(held_out(tried), left) and is_plausible(tried, law):
-            found.append((relief, law))
+        now = held_out(tried)
+        if no_worse(now, left) and is_plausible(tried, law):
+            found.append((relief + float((left - now).sum()), law))
     return found
