@@ -27,7 +27,7 @@ from prup_pin.laws.efforts.inertial_parameters import InertialParameters, Scaled
 from prup_pin.laws.efforts.joint_compliance import YieldingGear
 from prup_pin.laws.efforts.joint_coupling import FeltMotion, FeltPosition, SpringAcross
 from prup_pin.laws.efforts.mounting import Mounting
-from prup_pin.laws.efforts.payload import HeldBody
+from prup_pin.laws.efforts.payload import HeldBody, HeldMeanwhile
 from prup_pin.laws.efforts.rotor_inertia import RotorInertia
 from prup_pin.laws.efforts.stribeck_friction import StribeckFriction
 from prup_pin.laws.efforts.transmission_coupling import TransmissionCoupling
@@ -45,6 +45,12 @@ class Form:
 
     def __call__(self, law, place, values, at):
         return self.of(law, place, values, at)
+
+
+def _held_meanwhile(law, place, x, at):
+    held = of_body(_held)(law, place, x, at)
+    held[(at.motion.time < x["moment"]) | (at.motion.time >= x["until"])] = 0.0
+    return held
 
 
 def _thinned(j, x):
@@ -321,6 +327,7 @@ CLOSED_FORMS: dict[type, Form] = {
     FeltPosition: Form(_felt_position),
     SpringAcross: Form(_spring_across, values={"ratio": 0.7}),
     HeldBody: Form(of_body(_held)),
+    HeldMeanwhile: Form(_held_meanwhile, values={"moment": 1.0, "until": 2.5}),
     EvenPull: Form(_pulled, 1e-6),
     ElasticPull: Form(_pulled, 1e-6),
     ScaledInertia: Form(of_body(_scaled)),

@@ -22,7 +22,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...dynamics import InMotion
-from ...laws.efforts import Body
 from ...laws.efforts.effort_law import joint_unit, usual_way
 from ...laws.efforts.variables import VARIABLES, variable_of
 from ...numbers import number, quantity
@@ -104,14 +103,11 @@ def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[F
         return [few]  # what no law explains, and what none could
     named = {finding.location for finding in found}
     found += [item for item in _worse(final, residuals) if item.location not in named]
-    change = load_change(final) if found else None
-    return [_with_more(final, finding, change) if finding.location in final.at.driven else finding for finding in found]
+    return [_with_more(final, finding) if finding.location in final.at.driven else finding for finding in found]
 
 
-def _with_more(final: FinalState, finding: Finding, change: LoadChange | None) -> Finding:
-    """Return a finding at a joint, with what else its effort shows there: that it is clipped, that the load changes at
-    one moment, that it drifts.
-    """
+def _with_more(final: FinalState, finding: Finding) -> Finding:
+    """Return a finding at a joint, with what else its effort shows there: that it is clipped, or drifts."""
     name, told, advice = finding.location, finding.statement, finding.advice
     column, kept = final.at.driven.index(name), final.efforts.kept
     good, clipped = final.efforts.good[:, column], final.motion.saturated[kept, column]
@@ -121,18 +117,6 @@ def _with_more(final: FinalState, finding: Finding, change: LoadChange | None) -
             "samples were left out for it: what is beside them may have the same cause"
         )
         advice = advice or f"record again with less load or speed, so that {name} stays below its limit"
-    if change is not None and name in change.joints:
-        at, sizes = (
-            quantity(change.time, "s"),
-            f"{number(abs(change.mass), 3)} kg {'more' if change.mass > 0 else 'less'}",
-        )
-        return replace(
-            finding,
-            statement=f"{told}; {number(100 * change.share, 2)} % of the square of all that is left sets in at one "
-            f"moment, {at}, in {', '.join(change.joints)}: as if {change.place} carried {sizes} from then on",
-            advice=f"look at what was taken up or put down at {at}, or which tool was changed, and diagnose what was "
-            "recorded before it and after it each for itself",
-        )
     time, left = final.motion.time[kept][good], (final.efforts.target - final.explained)[good, column]
     slope, start = np.polyfit(time, left, 1)
     if np.sum((left - slope * time - start) ** 2) < (1 - MOST) * np.sum(left**2):
@@ -140,61 +124,6 @@ def _with_more(final: FinalState, finding: Finding, change: LoadChange | None) -
         told += f"; most of it is a drift, {by} from the first to the last sample"
         advice = advice or f"find what changes slowly at {name}: a sensor that drifts, a drive that warms up"
     return replace(finding, statement=told, advice=advice)
-
-
-@dataclass(frozen=True)
-class LoadChange:
-    """A moment [s] from which on the tool at `place` carries another mass [kg] more, as `joints` show.
-
-    share: of the squares that are left, that a body before it and another one after it take away.
-    """
-
-    time: float
-    place: str
-    mass: float
-    joints: tuple[str, ...]
-    share: float
-
-
-def load_change(final: FinalState) -> LoadChange | None:
-    """Return the moment at which the tool's load changes; None where there is none.
-
-    Bodies of their own before it and after it take away most of what is left, and most of what one all the time leaves.
-    """
-    held = next((term for term in final.problem.candidates if term.law.body is Body.HELD), None)
-    if held is None or final.motion.separate:
-        return None
-    efforts = final.efforts
-    columns = efforts.at_kept(held.law.efforts_per(held.place, held.values, final.at))
-    left = np.where(efforts.good, efforts.target - final.explained, 0.0)
-    each = np.sqrt(np.sum(left**2, axis=0) / np.maximum(efforts.good.sum(axis=0), 1))
-    sizes = np.where(np.isfinite(final.noise_sizes), final.noise_sizes, each)
-    weights = efforts.good / np.maximum(sizes, np.finfo(float).tiny)
-    table = np.concatenate((columns, left[..., None]), axis=2) * weights[..., None]
-    table[..., :-1] /= np.maximum(np.sqrt(np.sum(table[..., :-1] ** 2, axis=(0, 1))), np.finfo(float).tiny)
-    before = np.cumsum(np.einsum("nki,nkj->nij", table, table), axis=0)
-    after = before[-1] - before
-    size = columns.shape[2]
-
-    def taken(gram: Array) -> tuple[float, Array]:
-        x = np.asarray(np.linalg.lstsq(gram[:size, :size], gram[:size, size], rcond=ROUNDING)[0], float)
-        return float(x @ gram[:size, size]), x
-
-    moments = np.arange(FEWEST_NUMBERS, len(table) - FEWEST_NUMBERS)
-    if not len(moments):
-        return None
-    saved = [taken(before[row])[0] + taken(after[row])[0] for row in moments]
-    row = int(moments[int(np.argmax(saved))])
-    total, always = float(before[-1][size, size]), taken(before[-1])[0]
-    share, left_always = max(saved) / max(total, np.finfo(float).tiny), total - always
-    if not (share > MOST and max(saved) - always > MOST * left_always):
-        return None
-    change = taken(after[row])[1] - taken(before[row])[1]
-    shown = np.sqrt(np.mean((table[..., :size] @ change) ** 2, axis=0))  # in multiples of the noise
-    joints = tuple(name for name, times in zip(final.at.driven, shown, strict=True) if times > MOST)
-    scale = np.sqrt(np.sum((columns * weights[..., None]) ** 2, axis=(0, 1)))
-    values = held.law.fitted(held.place, change / np.maximum(scale, np.finfo(float).tiny), held.values)
-    return LoadChange(float(final.motion.time[efforts.kept][row]), held.place.name, values["mass"], joints, share)
 
 
 def _is_foreign(share: Mapping[str, float]) -> bool:

@@ -20,7 +20,7 @@ from .inertial_parameters import InertialParameters, ScaledInertia
 from .joint_compliance import YieldingGear
 from .joint_coupling import FeltMotion, FeltPosition, SpringAcross
 from .mounting import Mounting
-from .payload import HeldBody
+from .payload import HeldBody, HeldMeanwhile
 from .rotor_inertia import RotorInertia
 from .stribeck_friction import StribeckFriction
 from .transmission_coupling import TransmissionCoupling
@@ -44,6 +44,7 @@ _OWN: tuple[EffortLaw, ...] = (
     FeltPosition(),
     SpringAcross(),
     HeldBody(),
+    HeldMeanwhile(),
     EvenPull(),
     ElasticPull(),
     ScaledInertia(),

@@ -20,7 +20,9 @@ _SHARES = (0.15, 0.4, 1.0)
 _FACTORS = (0.3, 0.6, 0.8, 1.25, 1.6, 3.0)
 #: A temperature that changes by less is none [K].
 LEAST_WARMING = 0.2
-_TIME = Quantity("time", "s", "in which that falls to 37 %", 10.0, upper=1e6)
+#: No gear warms up sooner [s].
+_SOONEST = 3.0
+_TIME = Quantity("time", "s", "in which that falls to 37 %", 10.0, lower=_SOONEST, upper=1e6)
 _START = Quantity("start", "s", "when the recording that told it begins", 0.0, False, -1e12, 1e12)
 
 
@@ -46,11 +48,11 @@ class WarmingUp(MovingEffortLaw):
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         begun, lasting = float(at.motion.time.min()), float(np.ptp(at.motion.time))
-        return [{"time": share * lasting, "start": begun} for share in _SHARES]
+        return [{"time": share * lasting, "start": begun} for share in _SHARES if share * lasting > _SOONEST]
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         longest, kept = float(np.ptp(at.motion.time)), self.scanned_of(values)
-        return [{**kept, "time": min(values["time"] * factor, longest)} for factor in _FACTORS]
+        return [{**kept, "time": float(np.clip(values["time"] * factor, _SOONEST, longest))} for factor in _FACTORS]
 
     def progress(self, values: Mapping[str, float], at: InMotion) -> Array:
         """Return how far it has warmed up (N,): at 1 what it has beyond a warm gear has fallen to 37 %."""
