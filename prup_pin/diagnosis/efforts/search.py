@@ -128,7 +128,8 @@ def _with_new(
         rest = _replaced_by(term, model)
         # a richer law competes with the best of its own values: those of what it replaces have been looked for
         after = refined(efforts, rest.with_term(term), [len(rest.terms)])
-        if rest.terms != model.terms and not _is_earned(model, after, after.terms[-1]):
+        own = after.terms[-1]
+        if not is_plausible(after, own) or (rest.terms != model.terms and not _is_earned(model, after, own)):
             refused[term.key] += _ENTRIES
             continue
         model = after

@@ -21,7 +21,7 @@ _FACTORS = (0.3, 0.6, 0.8, 1.25, 1.6, 3.0)
 #: A temperature that changes by less is none [K].
 LEAST_WARMING = 0.2
 #: No gear warms up sooner [s].
-_SOONEST = 3.0
+_SOONEST = 5.0
 _TIME = Quantity("time", "s", "in which that falls to 37 %", 10.0, lower=_SOONEST, upper=1e6)
 _START = Quantity("start", "s", "when the recording that told it begins", 0.0, False, -1e12, 1e12)
 
@@ -53,6 +53,10 @@ class WarmingUp(MovingEffortLaw):
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         longest, kept = float(np.ptp(at.motion.time)), self.scanned_of(values)
         return [{**kept, "time": float(np.clip(values["time"] * factor, _SOONEST, longest))} for factor in _FACTORS]
+
+    def plausible(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> bool:
+        # what would rather fall sooner than any gear warms up is something else
+        return super().plausible(place, values, mechanism) and values.get("time", np.inf) > _SOONEST
 
     def progress(self, values: Mapping[str, float], at: InMotion) -> Array:
         """Return how far it has warmed up (N,): at 1 what it has beyond a warm gear has fallen to 37 %."""
