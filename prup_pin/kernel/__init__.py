@@ -18,34 +18,3 @@ from .rank import (
 )
 from .regular import Factors, inverse
 from .tree import Tree
-
-__all__ = [
-    "NEGLIGIBLE",
-    "NEGLIGIBLE_ENERGY",
-    "ROUNDING_OF_LOADS",
-    "Closure",
-    "Columns",
-    "Configuration",
-    "Expression",
-    "Factors",
-    "FixedFrames",
-    "LoopForces",
-    "LoopGaps",
-    "LoopedTree",
-    "Passing",
-    "Pipeline",
-    "Program",
-    "Rank",
-    "Tape",
-    "Tree",
-    "eliminated",
-    "equal_ranks",
-    "independent",
-    "inverse",
-    "largest",
-    "least",
-    "pseudo_inverse",
-    "rank_of",
-    "semidefinite_inverse",
-    "semidefinite_null",
-]
