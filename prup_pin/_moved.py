@@ -91,6 +91,13 @@ _STOOD: dict[str, str] = {
         "views.text.check_text views.text.law_text views.text.prospects_text views.text.robot_text"
     ),
     "views.text.values": "views.text.joints",
+    "sweep.engine": "sweep.status",
+    "loaded.state": "loaded.rigid_samples",
+    "loaded.module_laws": "loaded.values",
+    "life.change_points": "life.likelihood",
+    "kernel.rank": "kernel.regular",
+    "export.export": "export.bodies",
+    "sensitivity.sensitivity": "sensitivity.redrawn sensitivity.by_value",
 }
 #: Old module -> new one.
 MOVED = {old: new for new, before in _STOOD.items() for old in before.split()}

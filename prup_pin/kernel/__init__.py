@@ -8,13 +8,14 @@ from .rank import (
     NEGLIGIBLE,
     NEGLIGIBLE_ENERGY,
     ROUNDING_OF_LOADS,
+    Factors,
     Rank,
     equal_ranks,
     independent,
+    inverse,
     pseudo_inverse,
     rank_of,
     semidefinite_inverse,
     semidefinite_null,
 )
-from .regular import Factors, inverse
 from .tree import Tree

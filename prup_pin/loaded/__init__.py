@@ -6,6 +6,5 @@ from .first_order import FirstOrder, elastic_deformation, module_loads
 from .loaded_pose import Energy, LoadedPose, find_loaded_pose
 from .other_values import deformation_of_law, present_values
 from .residual import loads_on_bodies
-from .rigid_samples import RigidSamples
 from .rod import LoadedRod, loaded_rod
-from .state import Conditions, Pull, State
+from .state import Conditions, Pull, RigidSamples, State

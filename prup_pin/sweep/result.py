@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from ..errors import InputError, UnknownNameError, imported
 from ..mechanism import Mechanism
 from ..spatial import Array
-from .engine import Answer, Engine
+from .engine import NO_STIFFNESS, REASONS, STATUSES, UNREACHABLE, Answer, Engine
 from .indices import ErrorRange, Spread, spread
 from .places import Places
 from .quantities import QUANTITIES
-from .status import NO_STIFFNESS, REASONS, STATUSES, UNREACHABLE
 from .table import FORMATS, write_table
 
 if TYPE_CHECKING:
