@@ -32,6 +32,15 @@ class _Answers(Mapping[str, Array]):
         #: What went otherwise than planned without changing any number.
         self.remarks = remarks
 
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._engine.asked.quantities)
+
+    def __len__(self) -> int:
+        return len(self._engine.asked.quantities)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._engine.asked.quantities
+
     @property
     def mechanism(self) -> Mechanism:
         """The robot's mechanism."""
@@ -120,15 +129,6 @@ class SweepResult(_Answers):
                 )
             raise UnknownNameError("quantity of this sweep", name, list(self._values))
         return self._values[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
-
-    def __len__(self) -> int:
-        return len(self._values)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._values
 
     # -- where -----------------------------------------------------------------------------------------------------
 
@@ -287,15 +287,6 @@ class SweepFile(_Answers):
             if quantity.symmetric:
                 values.transpose(*range(1, values.ndim), 0)[index[::-1]] = table[column]
         return _frozen(values.reshape((*self.shape, *values.shape[1:])))
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._engine.asked.quantities)
-
-    def __len__(self) -> int:
-        return len(self._engine.asked.quantities)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._engine.asked.quantities
 
     @property
     def status(self) -> NDArray[np.str_]:
