@@ -34,6 +34,7 @@ from ..loaded import (
 from ..loaded.other_values import values_of_one
 from ..loaded.state import gaps_of, geometries_of
 from ..mechanism import Mechanism, Module
+from ..mechanism.description import COMPONENTS
 from ..modules import DriveModule, ModuleGeometry
 from ..parameters import Parameter
 from ..spatial import Array, motion_between, rotation_exp, rotation_tangent, skew
@@ -45,8 +46,6 @@ _LENGTH_STEP = 3e-5
 _LITTLE = 1e-4
 #: What changes the deflection by a smaller share is not worth a line.
 _NOTHING = 1e-9
-
-_AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True)
@@ -218,7 +217,7 @@ def _add_displacements(table: _Table, length: float) -> None:
 def _add_place(table: _Table, place: str, wrenches: Array, loaded: Array, little: Array) -> None:
     """Add the six displacements of a place, with what they do (n, 6, 6) under the load and under hardly any."""
     c = table.c
-    for column, axis in enumerate(_AXES):
+    for column, axis in enumerate(COMPONENTS):
         name = f"{place}.{axis}"
         motion, moved = loaded[0, :, column], little[:, :, column]
         if not (np.isfinite(motion).all() and np.isfinite(moved).all()):
