@@ -77,25 +77,7 @@ class Problem:
         return f"{place}: {self.message}" if place else self.message
 
 
-class RobotFileError(PrupPinError):
-    """A robot file that cannot be used. `problems` lists all that was found, not only the first."""
-
-    def __init__(self, path: str | Path, problems: Sequence[Problem]):
-        self.path = str(path)
-        self.problems = tuple(
-            problem if problem.file else Problem(problem.message, problem.line, Path(path).name) for problem in problems
-        )
-        count = len(self.problems)
-        lines = "\n".join(f"  {problem}" for problem in self.problems)
-        super().__init__(f"{path}: {count} problem{'s' if count != 1 else ''}\n{lines}")
-
-
-class RecordingFileError(PrupPinError):
-    """A recording, test plan or corrected model that cannot be used. `problems` lists all that was found.
-
-    advice: what else can be done with such a file, or ''; it ends the message.
-    """
-
+class _FileError(PrupPinError):
     def __init__(self, path: str | Path, problems: Sequence[Problem], advice: str = ""):
         self.path, self.advice = str(path), advice
         self.problems = tuple(
@@ -104,6 +86,17 @@ class RecordingFileError(PrupPinError):
         count = len(self.problems)
         lines = "\n".join([*(f"  {problem}" for problem in self.problems), *filter(None, [advice])])
         super().__init__(f"{path}: {count} problem{'s' if count != 1 else ''}\n{lines}")
+
+
+class RobotFileError(_FileError):
+    """A robot file that cannot be used. `problems` lists all that was found, not only the first."""
+
+
+class RecordingFileError(_FileError):
+    """A recording, test plan or corrected model that cannot be used. `problems` lists all that was found.
+
+    advice: what else can be done with such a file, or ''; it ends the message.
+    """
 
 
 class PluginError(PrupPinError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import secrets
 import stat
@@ -11,12 +12,27 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import numpy as np
+
 from .errors import InputError, PrupPinError, folder_holds
 
 
 def json_lines(value: Any) -> Iterable[str]:
     """Return a JSON file in pieces."""
     return (json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n",)
+
+
+def plain(value: Any) -> Any:
+    """Return lists, dicts and finite floats; what is not finite becomes None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return (float(value) + 0.0) if math.isfinite(value) else None
+    return value
 
 
 def text_of(text: str) -> str:

@@ -16,18 +16,6 @@ import numpy as np
 
 from .errors import ParameterError, shortened
 
-__all__ = [
-    "LARGEST_COORDINATE",
-    "LARGEST_VALUE",
-    "SMALLEST_TOLERANCE",
-    "SMALLEST_VALUE",
-    "Parameter",
-    "Quantity",
-    "Tolerance",
-    "meant_otherwise",
-    "plain_unit",
-]
-
 #: No coordinate of a robot is larger: degrees were meant for radians, millimetres for metres. By unit: the largest,
 #: what was meant, and what that is in the unit.
 LARGEST_COORDINATE = {"rad": (7.0, "degrees", np.pi / 180), "m": (20.0, "mm", 1e-3)}

@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from .errors import InputError, PrupPinError, RobotFileError, UnreachablePoseError, imported, named, shortened
-from .files import write_whole
+from .files import plain, write_whole
 from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
 from .mechanism import Mechanism
 from .mechanism.assumed import assumed
@@ -501,7 +501,7 @@ class Robot:
                 for module in mechanism.modules
             },
             "parameters": {
-                name: {"value": _plain(parameter.value), "unit": parameter.unit, "source": parameter.source}
+                name: {"value": plain(parameter.value), "unit": parameter.unit, "source": parameter.source}
                 for name, parameter in self.parameters.items()
             },
             "assumptions": list(self.assumptions),
@@ -538,14 +538,6 @@ class Robot:
         return (
             f"<Robot {m.name}: {m.model.njoints - 1} joints, {len(m.loops)} loops, {len(m.modules)} compliant modules>"
         )
-
-
-def _plain(value: Any) -> Any:
-    """Return a number or lists of numbers; what is not finite is None."""
-    array = np.asarray(value, float)
-    if array.ndim:
-        return [_plain(item) for item in array]
-    return float(array) if np.isfinite(array) else None
 
 
 def random_poses(

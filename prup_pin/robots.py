@@ -8,7 +8,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from .errors import InputError, PrupPinError, UnknownNameError, folder_holds
+from .errors import InputError, MissingExtraError, PrupPinError, UnknownNameError, folder_holds
 from .files import as_path, is_file
 from .plugins import Plugin, brought
 
@@ -160,8 +160,6 @@ def find(name: str) -> tuple[Path, tuple[Path, ...], str | None]:
     examples = example_folder()
     if name in EXAMPLE_ROBOTS:
         if examples is None:
-            from .errors import MissingExtraError
-
             raise MissingExtraError("example-robot-data", "robots")
         return examples / EXAMPLE_ROBOTS[name], (examples.parents[1], examples.parent), None
     every = example_files()

@@ -313,16 +313,14 @@ class Question:
         if self.at_load and wrench is None:
             raise InputError("--at-load needs the load: --wrench fx=300")
         with limits_heard() as heard:
-            robot = self.reading.load(self.robot)
-            changes = changes_of(robot, self.set_parameters or ())
-            if changes:
-                robot = robot.with_parameters(changes)
+            robot, understood = self.reading.changed(self.robot, self.set_parameters)
             if self.lock:
                 robot = robot.with_locked_joints(self.lock)
             if frame is not None:
                 robot.mechanism.frame(frame)
             pose, source, kept = _pose(robot, self.at, self.actuators)
         notes = [*heard, *([f"not given, so at home: {', '.join(some(kept))}"] if kept else [])]
+        changes = dict(understood.parameters)
         return Case(robot, pose, source, wrench, wrench if self.at_load else None, changes, notes)
 
 

@@ -11,12 +11,11 @@ import numpy as np
 
 from ..errors import InputError, PrupPinError, UnknownNameError
 from ..kinematics import ClosedPose
+from ..mechanism.description import COMPONENTS
 from ..parameters import meant_otherwise
 from ..recordings import ToolPath
 from ..robot import Robot
 from ..spatial import Array, motion_between
-
-_POSE = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +71,7 @@ def wanted_of(robot: Robot, path: ToolPath) -> Wanted:
     names, units = coordinate_units(robot), dict(robot._kinematics.task.units)
     driven = robot.mechanism.actuated
     rows = _coordinates(names, path) if path.coordinates else path.recording.actuator_positions(driven)
-    measured = units or dict(zip(_POSE, 3 * ["m"] + 3 * ["rad"], strict=True))
+    measured = units or dict(zip(COMPONENTS, 3 * ["m"] + 3 * ["rad"], strict=True))
     n, a, k = len(path), len(driven), len(measured)
     found = Wanted(
         robot,

@@ -6,9 +6,12 @@ package. All of them ask here, with matrices made dimensionless, so that they ca
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from eigenpy import PartialPivLU
 from numpy.typing import NDArray
 
 from ..spatial import Array
@@ -108,3 +111,30 @@ def _energies(matrix: Array) -> tuple[Array, Array, Array]:
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     values, vectors = np.linalg.eigh(matrix * scale[..., :, None] * scale[..., None, :])
     return values, vectors, scale
+
+
+# -- regular square systems: LU factors with partial pivoting, by Eigen ------------------------------------------------
+
+
+class Factors(threading.local):
+    """Room for the factors of one matrix, in each thread. To make it anew takes longer than to factorise.
+
+    Whoever asks decides from the answer whether the matrix was regular.
+    """
+
+    def __init__(self) -> None:
+        self._lu = PartialPivLU(np.eye(1))
+
+    def solver(self, matrix: Array) -> Callable[[Array], Array]:
+        """Return what solves matrix @ x = right for x, of a matrix (n, n); this thread's next question ends it."""
+        solve: Callable[[Array], Array] = self._lu.compute(matrix).solve
+        return solve
+
+    def inverse(self, matrix: Array) -> Array:
+        """Return the inverse of a matrix (n, n); not finite, or huge, where it has none."""
+        inverse: Array = self._lu.compute(matrix).inverse()
+        return inverse
+
+
+#: The inverse of a matrix (n, n); not finite, or huge, where it has none.
+inverse = Factors().inverse

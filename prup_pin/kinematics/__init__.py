@@ -5,22 +5,3 @@ from .loop_kinematics import LONGEST, SURE, TOLERANCE, LoopKinematics
 from .many_poses import AWAY, CLOSED, DOUBTFUL, LIMITS, ManyPoses, Reached, alone
 from .mobility import Mobility, mobility
 from .task import TaskFrame
-
-__all__ = [
-    "AWAY",
-    "CLOSED",
-    "DOUBTFUL",
-    "LIMITS",
-    "LONGEST",
-    "SURE",
-    "TOLERANCE",
-    "ClosedPose",
-    "LoopKinematics",
-    "ManyPoses",
-    "Mobility",
-    "PassiveBalance",
-    "Reached",
-    "TaskFrame",
-    "alone",
-    "mobility",
-]

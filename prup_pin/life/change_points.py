@@ -16,8 +16,46 @@ import numpy as np
 
 from ..diagnosis.chances import WITHIN_95, chi2_isf
 from ..diagnosis.criteria import FALSE_ALARM, FEW_ROUNDS, ROUNDING
+from ..diagnosis.nuisance import Nuisance
 from ..spatial import Array
-from .likelihood import Likelihood, inverse
+
+
+class Likelihood(NamedTuple):
+    """What tests say of k numbers v: their precision P (k, k) and score h (k,).
+
+    -2 log L = v' P v - 2 h' v, up to a constant. Tests of one device add up.
+    """
+
+    precision: Array
+    score: Array
+
+    @classmethod
+    def of(cls, jacobian: Array, residual: Array, nuisance: Nuisance) -> Likelihood:
+        """Return it of a whitened residual (m,) that the numbers change by a Jacobian (m, k), beside nuisances."""
+        rest = nuisance.without(np.column_stack((jacobian, residual)))
+        return cls(rest[:, :-1].T @ rest[:, :-1], rest[:, :-1].T @ rest[:, -1])
+
+    def along(self, directions: Array) -> Likelihood:
+        """Return what is said of sizes (m,) along directions (k, m) of the numbers."""
+        return Likelihood(directions.T @ self.precision @ directions, directions.T @ self.score)
+
+    def beside(self, directions: Array) -> Likelihood:
+        """Return the same with sizes along directions (k, m), of which nothing else is known, integrated out."""
+        across = self.precision @ directions
+        taken = across @ inverse(directions.T @ across)
+        return Likelihood(self.precision - taken @ across.T, self.score - taken @ (directions.T @ self.score))
+
+
+def inverse(precision: Array) -> Array:
+    """Return the covariance (k, k) of numbers in any units; 0 of combinations of which nothing is said."""
+    root = np.sqrt(np.maximum(np.diagonal(precision), 0.0))
+    root = np.where(root > 0, root, 1.0)
+    return (
+        np.asarray(np.linalg.pinv(precision / root / root[:, None], rcond=ROUNDING, hermitian=True))
+        / root
+        / root[:, None]
+    )
+
 
 STEP, RAMP = "step", "ramp"
 

@@ -35,8 +35,8 @@ from ..simulation import CorrectedModel
 from ..simulation.model_file import model_document
 from ..spatial import Array
 from ..sweep.running import lost_remark, returned_in_order
+from .change_points import Likelihood
 from .kept import Answer, Kept, check_given_once, digest, digest_of, keep, kept, named_in_errors
-from .likelihood import Likelihood
 from .random_effects import COMMON, FixedEffect, Likelihoods, mixed_model
 
 #: What is set up for a test and is no part of a device.

@@ -22,8 +22,8 @@ from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import CorrectedModel, effect_named
 from ..spatial import Array
+from .change_points import Likelihood
 from .kept import Answer, Kept, Named
-from .likelihood import Likelihood
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,9 @@ from ..mechanism import Mechanism
 from ..numbers import quantity
 from ..simulation import CorrectedModel
 from ..spatial import Array
-from .change_points import STEP, ChangePoint, Values, change_points
+from .change_points import STEP, ChangePoint, Likelihood, Values, change_points
 from .followed import Followed
 from .kept import Answer, Kept
-from .likelihood import Likelihood
 
 
 @dataclass(frozen=True)

@@ -6,30 +6,5 @@ from .first_order import FirstOrder, elastic_deformation, module_loads
 from .loaded_pose import Energy, LoadedPose, find_loaded_pose
 from .other_values import deformation_of_law, present_values
 from .residual import loads_on_bodies
-from .rigid_samples import RigidSamples
 from .rod import LoadedRod, loaded_rod
-from .state import Conditions, Pull, State
-
-__all__ = [
-    "Chain",
-    "Conditions",
-    "Energy",
-    "Equilibria",
-    "FirstOrder",
-    "LoadedPose",
-    "LoadedRod",
-    "Pull",
-    "RigidSamples",
-    "State",
-    "chain_of",
-    "deformation_of_law",
-    "elastic_deformation",
-    "find_equilibria",
-    "find_loaded_pose",
-    "loaded_rod",
-    "loads_on_bodies",
-    "module_loads",
-    "present_values",
-    "with_torques",
-    "with_values",
-]
+from .state import Conditions, Pull, RigidSamples, State

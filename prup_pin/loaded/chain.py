@@ -27,11 +27,10 @@ from ..spatial import Array
 from ..statics import StaticsLayout
 from . import derivative
 from .border import Border, gathered, no_border, undetermined
+from .module_laws import ModuleValues, revalued
 from .residual import Evaluation, evaluated
-from .rigid_samples import RigidSamples, gaps_of, geometries_of
-from .state import Conditions, State, rigid_state, stepped
+from .state import Conditions, RigidSamples, State, gaps_of, geometries_of, rigid_state, stepped
 from .structure import Structure
-from .values import ModuleValues, revalued
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,7 @@ from .border import inverted
 from .chain import Chain
 from .derivative import load_columns, tool_columns
 from .residual import Evaluation, is_balanced
-from .rigid_samples import RigidSamples
-from .state import Conditions, State, with_actuators
+from .state import Conditions, RigidSamples, State, with_actuators
 
 _ITERATIONS, _FEW = 40, 12
 #: Converged when no unknown displacement moves farther than this [m, rad].

@@ -16,11 +16,9 @@ import numpy as np
 
 from ..kernel import NEGLIGIBLE, LoopForces, LoopGaps
 from ..spatial import Array, cross, rotation_exp, rotation_tangent, skew
-from .module_laws import DriveDeformations, ModuleDeformations, drive_deformations, module_deformations
-from .rigid_samples import RigidSamples
-from .state import Conditions, State
+from .module_laws import DriveDeformations, ModuleDeformations, ModuleValues, drive_deformations, module_deformations
+from .state import Conditions, RigidSamples, State
 from .structure import Sliding, Structure
-from .values import ModuleValues
 
 #: Forces left over, as a share of the largest one carried or of a load [N, N m] that stiff modules round: and gaps left
 #: open [m, rad].

@@ -5,20 +5,5 @@ from .frames import REFERENCE_TEMPERATURE, Frame, Link, LoopClosure, MovedParts
 from .joints import WAYS, Coupling, Joint, tilting_matrix, yielding_matrix, yielding_module
 from .mechanism import Mechanism, Module
 
-__all__ = [
-    "REFERENCE_TEMPERATURE",
-    "WAYS",
-    "Changes",
-    "Coupling",
-    "Frame",
-    "Joint",
-    "JointDynamics",
-    "Link",
-    "LoopClosure",
-    "Mechanism",
-    "Module",
-    "MovedParts",
-    "tilting_matrix",
-    "yielding_matrix",
-    "yielding_module",
-]
+# What pages name; the rest is for other rooms.
+__all__ = ["Mechanism"]

@@ -13,13 +13,12 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from ..errors import MissingExtraError
+from ..errors import imported
+from ..numbers import some
 from .mechanism import Mechanism, with_lengths
 
 #: Links that stand farther apart than this [m, rad] do not stand in the same place.
 _APART = 1e-6
-#: So many names are listed.
-_LISTED = 4
 
 
 def second_opinion(mechanism: Mechanism) -> tuple[str, ...]:
@@ -30,10 +29,7 @@ def second_opinion(mechanism: Mechanism) -> tuple[str, ...]:
     description = mechanism.description
     if description.source != "URDF":
         return ()
-    try:
-        import yourdfpy
-    except ImportError as error:
-        raise MissingExtraError("yourdfpy", "check") from error
+    yourdfpy = imported("yourdfpy", "check")
     content = with_lengths(description.content, description.lengths)
     try:
         with _quiet("yourdfpy"):
@@ -49,9 +45,8 @@ def second_opinion(mechanism: Mechanism) -> tuple[str, ...]:
     told = tuple(f"yourdfpy: {error}" for error in read.errors)
     elsewhere = [name for name, apart in _apart(mechanism, seen).items() if apart > _APART]
     if elsewhere:
-        more = f" and {len(elsewhere) - _LISTED} more" if len(elsewhere) > _LISTED else ""
-        names = ", ".join(f"'{name}'" for name in elsewhere[:_LISTED])
-        told += (f"yourdfpy puts other places to {names}{more} at the same joint positions",)
+        names = ", ".join(some([f"'{name}'" for name in elsewhere], 4))
+        told += (f"yourdfpy puts other places to {names} at the same joint positions",)
     return told
 
 

@@ -24,14 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..parameters import Quantity
-from ..spatial import Array
+from ..spatial import WRENCH_NAMES, Array
 from .flexibility import BodyWeight, SectionFlexibilities
 
 Values = Mapping[str, Any]
 Mask = NDArray[np.bool_]
-
-#: Wrench components in module axes: u, v across, w along the module's axis.
-WRENCH_LOADS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
 class ModuleGeometry(NamedTuple):
@@ -145,9 +142,9 @@ def defects(kind: CompliantModule) -> Iterator[str]:
 
 
 class WrenchModule(CompliantModule):
-    """A module loaded by the wrench across it."""
+    """A module loaded by the wrench across it, in module axes: u, v across, w along the module's axis."""
 
-    loads = WRENCH_LOADS
+    loads = WRENCH_NAMES
 
 
 class DriveModule(CompliantModule):

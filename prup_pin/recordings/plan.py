@@ -304,28 +304,23 @@ def write_plan(plan: TestPlan, path: str | Path) -> None:
 
     A path of a robot file is written relative to the plan's folder.
     """
-    value: dict[str, Any] = {} if plan.robot is None else {"robot": written_beside(plan.robot, path)}
-    if plan.notes:
-        value["notes"] = plan.notes
-    value["poses"] = [
-        {"random": _plain(pose)} if isinstance(pose, RandomPoses) else _plain(pose) for pose in plan.poses
-    ]
-    sizes = ("force", "moment")  # of random directions; a wrench has its own
-    value["loads"] = [_plain(load, *(sizes if load.wrench is not None else ())) for load in plan.loads]
-    value["sample_interval"] = plan.sample_interval
-    if isinstance(plan.temperature, tuple):
-        value["temperature"] = {"from": plan.temperature[0], "to": plan.temperature[1]}
-    elif plan.temperature is not None:
-        value["temperature"] = plan.temperature
-    value["noise"] = plan.noise.by_key
-    if plan.tolerances.declared:
-        value["tolerances"] = plan.tolerances.declared
-    if plan.markers:
-        value["markers"] = list(plan.markers)
-    if plan.gravity is not None:
-        value["gravity"] = list(plan.gravity)
-    value |= {"encoder_resolution": plan.encoder_resolution, "seed": plan.seed}
-    write_whole({Path(path): json_lines(value)})
+    warm, sizes = plan.temperature, ("force", "moment")  # of random directions; a wrench has its own
+    value = {
+        "robot": None if plan.robot is None else written_beside(plan.robot, path),
+        "notes": plan.notes,
+        "poses": [{"random": _plain(pose)} if isinstance(pose, RandomPoses) else _plain(pose) for pose in plan.poses],
+        "loads": [_plain(load, *(sizes if load.wrench is not None else ())) for load in plan.loads],
+        "sample_interval": plan.sample_interval,
+        "temperature": {"from": warm[0], "to": warm[1]} if isinstance(warm, tuple) else warm,
+        "noise": plan.noise.by_key,
+        "tolerances": plan.tolerances.declared,
+        "markers": list(plan.markers),
+        "gravity": None if plan.gravity is None else list(plan.gravity),
+        "encoder_resolution": plan.encoder_resolution,
+        "seed": plan.seed,
+    }
+    said = {key: each for key, each in value.items() if each is not None and each not in ("", {}, [])}
+    write_whole({Path(path): json_lines(said)})
 
 
 def _plain(item: Poses | LoadProgramme, *without: str) -> dict[str, Any]:

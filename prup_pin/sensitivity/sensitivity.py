@@ -12,18 +12,33 @@ C = d(motion)/d(wrench) at rest changes
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, NotConvergedError, UnreachablePoseError
-from ..loaded import Conditions, FirstOrder, LoadedPose, find_equilibria
+from ..errors import InputError, NotConvergedError, UnknownNameError, UnreachablePoseError
+from ..kinematics import ClosedPose, LoopKinematics
+from ..loaded import (
+    Chain,
+    Conditions,
+    Equilibria,
+    FirstOrder,
+    LoadedPose,
+    RigidSamples,
+    State,
+    chain_of,
+    find_equilibria,
+)
+from ..loaded.other_values import values_of_one
+from ..loaded.state import gaps_of, geometries_of
+from ..mechanism import Mechanism, Module
+from ..mechanism.description import COMPONENTS
+from ..modules import DriveModule, ModuleGeometry
 from ..parameters import Parameter
-from ..spatial import Array, rotation_exp, rotation_tangent, skew
-from ..statics import Compliance, solve_statics
-from .by_value import ValueStep, has_slope, is_chosen
-from .redrawn import Redrawn, by_length, compliance_by_length, rigid_motion_by_length
+from ..spatial import Array, motion_between, rotation_exp, rotation_tangent, skew
+from ..statics import Compliance, Statics, StaticsLayout, solve_statics
 
 #: Share of the robot's size by which a length is.
 _LENGTH_STEP = 3e-5
@@ -31,8 +46,6 @@ _LENGTH_STEP = 3e-5
 _LITTLE = 1e-4
 #: What changes the deflection by a smaller share is not worth a line.
 _NOTHING = 1e-9
-
-_AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True)
@@ -204,7 +217,7 @@ def _add_displacements(table: _Table, length: float) -> None:
 def _add_place(table: _Table, place: str, wrenches: Array, loaded: Array, little: Array) -> None:
     """Add the six displacements of a place, with what they do (n, 6, 6) under the load and under hardly any."""
     c = table.c
-    for column, axis in enumerate(_AXES):
+    for column, axis in enumerate(COMPONENTS):
         name = f"{place}.{axis}"
         motion, moved = loaded[0, :, column], little[:, :, column]
         if not (np.isfinite(motion).all() and np.isfinite(moved).all()):
@@ -242,3 +255,151 @@ def _add_masses(table: _Table) -> None:
     for link in table.pose.mechanism.links:
         parameter = Parameter(f"{link.name}.mass", link.mass, "kg", _DRAWN, "mass of the link, at its centre")
         table.add(parameter, table.first.by_mass(link, gravity)[0], np.zeros(6), np.zeros((6, 6)))
+
+
+# -- of a module's value: its own law is differentiated, what it bears stays as it is ----------------------------------
+
+
+#: Share of a value by which a module's own law is differentiated: central differences, right to 1e-9.
+_STEP = 1e-5
+
+
+def has_slope(parameter: Parameter) -> bool:
+    """Return whether a parameter is a module's value that can be a little larger or smaller."""
+    quantity, value = parameter.quantity, parameter.value
+    return quantity is not None and not quantity.shape and bool(np.isfinite(value) and value > 0)
+
+
+def is_chosen(parameter: Parameter, others: Mapping[str, Parameter]) -> bool:
+    """Return whether somebody chose a value: it follows from no other one that is given, as an area from a diameter."""
+    sources = () if parameter.quantity is None else parameter.quantity.derived_from
+    return parameter.source != "derived" and not any(f"{parameter.owner}.{source}" in others for source in sources)
+
+
+@dataclass(frozen=True)
+class ValueStep:
+    """One module with a value a little smaller and a little larger, `span` apart, and all that follows from it."""
+
+    module: Module
+    behind: Mapping[str, Any]
+    ahead: Mapping[str, Any]
+    span: float
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, parameter: Parameter) -> ValueStep:
+        """Raises InputError where the value cannot be changed alone."""
+        assert parameter.quantity is not None
+        value = parameter.value
+        ends = value - _STEP * value, min(value + _STEP * value, parameter.quantity.upper)
+        behind, ahead = (mechanism.module_values(parameter.name, end) for end in ends)
+        return cls(mechanism.module(parameter.owner), behind, ahead, ends[1] - ends[0])
+
+    def compliance(self, statics: Statics) -> Array:
+        """Return dC/dp of the compliance of one pose, (6, 6): J^T (dΛ/dp) J."""
+        before, after = (_part(statics, self.module, values) for values in (self.behind, self.ahead))
+        return (after - before) / self.span
+
+    def mass(self, statics: Statics) -> float:
+        """Return dm/dp of the module's own mass [kg per unit]; zero where it says nothing of one."""
+        before, after = (mass_of(statics, self.module, values) for values in (self.behind, self.ahead))
+        return (after - before) / self.span
+
+
+def _part(statics: Statics, module: Module, values: Mapping[str, Any]) -> Array:
+    """Return the part of C that a module has with other values under the loads that it bears now, (6, 6)."""
+    layout = statics.layout
+    stacked = values_of_one(module, values)
+    lam = module.kind.compliance(stacked, _geometry(statics, module), None)
+    index = layout.index[module.name]
+    if not isinstance(module.kind, DriveModule):
+        jacobian = statics.jacobians[0][index]
+        return jacobian.T @ lam.reshape(6, 6) @ jacobian
+    slot = index - len(layout.wrench_names)
+    ratio = float(np.ravel(module.kind.ratio(stacked))[0]) / float(layout.drive_ratios[slot, 0, 0])
+    jacobian = ratio * statics.jacobians[1][slot]
+    return jacobian.T @ lam.reshape(1, 1) @ jacobian
+
+
+def mass_of(statics: Statics, module: Module, values: Mapping[str, Any]) -> float:
+    """Return the mass of the body that a module with these values says it is [kg]; zero where it says nothing."""
+    weight = module.kind.weight(values_of_one(module, values), _geometry(statics, module))
+    return 0.0 if weight is None else float(np.ravel(weight.mass)[0])
+
+
+def _geometry(statics: Statics, module: Module) -> ModuleGeometry:
+    """Return what the unloaded pose tells one module, (1,)."""
+    for group, at in zip(statics.layout.groups, statics.geometries, strict=True):
+        if module in group.modules:
+            column, wide = group.modules.index(module), (len(group.modules),)
+            return ModuleGeometry(*(np.broadcast_to(array, wide)[column : column + 1] for array in at))
+    raise UnknownNameError("module", module.name, statics.layout.names)
+
+
+# -- of a length -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Redrawn:
+    """A robot before and after a length has been changed by `step` [m] each way, with the actuators held.
+
+    A length places joints, frames and the ends of beams at once. What that does to the equations is the difference of
+    two redrawn robots' at the present state: no equilibrium is solved again.
+    """
+
+    poses: tuple[ClosedPose, ClosedPose]
+    step: float
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, name: str, pose: ClosedPose, step: float) -> Redrawn:
+        """Raises UnreachablePoseError where the robot no longer closes."""
+        value = mechanism.parameters[name].value
+        ends = [mechanism.with_parameters({name: value + sign * step}) for sign in (-1, 1)]
+        return cls((_near(ends[0], pose), _near(ends[1], pose)), step)
+
+
+def _near(mechanism: Mechanism, pose: ClosedPose) -> ClosedPose:
+    """Return the pose of a redrawn robot with the actuators of `pose`."""
+    kinematics = LoopKinematics(mechanism)
+    if not mechanism.loops:
+        return kinematics.pose_from_configuration(pose.q)
+    return kinematics.pose_from_actuators(list(pose.actuators.values()), pose)
+
+
+def rigid_motion_by_length(redrawn: Redrawn) -> Array:
+    """Return the motion of the unloaded tool per length, (6,)."""
+    before, after = (pose.base_from_tool[None] for pose in redrawn.poses)
+    return motion_between(before, after)[0] / (2 * redrawn.step)
+
+
+def compliance_by_length(redrawn: Redrawn) -> Array:
+    """Return dC/d(length) of the linear compliance, (6, 6)."""
+    before, after = (
+        Compliance(solve_statics(StaticsLayout(pose.mechanism), pose), np.ones((6, 6)), None).C
+        for pose in redrawn.poses
+    )
+    return (after - before) / (2 * redrawn.step)
+
+
+def by_length(first: FirstOrder, pose: ClosedPose, redrawn: Redrawn) -> Array:
+    """Return the motion of the loaded tool per length, (n, 6), of n equilibria that stand in `pose`."""
+    found = first.found
+    rows = np.zeros(len(first), int)
+    ends = []
+    for other in redrawn.poses:
+        chain = chain_of(StaticsLayout(other.mechanism))
+        geometries = geometries_of(chain.structure.layout, [other], rows)
+        state = _travelled(chain, found, pose, other)
+        rigid = RigidSamples(geometries, found.rigid.border, gaps_of([other], rows))
+        ends.append(chain.evaluate(rigid, state, found.conditions))
+    before, after = ends
+    moved = motion_between(before.tool, after.tool) + first.by_residual(after.residual - before.residual)
+    return moved / (2 * redrawn.step)
+
+
+def _travelled(chain: Chain, found: Equilibria, pose: ClosedPose, other: ClosedPose) -> State:
+    """Return the present state as the redrawn robot counts it: travel since its own rigid pose."""
+    travel = found.state.travel.copy()
+    for joint in chain.mechanism.joints:
+        if joint.nv == 1:
+            travel[:, joint.first_v] += joint.position(pose.q) - joint.position(other.q)
+    return replace(found.state, travel=travel)

@@ -3,15 +3,3 @@
 from .castigliano import Energies, Statics, invalid, problems_of, solve_statics
 from .compliance import Compliance, dimensionless, yielding_stiffness
 from .wrench_jacobians import StaticsLayout
-
-__all__ = [
-    "Compliance",
-    "Energies",
-    "Statics",
-    "StaticsLayout",
-    "dimensionless",
-    "invalid",
-    "problems_of",
-    "solve_statics",
-    "yielding_stiffness",
-]

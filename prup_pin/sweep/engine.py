@@ -6,6 +6,7 @@ where a pose is of another rank than home, one after the other. What comes out o
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
@@ -15,14 +16,30 @@ from threadpoolctl import ThreadpoolController
 
 from ..errors import PrupPinError, imported
 from ..kernel import Columns, Tree
-from ..kinematics import CLOSED, LONGEST, ClosedPose, LoopKinematics, ManyPoses, alone
+from ..kinematics import AWAY, CLOSED, DOUBTFUL, LONGEST, ClosedPose, LoopKinematics, ManyPoses, alone
 from ..mechanism import Mechanism
 from ..spatial import Array
 from ..statics import Compliance, StaticsLayout, dimensionless, invalid, solve_statics
-from . import status
 from .places import Coordinates
 from .quantities import QUANTITIES, Asked, Solved
 from .written import Written, written
+
+#: What became of closing the loops, and after that of the stiffness.
+OK, UNREACHABLE, SINGULAR, MODULE, NO_STIFFNESS = CLOSED, AWAY, DOUBTFUL, 4, 5
+
+#: What each word means, in the order of the codes.
+REASONS: Mapping[str, str] = {
+    "ok": "all that was asked for is there",
+    "unreachable": "no closed configuration of home's assembly branch was found at these coordinates",
+    "beyond limits": "the loops close, but a joint stands beyond its limits",
+    "singular": "with the actuators locked the tool can still move, or the coordinates do not determine the pose",
+    "module invalid": "a module's equation does not hold at this pose, for example a beam of no length",
+    "no stiffness": "some directions are rigid, so that C has no inverse; ask for C alone, or K_yielding",
+}
+
+#: The words of a status; a sweep holds indices into this while it runs.
+STATUSES = tuple(REASONS)
+
 
 #: So many poses are solved together: their matrices fit a processor's memory.
 _TOGETHER = 256
@@ -157,7 +174,7 @@ class Engine:
     def empty(self, count: int) -> Answer:
         """Return an answer without any number yet."""
         answer = self.unwritten(count)
-        answer.status[:] = status.UNREACHABLE
+        answer.status[:] = UNREACHABLE
         for values in answer.values.values():
             values[:] = np.nan
         return answer
@@ -187,7 +204,7 @@ class Engine:
         for some, found in machine.blocks(given):
             part = answer.part(some.start, some.stop)
             sure[some] = good = self.written.accepted(found[-3:])
-            part.status[:] = status.OK
+            part.status[:] = OK
             for item in self.quantities:
                 name = item.after or item.name
                 shape = QUANTITIES[name].shape(self.mechanism)
@@ -246,12 +263,12 @@ class Engine:
     def _fill(self, poses: ClosedPose, rows: NDArray[np.int_], into: Answer) -> None:
         """Work out what was asked for at closed poses, and write it to `rows`."""
         solved = Solved(poses, self.layout, self.scaling, self.asked)
-        into.status[rows] = status.OK
+        into.status[rows] = OK
         bad = np.zeros(len(rows), bool)
         if any(item.elastic for item in self.quantities):
             bad = invalid(solved.statics)
-            into.status[rows[bad]] = status.MODULE
+            into.status[rows[bad]] = MODULE
         for name in self._stiff:
-            into.status[rows[~bad & ~solved.stiff(name)]] = status.NO_STIFFNESS
+            into.status[rows[~bad & ~solved.stiff(name)]] = NO_STIFFNESS
         for item in self.quantities:
             into.values[item.name][rows[~bad]] = item.value(solved)[~bad]

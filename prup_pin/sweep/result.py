@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from ..errors import InputError, UnknownNameError, imported
 from ..mechanism import Mechanism
 from ..spatial import Array
-from .engine import Answer, Engine
+from .engine import NO_STIFFNESS, REASONS, STATUSES, UNREACHABLE, Answer, Engine
 from .indices import ErrorRange, Spread, spread
 from .places import Places
 from .quantities import QUANTITIES
-from .status import NO_STIFFNESS, REASONS, STATUSES, UNREACHABLE
 from .table import FORMATS, write_table
 
 if TYPE_CHECKING:
@@ -32,6 +31,15 @@ class _Answers(Mapping[str, Array]):
         self._engine, self._places = engine, places
         #: What went otherwise than planned without changing any number.
         self.remarks = remarks
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._engine.asked.quantities)
+
+    def __len__(self) -> int:
+        return len(self._engine.asked.quantities)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._engine.asked.quantities
 
     @property
     def mechanism(self) -> Mechanism:
@@ -121,15 +129,6 @@ class SweepResult(_Answers):
                 )
             raise UnknownNameError("quantity of this sweep", name, list(self._values))
         return self._values[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
-
-    def __len__(self) -> int:
-        return len(self._values)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._values
 
     # -- where -----------------------------------------------------------------------------------------------------
 
@@ -288,15 +287,6 @@ class SweepFile(_Answers):
             if quantity.symmetric:
                 values.transpose(*range(1, values.ndim), 0)[index[::-1]] = table[column]
         return _frozen(values.reshape((*self.shape, *values.shape[1:])))
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._engine.asked.quantities)
-
-    def __len__(self) -> int:
-        return len(self._engine.asked.quantities)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._engine.asked.quantities
 
     @property
     def status(self) -> NDArray[np.str_]:

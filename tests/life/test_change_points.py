@@ -5,8 +5,7 @@ import pytest
 
 from prup_pin.diagnosis.chances import chi2_isf
 from prup_pin.diagnosis.criteria import FALSE_ALARM
-from prup_pin.life.change_points import RAMP, STEP, Values, change_points
-from prup_pin.life.likelihood import Likelihood, inverse
+from prup_pin.life.change_points import RAMP, STEP, Likelihood, Values, change_points, inverse
 
 TIME = np.array([0.0, 3.0, 4.0, 7.0, 8.0, 10.0])
 

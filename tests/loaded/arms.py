@@ -29,13 +29,7 @@ def cantilever(
     file = RobotFile((0, 0, -9.81))
     file.link("arm", mass=3.0, centre=(0.3, 0, 0) if loaded_at == "wall" else (0.3 - LENGTH, 0, 0))
     file.link("end")
-    if loaded_at == "wall":
-        file.held("hold", "base", "arm")
-        file.held("rest", "arm", "end", xyz=(LENGTH, 0, 0))
-    else:
-        file.held("rest", "base", "arm")
-        file.held("hold", "arm", "end", xyz=(LENGTH, 0, 0))
-    ends = {"root": "base", "tip": "end"} if root == "wall" else {"root": "end", "tip": "base"}
+    ends = file.between_holds("base", LENGTH, loaded_at, root)
     file.module("beam", kind, "hold", values or SLENDER, **ends)
     robot = file.load(folder, "end")
     return robot, robot.pose_from_actuators([0.0, 0.0])

@@ -71,6 +71,16 @@ class RobotFile:
         self._actuated.append(name)
         return self.joint(name, "prismatic", parent, child, xyz, rpy, axis)
 
+    def between_holds(self, wall: str, length: float, loaded_at: str, root: str) -> dict[str, str]:
+        """Hold the links arm and end in a row along x, the arm's load passing one of two joints; return its ends.
+
+        A beam in the arm's place may be loaded through a joint at the wall or at its end, and be described from either.
+        """
+        first, second = ("hold", "rest") if loaded_at == "wall" else ("rest", "hold")
+        self.held(first, wall, "arm")
+        self.held(second, "arm", "end", xyz=(length, 0, 0))
+        return {"root": wall, "tip": "end"} if root == "wall" else {"root": "end", "tip": wall}
+
     def loop(self, name: str, first: str, second: str, free: str = "") -> None:
         self._extension.append(f'<loop name="{name}" frame1="{first}" frame2="{second}" free="{free}"/>')
 

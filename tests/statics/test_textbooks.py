@@ -50,14 +50,7 @@ def cantilever(loaded_at: str, root: str, mount=None) -> RobotFile:
     file.link("arm")
     file.link("end")
     file.frame("wall", "base", (0.1, 0.2, 0.3), (0.5, 0, 0))
-    if loaded_at == "wall":
-        file.held("hold", "wall", "arm")
-        file.held("rest", "arm", "end", xyz=(L, 0, 0))
-    else:
-        file.held("rest", "wall", "arm")
-        file.held("hold", "arm", "end", xyz=(L, 0, 0))
-    ends = {"root": "wall", "tip": "end"} if root == "wall" else {"root": "end", "tip": "wall"}
-    file.module("beam", "beam", "hold", ROUND, **ends)
+    file.module("beam", "beam", "hold", ROUND, **file.between_holds("wall", L, loaded_at, root))
     return file
 
 

@@ -41,13 +41,7 @@ def test_cantilever_however_it_is_described(tmp_path, loaded_at, root, named):
     file = RobotFile((0, 0, -G))
     file.link("arm", mass=3.0 if named else 0.0, centre=(0.2, 0, 0))  # replaced by the beam's own weight
     file.link("end")
-    if loaded_at == "wall":
-        file.held("hold", "base", "arm")
-        file.held("rest", "arm", "end", xyz=(L, 0, 0))
-    else:
-        file.held("rest", "base", "arm")
-        file.held("hold", "arm", "end", xyz=(L, 0, 0))
-    ends = {"root": "base", "tip": "end"} if root == "wall" else {"root": "end", "tip": "base"}
+    ends = file.between_holds("base", L, loaded_at, root)
     # The material turns with the arm; between the two joints it does not matter which end it is fixed to.
     places = {**ends, "body": "arm"} if named else {**ends, "anchor": "root"}
     file.module("beam", "beam", "hold", BEAM, **places)

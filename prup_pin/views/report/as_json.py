@@ -6,13 +6,11 @@ Every key is documented, in docs/command_line.md and docs/diagnosis.md.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ...errors import NotConvergedError, PrupPinError
+from ...files import plain
 from ...mechanism.tolerances import value_tolerances
 from ...review import number_remarks
 from ...robot import Robot
@@ -143,19 +141,6 @@ def _sensitivity(found: Sensitivity) -> dict[str, Any]:
 def dump(document: Mapping[str, Any]) -> str:
     """Return the document as text that any JSON reader takes."""
     return json.dumps(document, indent=2, allow_nan=False)
-
-
-def plain(value: Any) -> Any:
-    """Return lists, dicts and finite floats; what is not finite becomes None."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, float | np.floating):
-        return (float(value) + 0.0) if math.isfinite(value) else None
-    return value
 
 
 # -- a diagnosis -------------------------------------------------------------------------------------------------------

@@ -11,14 +11,14 @@ import numpy as np
 
 from ... import __version__
 from ...errors import MissingExtraError
-from ...files import check_folder_for, json_lines, text_of, write_folder
+from ...files import check_folder_for, json_lines, plain, text_of, write_folder
 from ...life.fleet import Fleet
 from ...life.life import Life
 from ...robot import Robot
 from ...sweep.table import write_table
 from ..drawing.life_figures import fleet_figure, life_figure
 from ..text import life_words
-from .as_json import dump, picked, plain
+from .as_json import dump, picked
 from .pages import page
 
 TOLERANCES = "tolerances.json"

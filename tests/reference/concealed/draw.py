@@ -478,6 +478,28 @@ def seal(out: Path, sealed: Path, name: str, about: Mapping[str, Any], truth: Ma
     (sealed / f"{name}.truth.json").write_text(json.dumps(truth, indent=1) + "\n")
 
 
+def write_records(
+    drawn: Mapping[str, Any],
+    out: Path,
+    sealed: Path,
+    robot_file: str,
+    actuated: Sequence[str],
+    named: Mapping[str, dict],
+) -> list[Path]:
+    """Write a table with its JSON for each of the `records` into `out`, and the answers into `sealed`.
+
+    named: by the names of the tables what the JSON of each says besides. Return the tables.
+    """
+    noise = {f"{key}_noise": value for key, value in drawn["noise"].items()}
+    about = {"robot": robot_file, **noise, "tolerances": drawn["tolerances"]}
+    paths = []
+    for record, (name, more) in zip(drawn["records"], named.items(), strict=True):
+        seal(out, sealed, name, {**about, **more}, drawn["truth"])
+        paths.append(out / f"{name}.csv")
+        write_csv(paths[-1], record, False, actuated)
+    return paths
+
+
 def drawing(doc: str, robots: Sequence[str] = ()) -> argparse.ArgumentParser:
     """The command line of those who draw devices: seeds, folders, and of some kinds the robot and what is wrong."""
     ap = argparse.ArgumentParser(description=doc.split("\n\n")[0])

@@ -71,15 +71,5 @@ def _of_base(name: str) -> bool:
 
 def write(drawn: dict[str, Any], out: Path, sealed: Path, robot_file: str) -> list[Path]:
     """Write a table with its JSON for each device into `out`, and the answers into `sealed`; return the tables."""
-    kind = KINDS[drawn["robot"]]
-    about = {
-        "robot": robot_file,
-        **{f"{key}_noise": value for key, value in drawn["noise"].items()},
-        "tolerances": drawn["tolerances"],
-    }
-    paths = []
-    for place, record in enumerate(drawn["records"], 1):
-        draw.seal(out, sealed, f"device{place:02}", about, drawn["truth"])
-        paths.append(out / f"device{place:02}.csv")
-        draw.write_csv(paths[-1], record, False, kind.actuated)
-    return paths
+    named = {f"device{place:02}": {} for place, _ in enumerate(drawn["records"], 1)}
+    return draw.write_records(drawn, out, sealed, robot_file, KINDS[drawn["robot"]].actuated, named)

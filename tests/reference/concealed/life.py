@@ -126,15 +126,5 @@ def _worn(rng, days) -> tuple[int, list[float]]:
 
 def write(drawn: dict[str, Any], out: Path, sealed: Path, robot_file: str) -> list[Path]:
     """Write 01.csv, 02.csv, … each with its JSON into `out`, and the answers into `sealed`; return the tables."""
-    kind = KINDS[drawn["robot"]]
-    about = {
-        "robot": robot_file,
-        **{f"{key}_noise": value for key, value in drawn["noise"].items()},
-        "tolerances": drawn["tolerances"],
-    }
-    paths = []
-    for k, (record, day) in enumerate(zip(drawn["records"], drawn["dates"], strict=True), 1):
-        draw.seal(out, sealed, f"{k:02}", {**about, "date": day}, drawn["truth"])
-        draw.write_csv(out / f"{k:02}.csv", record, False, kind.actuated)
-        paths.append(out / f"{k:02}.csv")
-    return paths
+    named = {f"{k:02}": {"date": day} for k, day in enumerate(drawn["dates"], 1)}
+    return draw.write_records(drawn, out, sealed, robot_file, KINDS[drawn["robot"]].actuated, named)
