@@ -99,6 +99,7 @@ def within_tolerances(problem: Problem, toleranced: Toleranced, library: Sequenc
     light = problem.within(toleranced, (), reach)
     ways = [light.beside(effects) for effects in weights]
     shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else -PARAMETER_COST
+    freed = None
     if not ways:
         chosen = _begun([light])[0]
     elif rigid:
@@ -113,7 +114,8 @@ def within_tolerances(problem: Problem, toleranced: Toleranced, library: Sequenc
         costs = [fit.chi2 + (shows if each.acting else 0.0) for each, fit in judged]
         best = judged[int(np.argmin(costs))][0].acting
         chosen = next(way for way in within if way[0].acting == best)
-    return chosen[0].beginning(_settled(*chosen))
+        freed = None if judged is within else next(fit for each, fit in judged if each.acting == best)
+    return chosen[0].beginning(_settled(*chosen), freed)
 
 
 #: A problem in which weight acts in one way or not at all, and how far its calibration has come.

@@ -89,13 +89,14 @@ class TolerancePrior:
     """Parameters with a prior, and `effects`, the weight, that act beside any law.
 
     reach: by how many tolerances one may be off while laws are looked for, for all or (p,). start: the calibration at
-    which all fits begin, None at the robot file.
+    which all fits begin, None at the robot file; freed: the same where they may be off by any amount, if that is known.
     """
 
     toleranced: Toleranced
     effects: tuple[Effect, ...] = ()
     reach: float | Array = np.inf
     start: Fit | None = None
+    freed: Fit | None = None
 
     def at(self, x: Array, changed: Sequence[Effect] = ()) -> list[Effect]:
         """Return what acts before any law, the parameters at x (p,); changed: effects found before, as they are."""
@@ -178,7 +179,7 @@ class Problem:
 
     def as_open_as(self, other: Problem) -> Problem:
         """Return the same problem with what may be off in another one, and acts there; nothing is calibrated yet."""
-        return replace(self, tolerances=replace(other.prior, start=None))
+        return replace(self, tolerances=replace(other.prior, start=None, freed=None))
 
     def beside(self, effects: Sequence[Effect]) -> Problem:
         """Return the same problem with other effects that act whatever else does."""
@@ -188,9 +189,9 @@ class Problem:
         """Return the same problem with parameters that may be off by as many tolerances."""
         return replace(self, tolerances=replace(self.prior, reach=reach))
 
-    def beginning(self, start: Fit) -> Problem:
-        """Return the same problem with fits that begin at a calibration."""
-        return replace(self, tolerances=replace(self.prior, start=start))
+    def beginning(self, start: Fit, freed: Fit | None = None) -> Problem:
+        """Return the same problem with fits that begin at a calibration; freed: as the prior says."""
+        return replace(self, tolerances=replace(self.prior, start=start, freed=freed))
 
     # -- residuals -----------------------------------------------------------------------------------------------------
 

@@ -87,7 +87,8 @@ class Search:
         """Return a fit with its toleranced parameters as far off as they would go."""
         if not self.problem.is_held_back(fit):
             return fit
-        free = self.refine(fit.terms, fit, reach=np.inf)
+        begin = fit if fit.terms else self.problem.prior.freed or fit
+        free = self.refine(fit.terms, begin, reach=np.inf)
         return free if free.chi2 < fit.chi2 else fit
 
 
