@@ -375,18 +375,20 @@ class SimulatedTest:
 
     def simulated(self, pair: Pair) -> Array:
         """Return the same by the whole simulation; zero where either has no answer."""
-        difference = self._measured.residual(self._run(*pair.other(self.last)))[self.fit.samples]
+        difference = self._measured.residual(self._run(*pair.other(self.last), self._truth))[self.fit.samples]
         return self.problem.whitened(self.fit.influence, np.where(self.bench.measured, difference, 0.0))
 
     @cached_property
     def _measured(self) -> Stack:
         """What would be measured where the last fit is the truth."""
-        run = self._run(self.last.terms, self.last.x)
-        return Stack(tuple(PoseChannel.of_run(run, frame) for frame in self.bench.frames))
+        return Stack(tuple(PoseChannel.of_run(self._truth, frame) for frame in self.bench.frames))
 
-    def _run(self, terms: Sequence[Term], x: Array) -> Run:
-        setup = self.problem.setup([term.effect for term in terms], x)
-        return self.problem.simulator.run_setup(setup, self.fit.run)
+    @cached_property
+    def _truth(self) -> Run:
+        return self._run(self.last.terms, self.last.x, self.fit.run)
+
+    def _run(self, terms: Sequence[Term], x: Array, start: Run) -> Run:
+        return self.problem.simulator.run_setup(self.problem.setup([term.effect for term in terms], x), start)
 
     def free(self, pair: Pair) -> Array:
         """Return the whitened changes (n, K, p) per parameter of the rival and of all others, as in `information`."""
