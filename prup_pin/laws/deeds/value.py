@@ -54,7 +54,7 @@ class ChangedValue(Deed):
 def _changed(setup: Setup, old: Mapping[str, float]) -> dict[str, dict[str, float]]:
     """Return the values that differ from `old` ones, by module and quantity: in an order that no process decides."""
     found: dict[str, dict[str, float]] = {}
-    for name in sorted(name for name in {**setup.values, **old} if setup.values.get(name) != old.get(name)):
+    for name in sorted({name for name, _ in setup.values.items() ^ old.items()}):
         module, _, quantity = name.rpartition(".")
         drawn = setup.mechanism.module(module).values[quantity]
         found.setdefault(module, {})[quantity] = setup.values.get(name, drawn)
