@@ -19,8 +19,9 @@ import numpy as np
 
 from ..spatial import Array
 from .candidates import Candidate
-from .chances import WITHIN_95
+from .chances import WITHIN_95, chi2_isf
 from .criteria import (
+    FALSE_ALARM,
     FAR_LESS,
     GAIN,
     INDISTINCT,
@@ -272,8 +273,8 @@ def screen(
 ) -> list[Rival]:
     """Return all candidates fitted on top of a fit's terms and together with them, to first order, best first.
 
-    Those that cannot remove what the best one does are left out, and those that remove half as much are fitted from
-    each of their starts: no step leads from a joint that only sticks to one that slides.
+    Those that cannot remove what the best one does are left out, and those that remove half as much, and more than
+    chance might, are fitted from each of their starts: no step leads from a joint that only sticks to one that slides.
     """
     rivals = []
     present = fit.names
@@ -281,16 +282,17 @@ def screen(
     remainder = Remainder(problem, fit, fit.terms, nuisance)
     bound = Bound(problem, fit, problem.target(fit), nuisance)
     best = nothing = float(remainder.bare @ remainder.bare)
+    chance = chi2_isf(FALSE_ALARM / max(len(library), 1), 1)
     for index, candidate in enumerate(sorted(library, key=bound)):
         tell(index / len(library))
         if candidate.name in present or bound(candidate) > best:
             continue
-        promising = nothing - MOST * (nothing - best)
+        promising = nothing - MOST * max(nothing - best, chance)
         chi2, term, change = FirstOrderFit(remainder, candidate).best(promising=promising)
         rivals.append(Rival(term, chi2, change))
         best = min(best, chi2)
     rivals.sort(key=lambda rival: rival.score)
-    near = nothing - MOST * (nothing - best)
+    near = nothing - MOST * max(nothing - best, chance)
     for place, rival in enumerate(rivals[:TRIED]):
         candidate = rival.term.candidate
         if rival.chi2 <= near and len(candidate.scan()) > 1:
