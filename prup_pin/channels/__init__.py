@@ -10,16 +10,3 @@ from .noise import Noise
 from .pose import PoseChannel
 from .stack import Stack, channels_of, whitening
 from .stations import Placing, Stations
-
-__all__ = [
-    "Channel",
-    "Columns",
-    "Linear",
-    "Noise",
-    "Placing",
-    "PoseChannel",
-    "Stack",
-    "Stations",
-    "channels_of",
-    "whitening",
-]

@@ -13,26 +13,3 @@ from .motion import Motion, is_standing, motion_of
 from .saturation import at_limit
 from .smoothing import Band, LowPass, bandwidth
 from .travel import Path
-
-__all__ = [
-    "INERTIAL",
-    "Band",
-    "BodyMotion",
-    "EvenClock",
-    "Explained",
-    "InMotion",
-    "InverseDynamics",
-    "LowPass",
-    "Motion",
-    "Path",
-    "Trajectory",
-    "at_limit",
-    "bandwidth",
-    "body_motion",
-    "could_be_gravity",
-    "even_clock",
-    "in_frame",
-    "is_standing",
-    "motion_of",
-    "point_mass",
-]

@@ -15,30 +15,4 @@ from .prediction import Agreement, Prediction, compare, idle_effects, inputs_of,
 from .simulator import Memory, Run, Simulator
 from .stations import seen_from_stations
 
-__all__ = [
-    "Agreement",
-    "AsRecorded",
-    "CorrectedModel",
-    "Known",
-    "Memory",
-    "Posterior",
-    "PosteriorValue",
-    "Prediction",
-    "Run",
-    "Simulator",
-    "as_recorded",
-    "compare",
-    "drawn_for",
-    "effect_named",
-    "foreign_joints",
-    "idle_effects",
-    "in_format",
-    "inputs_of",
-    "misspelt_joints",
-    "read_model",
-    "seen_from_stations",
-    "simulate",
-    "trajectory_of",
-    "unnamed_positions",
-    "write_model",
-]
+__all__ = ["CorrectedModel"]

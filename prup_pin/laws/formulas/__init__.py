@@ -6,19 +6,3 @@ from .known import KNOWN
 from .shapes import SHAPES
 from .strain_formula import ModuleFormula, StrainFormula
 from .written import law_file, word_of
-
-__all__ = [
-    "KNOWN",
-    "SHAPES",
-    "Factor",
-    "Formula",
-    "JointFormula",
-    "ModuleFormula",
-    "Remainder",
-    "StrainFormula",
-    "Term",
-    "law_file",
-    "library",
-    "tried",
-    "word_of",
-]
