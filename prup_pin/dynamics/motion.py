@@ -102,6 +102,11 @@ class Motion:
         return len(self.time)
 
     @property
+    def elapsed(self) -> Array:
+        """Time since the recording began (N,) [s], over runs whose clocks start again too."""
+        return np.cumsum(np.maximum(np.diff(self.time, prepend=self.time[:1]), 0.0))
+
+    @property
     def standing(self) -> bool:
         """Whether the rows are postures in which the joints stand."""
         return self.separate and not self.speed.any() and not self.acceleration.any()

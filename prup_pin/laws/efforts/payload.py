@@ -162,7 +162,7 @@ class HeldMeanwhile(HeldBody):
         alone = max(((first, end) for first in coarse[1:-1]), key=lambda ends: saved(*ends), default=None)
         stretch = max(combinations(coarse[:-1], 2), key=lambda ends: saved(*ends), default=None)
         found = [self._settled(ends, saved, end) for ends in (alone, stretch) if ends is not None]
-        elapsed = np.append(at.motion.time[rows] - at.motion.time.min(), _NEVER)
+        elapsed = np.append(at.motion.elapsed[rows], _NEVER)
         return [{"moment": float(elapsed[first]), "until": float(elapsed[last])} for first, last in found]
 
     def _settled(self, ends: tuple[int, int], saved: Callable[[int, int], float], last: int) -> tuple[int, int]:
@@ -178,7 +178,7 @@ class HeldMeanwhile(HeldBody):
         return ends
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        elapsed = at.motion.time - at.motion.time.min()
+        elapsed = at.motion.elapsed
         held = (elapsed >= values["moment"]) & (elapsed < values["until"])
         return np.where(held[:, None, None], super().efforts_per(place, values, at), 0.0)
 
