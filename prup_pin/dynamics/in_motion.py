@@ -246,7 +246,7 @@ class InMotion:
             return []
         numbers = step * np.arange(round(fewest / step), round(most / step))
         # sums over narrow bins of the travel, followed by zeros so that a transform's lines are `step` apart
-        sums = np.bincount(self._bins(joint), self.effort_of(joint, self.left), _BINS)
+        sums = np.bincount(self._bins(joint, _BINS), self.effort_of(joint, self.left), _BINS)
         lines = np.abs(np.fft.rfft(sums, round(_BINS / step)))
         power = lines[round(fewest / step) : round(most / step)]
         found: list[float] = []
@@ -257,26 +257,28 @@ class InMotion:
                 break
         return found
 
-    def left_by_position(self, joint: str) -> tuple[Array, Array, Array]:
-        """Return positions (b,) within a joint's travel, the mean of what is left of its effort there times a weight
-        (b,), and the weights (b,), the roots of how many samples are there; empty where nothing is known to be left.
+    def left_by_position(self, joint: str, count: int) -> tuple[Array, Array, Array]:
+        """Return positions in the bins (b,) of a joint's travel that it passes, of `count`; the mean of what is left of
+        its effort there times a weight (b,), and the weights (b,), the roots of how many samples are there.
+
+        Empty where nothing is known to be left.
         """
         if self.left is None or joint not in self.driven or not np.ptp(self.position(joint)) > 0:
             return np.zeros(0), np.zeros(0), np.zeros(0)
-        bins = self._bins(joint)
-        counts = np.bincount(bins, minlength=_BINS)
+        bins = self._bins(joint, count)
+        counts = np.bincount(bins, minlength=count)
         there = counts > 0
         positions, sums = (
-            np.bincount(bins, values, _BINS)[there]
+            np.bincount(bins, values, count)[there]
             for values in (self.position(joint), self.effort_of(joint, self.left))
         )
         root = np.sqrt(counts[there])
         return positions / root**2, sums / root, root
 
-    def _bins(self, joint: str) -> np.ndarray:
-        """Return the narrow bin (N,) of a joint's travel in which it is at each sample."""
+    def _bins(self, joint: str, count: int) -> np.ndarray:
+        """Return the bin (N,) of a joint's travel, of so many, in which it is at each sample."""
         position = self.position(joint)
-        return np.rint((position - position.min()) / np.ptp(position) * (_BINS - 1)).astype(int)
+        return np.rint((position - position.min()) / np.ptp(position) * (count - 1)).astype(int)
 
     def later(self, values: Array, delay: float) -> Array:
         """Return by how much values (N, ...) of `delay` [s] ago differ from those of now."""

@@ -294,4 +294,8 @@ def somewhere(law: EffortLaw, at: InMotion, preferred: Sequence[str] = ()) -> tu
     places = [place for place in law.places(at.mechanism) if law.acts(place, at)]
     require(places, f"{title(law)} has no place on '{at.mechanism.name}' that a motion of all joints shows.")
     place = next((place for place in places if place.name in preferred), places[0])
-    return place, dict(law.scanned(place, at)[0])
+    usual = {
+        q.name: float(q.default) for q in law.quantities_at(place, at.mechanism) if isinstance(q.default, int | float)
+    }
+    scanned = [*law.scanned(place, at), law.scanned_of(usual)]
+    return place, dict(scanned[0])

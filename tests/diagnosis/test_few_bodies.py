@@ -12,6 +12,7 @@ from prup_pin.diagnosis.efforts.prepare import PreparedEfforts
 from prup_pin.diagnosis.efforts.problem import fit
 from prup_pin.diagnosis.efforts.search import without_needless_kinds
 from prup_pin.dynamics import InMotion, motion_of
+from prup_pin.laws import Place
 from prup_pin.laws.efforts import Body
 from prup_pin.laws.efforts.counterbalance import Counterbalance, CounterbalanceStrut
 from prup_pin.recordings import Recording
@@ -107,6 +108,19 @@ def test_a_cylinder_between_two_links_is_told_with_its_dead_centre(at):
     assert values["dead_centre"] == pytest.approx(-2.0, abs=0.02)
     assert values["slenderness"] == pytest.approx(0.8, abs=0.05)
     assert x == pytest.approx([-260, 500], rel=0.1)
+
+
+def test_a_spring_that_hardens_is_no_cylinder(at):
+    """A spring that is slack where two links are in line has much the shape of a cubic one, which is unknown."""
+    law, q = CounterbalanceStrut(), at.position(SHOULDER)
+    noise, place = 0.1 * np.random.default_rng(7).normal(size=len(at)), Place(SHOULDER, CounterbalanceStrut.variant)
+    length = np.sqrt(1.0 - 0.8 * np.cos(q + 2.0))
+
+    def found(effort):
+        return law.scanned(place, at.knowing(np.zeros_like(at.rigid), at.along(SHOULDER, effort + noise)))
+
+    assert found(np.sin(q + 2.0) * (500.0 - 260.0 / length))
+    assert not found(5.0 * (q + 1.0) ** 3)
 
 
 def test_links_that_are_heavier_are_no_counterbalance(at):

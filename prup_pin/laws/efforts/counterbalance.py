@@ -16,7 +16,10 @@ from .effort_law import EFFORT, DrivenEffortLaw, columns_along
 
 #: Dead centres and slendernesses of a strut that are looked for.
 _DEAD_CENTRES = np.pi / 12 * np.arange(-11, 13)
-_SLENDERNESSES = (0.5, 0.8, 0.95)
+_SLENDERNESSES, _SLIMMEST = (0.5, 0.8, 0.95), 0.99
+#: Stretches of the travel in which what is left is taken together; the fewest that tell a shape; and how many variances
+#: of one of them a strut must leave less than a cubic curve.
+_STRETCHES, _FEWEST, _CLEARLY = 256, 16, 4.0
 
 
 class Counterbalance(DrivenEffortLaw):
@@ -78,7 +81,7 @@ class CounterbalanceStrut(DrivenEffortLaw):
         Quantity("force", "N m", "moment by the part of its force that is the same at any length", 1.0, False, -1e6),
         Quantity("spring", "N m", "moment by the part of its force that grows with its length", 1.0, False, -1e6),
         Quantity("dead_centre", "rad", "angle at which it is in line with the joint", 0.0, False, -10.0, 10.0),
-        Quantity("slenderness", "1", "2 a b / (a^2 + b^2) of its ends' distances from the axis", 0.5, upper=0.999),
+        Quantity("slenderness", "1", "2 a b / (a^2 + b^2) of its ends' distances from the axis", 0.5, upper=_SLIMMEST),
     )
 
     def places(self, mechanism: Mechanism):
@@ -88,21 +91,32 @@ class CounterbalanceStrut(DrivenEffortLaw):
         return [("counterbalance", place.name)]
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        """Return by slenderness the dead centre that what is left by the joint's angle asks for, but for an offset."""
-        angle, left, root = at.left_by_position(place.name)
-        if not len(angle):
+        """Return the dead centre and slenderness that what is left by the joint's angle asks for, but for an offset;
+        none where a cubic curve does as well: its shape alone tells it.
+        """
+        from scipy.optimize import minimize  # heavy; not needed to load a robot
+        from scipy.special import expit, logit
+
+        angle, left, root = at.left_by_position(place.name, _STRETCHES)
+        if len(angle) < _FEWEST:
             return []
 
-        def unexplained(centre: float, slenderness: float) -> float:
-            shapes = np.ones_like(angle), _lever(angle - centre, slenderness), np.sin(angle - centre)
-            columns = root[:, None] * np.stack(shapes, axis=-1)
+        def unexplained(shapes: Array) -> float:
+            columns = root[:, None] * shapes
             return float(np.sum((left - columns @ np.linalg.lstsq(columns, left, rcond=None)[0]) ** 2))
 
-        centres = [min(_DEAD_CENTRES, key=lambda d: unexplained(d, slenderness)) for slenderness in _SLENDERNESSES]
-        return [
-            {"dead_centre": float(centre), "slenderness": slenderness}
-            for centre, slenderness in zip(centres, _SLENDERNESSES, strict=True)
-        ]
+        def by_strut(values: Sequence[float]) -> float:
+            own, slenderness = angle - values[0], _SLIMMEST * float(expit(values[1]))
+            return unexplained(np.stack([np.ones_like(own), _lever(own, slenderness), np.sin(own)], axis=-1))
+
+        odds = [float(logit(slenderness / _SLIMMEST)) for slenderness in _SLENDERNESSES]
+        found = [min(((float(centre), each) for centre in _DEAD_CENTRES), key=by_strut) for each in odds]
+        best = minimize(by_strut, min(found, key=by_strut), method="Nelder-Mead").fun
+        cubic = unexplained(np.vander(angle - angle.mean(), 4))
+        if cubic - best < _CLEARLY * best / len(angle):
+            return []
+        pairs = zip(found, _SLENDERNESSES, strict=True)
+        return [{"dead_centre": centre, "slenderness": slenderness} for (centre, _), slenderness in pairs]
 
     def free(self, values: Mapping[str, float]) -> tuple[str, ...]:
         return self.settled
