@@ -48,10 +48,10 @@ class WarmingUp(MovingEffortLaw):
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         begun, lasting = float(at.motion.time.min()), float(np.ptp(at.motion.time))
-        return [{"time": max(share * lasting, 2 * _SOONEST), "start": begun} for share in _SHARES]
+        return [{"time": share * lasting, "start": begun} for share in _SHARES if share * lasting > _SOONEST]
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
-        longest, kept = max(float(np.ptp(at.motion.time)), 2 * _SOONEST), self.scanned_of(values)
+        longest, kept = max(float(np.ptp(at.motion.time)), _SOONEST), self.scanned_of(values)
         return [{**kept, "time": float(np.clip(values["time"] * factor, _SOONEST, longest))} for factor in _FACTORS]
 
     def plausible(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> bool:
