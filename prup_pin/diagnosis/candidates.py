@@ -8,12 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ..laws import Effect, Inputs, Law, Place, Sharing, laws_of
+from ..laws import LEAST_WARMING, Effect, Inputs, Law, Place, Sharing, laws_of
 from ..laws.deeds import Deed, Felt, YieldingBase, YieldingJoint
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
-from .criteria import BEYOND, LEAST_WARMING, TAIL, USUAL_MULTIPLE, WIDEST_LOGARITHM
+from .criteria import BEYOND, TAIL, USUAL_MULTIPLE, WIDEST_LOGARITHM
 from .influence import Influence
 
 #: Decades from a usual load to one that others do not come near.

@@ -202,8 +202,6 @@ FEWEST_NUMBERS: Final = 2 * FEWEST_IN_BLOCK
 #: What a good sensor has, where nothing is declared and nothing repeats [m, rad].
 USUAL_POSITION_NOISE: Final = 1e-6
 USUAL_ROTATION_NOISE: Final = 5e-6
-#: Below this change of temperature growth hides in the noise of a thermometer [K].
-LEAST_WARMING: Final = 0.2
 #: Noise that every bench is better than, six columns [m, rad]: weights of positions against rotations.
 COARSE: Final = (*3 * (USUAL_POSITION_NOISE / LITTLE,), *3 * (USUAL_ROTATION_NOISE / LITTLE,))
 #: Runs without which it is not asked whether the pose sensor stands elsewhere in each, unless that is declared; drives

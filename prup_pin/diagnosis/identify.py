@@ -20,7 +20,7 @@ import numpy as np
 
 from ..channels import PoseChannel, Stack
 from ..errors import PrupPinError
-from ..laws import LAWS, Inputs
+from ..laws import LAWS, LEAST_WARMING, Inputs
 from ..mechanism import Frame
 from ..robot import Robot
 from ..simulation import Run
@@ -34,7 +34,6 @@ from .criteria import (
     ITERATIONS,
     LEAST_FORCE,
     LEAST_MOMENT,
-    LEAST_WARMING,
     LEAST_WIDER,
     MOST_PARAMETERS_TOLD,
     WIDER,

@@ -22,7 +22,7 @@ from .guide_play import GuidePlay
 from .hardening import Hardening, TwoStages
 from .hertzian_contact import HertzianContact
 from .in_recording import in_groups, lasting
-from .inputs import Inputs, Trajectory
+from .inputs import LEAST_WARMING, Inputs, Trajectory
 from .joint_compliance import EveryJointCompliance, JointCompliance, UnevenJointCompliance
 from .joint_places import JointDirection, JointPosition, LoopEndPosition, SeatPosition
 from .law import Effect, Law, Place, Sharing, defects
@@ -151,6 +151,7 @@ LAWS: Library[Law] = Library(_OWN, lambda: [found for found in brought_laws() if
 
 __all__ = [
     "LAWS",
+    "LEAST_WARMING",
     "MOVABLE",
     "Effect",
     "Everywhere",

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 _FEWEST, _RESOLVED = 8, 0.1
 
 
+#: A change of temperature that is smaller hides in the noise of a thermometer [K].
+LEAST_WARMING = 0.2
+
+
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """Where actuators were at any time of a recorded motion: a cubic spline of their positions for each run."""

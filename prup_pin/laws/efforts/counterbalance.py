@@ -55,7 +55,7 @@ class Counterbalance(DrivenEffortLaw):
         return f"a counterbalance acts on {place.name}, with up to {number(size, 3)} N m as the joint turns"
 
 
-class CounterbalanceStrut(DrivenEffortLaw):
+class CounterbalanceStrut(Counterbalance):
     """tau = sin(q - d) (p / sqrt(1 - e cos(q - d)) + s): a cylinder or spring between two points of two links.
 
     With its ends a and b from the joint's axis its length is L^2 = a^2 + b^2 - 2 a b cos(q - d), and at q = d, a dead
@@ -63,19 +63,14 @@ class CounterbalanceStrut(DrivenEffortLaw):
     dL/dq; e = 2 a b / (a^2 + b^2).
     """
 
-    physics = "counterbalance"
     summary = "a gas cylinder, hydraulic cylinder or spring between two points of two links"
     called = "gas spring, balancer, strut"
-    remedy = Counterbalance.remedy
-    family = "counterbalance"
     variant = f"{EFFORT} of a strut"
     linear = ("force", "spring")
-    against = "position"
     settled = ("dead_centre", "slenderness")
     of_what_is_left = True
     by_shape = True
     told_by_values = True
-    within_travel = True
     looked_at = float(len(_DEAD_CENTRES))
     quantities = (
         Quantity("force", "N m", "moment by the part of its force that is the same at any length", 1.0, False, -1e6),
@@ -83,9 +78,6 @@ class CounterbalanceStrut(DrivenEffortLaw):
         Quantity("dead_centre", "rad", "angle at which it is in line with the joint", 0.0, False, -10.0, 10.0),
         Quantity("slenderness", "1", "2 a b / (a^2 + b^2) of its ends' distances from the axis", 0.5, upper=_SLIMMEST),
     )
-
-    def places(self, mechanism: Mechanism):
-        return [place for place in super().places(mechanism) if mechanism.joint(place.name).turns]
 
     def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
         return [("counterbalance", place.name)]

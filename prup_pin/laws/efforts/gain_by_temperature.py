@@ -11,10 +11,10 @@ from ...mechanism import Mechanism
 from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
+from ..inputs import LEAST_WARMING
 from ..law import Place
 from .delay import of_all_drives
 from .effort_law import EFFORT, EffortLaw, columns_along, driven_places
-from .warming_up import LEAST_WARMING
 
 
 class GainByTemperature(EffortLaw):

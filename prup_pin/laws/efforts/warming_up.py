@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
@@ -12,20 +13,17 @@ from ...mechanism import JointDynamics, Mechanism
 from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
+from ..inputs import LEAST_WARMING
 from ..law import Place
 from .effort_law import EFFORT, PRESLIDING, DryFriction, MovingEffortLaw, columns_along, usual_way
 
 #: Shares of a recording, or of its range of temperatures, in which a gear warms up.
 _SHARES = (0.15, 0.4, 1.0)
 _FACTORS = (0.3, 0.6, 0.8, 1.25, 1.6, 3.0)
-#: A temperature that changes by less is none [K].
-LEAST_WARMING = 0.2
 #: No gear warms up sooner [s].
 _SOONEST = 5.0
 _TIME = Quantity("time", "s", "in which that falls to 37 %", 10.0, lower=_SOONEST, upper=1e6)
 _START = Quantity("start", "s", "when the recording that told it begins", 0.0, False, -1e12, 1e12)
-
-
 _KELVIN = Quantity("kelvin", "K", "in which that falls to 37 %", 20.0, upper=1e4)
 _REFERENCE = Quantity("reference", "°C", "temperature at the start of the recording", 20.0, False, -300.0, 1e4)
 
@@ -38,9 +36,9 @@ class WarmingUp(MovingEffortLaw):
     #: What its first parameter is, as a statement says it.
     verb: ClassVar[str]
 
+    @abstractmethod
     def rubs(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         """Return the effort (N,) of a warm gear per unit of its first parameter."""
-        raise NotImplementedError
 
     def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
         # a little more when slow is a little more at the start, where that was slow

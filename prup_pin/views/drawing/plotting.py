@@ -4,8 +4,6 @@ The only place that imports matplotlib: objects only, never pyplot's global stat
 anywhere, without a display.
 """
 
-# ruff: noqa: F401 - the other files take what they draw with from here
-
 from collections.abc import Sequence
 from io import BytesIO
 from typing import Any, Literal
@@ -23,6 +21,18 @@ from matplotlib.transforms import Bbox
 
 from ...spatial import Array
 from ..scene.colours import PALE
+
+__all__ = [
+    "Bbox",
+    "Figure",
+    "FigureCanvasAgg",
+    "Line2D",
+    "LineCollection",
+    "ListedColormap",
+    "MaxNLocator",
+    "Patch",
+    "PolyCollection",
+]
 
 #: Decorates what makes a figure: dollar signs in names are signs, not mathematics.
 plain_words = rc_context({"text.parse_math": False})
