@@ -349,8 +349,9 @@ def _without_kinds(
 
 def _are_few(data: SensorEquations, fit: VarianceEstimate, seen: _VarianceProblem) -> bool:
     """Return True where a few laws at single places explain as much as whole kinds do: then these are named."""
-    places, stands, floors = seen.parameters.places, seen.stands, seen.floors
-    labels = stands.copy()
+    stands, floors = seen.stands, seen.floors
+    own = zip(seen.parameters.places, seen.parameters.kinds, strict=True)
+    places, labels = np.array([f"{kind} at {place}" for place, kind in own], object), stands.copy()
     chosen: list[str] = []
     now = estimated(data, np.where(stands != "", 1.0, floors), fit.noise, labels, floors, seen.least)
     most = chi2_isf(FALSE_ALARM, 1)
