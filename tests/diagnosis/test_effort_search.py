@@ -79,6 +79,25 @@ def test_one_term_less_is_what_a_fit_without_it_leaves(start):
         assert left == pytest.approx(CrossValidation(model.without(term)).squares, rel=1e-6)
 
 
+def test_friction_that_was_held_at_nothing_is_free_beside_what_hid_it_and_held_again_without():
+    """One way only, an offset hides friction: alone that would be negative."""
+    time = np.arange(3000) * 0.004
+    v = 0.02 + 0.01 * np.cos(2.9 * time)
+    q = np.cumsum(v) * 0.004 - 0.12
+    tau = -95 * 0.029 * np.sin(2.9 * time) + 400 * v - 30 + np.random.default_rng(1).normal(size=len(time))
+    recording, mechanism = (
+        Recording(time=time, positions={"carriage": q}, efforts={"carriage": tau}),
+        load(AXIS).mechanism,
+    )
+    start = PreparedEfforts(InMotion.of(mechanism, motion_of(recording, mechanism)), {}).start()
+    friction, offset = named(start, "viscous_friction"), named(start, "effort_offset")
+    both = start.with_term(friction, offset)
+    alone = CrossValidation(start.with_term(friction))
+    assert all(friction.where.start in fold.held for fold in alone.folds)
+    assert alone.with_each([offset])[0] == pytest.approx(CrossValidation(both).squares, rel=1e-5)
+    assert CrossValidation(both).without_each([offset])[0] == pytest.approx(alone.squares, rel=1e-6)
+
+
 def test_the_threshold_is_the_quantile_of_the_best_candidate_of_each_flip(start):
     of = savings(start.with_term(named(start, "viscous_friction")))
     ranked, limit = scores(of)

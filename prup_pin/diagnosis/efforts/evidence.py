@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -21,14 +22,21 @@ from ..evidence import sign_flipped
 from ..normal_equations import NormalEquations, column_scales, identifiable
 from .problem import EffortCandidate, EffortModel, block_squares, fit
 
+_NO_COLUMNS = np.zeros(0, int)
+
 
 @dataclass(frozen=True, eq=False)
 class _Fold:
-    """The fit without the blocks of a fold: coefficients x (p,) of the columns `where` (p,) that are not zero."""
+    """The fit without the blocks of a fold: coefficients x (p,) of the columns `where` (p,) that are not zero.
+
+    held (h,): columns that cannot be negative and are held at zero; pull (h,): by how much each would go beyond.
+    """
 
     number: int
     where: np.ndarray
+    held: np.ndarray
     x: Array
+    pull: Array
     factor: tuple[Array, bool]
     scale: Array
 
@@ -37,6 +45,20 @@ class _Fold:
         if not len(self.where):
             return right
         return self.scale[:, None] * cho_solve(self.factor, self.scale[:, None] * right)
+
+
+class _Beside(NamedTuple):
+    """Columns (m,) beside a fold's fit, which is projected out of them.
+
+    across (p, m): what the fit's coefficients give way by; rest (m, m): the products left of them; gradient (m,): with
+    the residual; whole (m,): their squares before; pulled (h, m): the products with what is held at zero.
+    """
+
+    across: Array
+    rest: Array
+    gradient: Array
+    whole: Array
+    pulled: Array
 
 
 class CrossValidation:
@@ -50,17 +72,14 @@ class CrossValidation:
         self.model, self.problem = model, model.problem
         columns = self.problem.columns
         self._total, self._moment = columns.total, columns.moment.sum(axis=0)
-        where, bounded = np.array(model.where, int), model.one_sided
-        whole = self._total[where[:, None], where] + self.problem.precision(where)
-        self.folds: list[_Fold] = []
+        self._squares = float((columns.target**2).sum())
+        where = np.array(model.where, int)
+        self._bounded = np.zeros(columns.size, bool)
+        self._bounded[where] = model.one_sided
+        folds = range(len(columns.folds))
+        self.folds = [self._settled(self._fold(number, where, _NO_COLUMNS))[0] for number in folds]
         self.residual = np.empty_like(columns.target)
-        for number, rows in enumerate(columns.rows):
-            matrix, kept = whole - columns.folded[number, where[:, None], where], np.arange(len(where))
-            fold = self._solved(number, where, matrix)
-            while (negative := bounded[kept] & (fold.x < 0)).any():
-                kept = kept[~negative]
-                fold = self._solved(number, where[kept], matrix[kept[:, None], kept])
-            self.folds.append(fold)
+        for fold, rows in zip(self.folds, columns.rows, strict=True):
             self.residual[rows] = columns.residual(fold.where, fold.x, rows)
         squares = columns.by_block(self.residual**2)
         self.squares, self.by_joint = squares.sum(axis=1), squares.sum(axis=0)
@@ -71,24 +90,23 @@ class CrossValidation:
 
     def with_each(self, candidates: Sequence[EffortCandidate]) -> Array:
         """Return the held-out squares with one candidate more, (candidates, B)."""
-        columns, prior = self.problem.columns, self.problem.prior
+        columns = self.problem.columns
         out = np.tile(self.squares, (len(candidates), 1))
         if not candidates:
             return out
         new = np.unique(np.concatenate([np.arange(c.where.start, c.where.stop) for c in candidates]))
         at = [np.searchsorted(new, np.arange(c.where.start, c.where.stop)) for c in candidates]
-        precision = self.problem.precision(new)
         for fold in self.folds:
-            cross = self._others(fold.number, new, fold.where)
-            across = fold.solve(cross.T)
-            own = self._others(fold.number, new, new) + precision
-            whole, rest = np.diag(self._total)[new] + prior[new], own - cross @ across
-            gradient = self._moments(fold.number, new) - cross @ fold.x
-            steps = np.zeros((columns.size, len(candidates)))
+            steps, beside = np.zeros((columns.size, len(candidates))), self._beside(fold, new)
             for index, (candidate, mine) in enumerate(zip(candidates, at, strict=True)):
-                x = _least(rest[np.ix_(mine, mine)], gradient[mine], whole[mine], candidate.law.one_sided)
+                one_sided = candidate.law.one_sided
+                now, x = fold, self._least(beside, mine, one_sided)
+                kept = fold.x - beside.across[:, mine] @ x
+                if len(self._misplaced(fold, kept, fold.pull - beside.pulled[:, mine] @ x)):
+                    now, kept, x = self._settled(fold, new[mine], one_sided)
                 steps[new[mine], index] = x
-                steps[fold.where, index] -= across[:, mine] @ x
+                steps[now.where, index] += kept
+            steps[fold.where] -= fold.x[:, None]
             self._change(out, fold, steps)
         return out
 
@@ -98,18 +116,34 @@ class CrossValidation:
         out = np.tile(self.squares, (len(terms), 1))
         for fold in self.folds:
             steps = np.zeros((columns.size, len(terms)))
-            inverse = fold.solve(np.eye(len(fold.where)))
             for index, term in enumerate(terms):
-                own = np.flatnonzero((fold.where >= term.where.start) & (fold.where < term.where.stop))
-                if not len(own):
-                    continue
-                scale = fold.scale[own]
-                middle = inverse[np.ix_(own, own)] / scale[:, None] / scale
-                steps[fold.where, index] = -inverse[:, own] @ (
-                    np.linalg.lstsq(middle, fold.x[own] / scale, rcond=1e-12)[0] / scale
-                )
+                own = np.arange(term.where.start, term.where.stop)
+                where, held = np.setdiff1d(fold.where, own), np.setdiff1d(fold.held, own)
+                now, kept, _ = self._settled(self._fold(fold.number, where, held))
+                steps[now.where, index] = kept
+            steps[fold.where] -= fold.x[:, None]
             self._change(out, fold, steps)
         return out
+
+    def _settled(
+        self, fold: _Fold, new: np.ndarray = _NO_COLUMNS, one_sided: bool = False
+    ) -> tuple[_Fold, Array, Array]:
+        """Return a fold whose coefficients are where they can be with columns `new` (m,) beside it; these coefficients
+        (p,), and those of `new` (m,).
+
+        All that are misplaced change places at once, or only the last of them where they do not become fewer (Judice
+        and Pires 1994).
+        """
+        fewest, rounds = np.inf, 2 * (len(fold.where) + len(fold.held))
+        while True:
+            beside = self._beside(fold, new)
+            x = self._least(beside, np.arange(len(new)), one_sided)
+            kept, rounds = fold.x - beside.across @ x, rounds - 1
+            wrong = self._misplaced(fold, kept, fold.pull - beside.pulled @ x)
+            if not len(wrong) or rounds < 0:
+                return fold, kept, x
+            wrong, fewest = (wrong, len(wrong)) if len(wrong) < fewest else (wrong[-1:], fewest)
+            fold = self._fold(fold.number, np.setxor1d(fold.where, wrong), np.setxor1d(fold.held, wrong))
 
     def _others(self, number: int, rows: np.ndarray, columns: np.ndarray) -> Array:
         """Return the products of columns over all blocks but those of a fold."""
@@ -121,14 +155,41 @@ class CrossValidation:
         columns = self.problem.columns
         return self._moment[where] - columns.moment[np.ix_(columns.folds[number], where)].sum(axis=0)
 
-    def _solved(self, number: int, where: np.ndarray, own: Array) -> _Fold:
+    def _fold(self, number: int, where: np.ndarray, held: np.ndarray) -> _Fold:
+        """Return the fit of columns `where` (p,) without the blocks of a fold, others held at zero (h,)."""
         # by what all blocks say: a column may live in this fold alone
         scale = column_scales(np.diag(self._total)[where] + self.problem.prior[where])
-        scaled = own * scale[:, None] * scale
+        scaled = (self._others(number, where, where) + self.problem.precision(where)) * scale[:, None] * scale
         scaled[np.diag_indices_from(scaled)] += ROUNDING * max(len(where), 1)
         factor = cho_factor(scaled) if len(where) else (np.zeros((0, 0)), False)
-        fold = _Fold(number, where, np.zeros(len(where)), factor, scale)
-        return replace(fold, x=fold.solve(self._moments(number, where)[:, None])[:, 0])
+        fold = _Fold(number, where, held, np.zeros(0), np.zeros(0), factor, scale)
+        x = fold.solve(self._moments(number, where)[:, None])[:, 0]
+        return replace(fold, x=x, pull=self._moments(number, held) - self._others(number, held, where) @ x)
+
+    def _misplaced(self, fold: _Fold, kept: Array, pull: Array) -> np.ndarray:
+        """Return the columns of a fold that are negative and cannot be, or held at zero and would not be negative."""
+        least = np.sqrt(ROUNDING * self._squares * np.diag(self._total)[fold.held])
+        return np.sort(np.append(fold.where[self._bounded[fold.where] & (kept < 0)], fold.held[pull > least]))
+
+    def _beside(self, fold: _Fold, new: np.ndarray) -> _Beside:
+        """Return what columns (m,) are beside a fold's fit."""
+        cross = self._others(fold.number, fold.where, new)
+        across, prior = fold.solve(cross), self.problem.precision(new)
+        whole = np.diag(self._total)[new] + self.problem.prior[new]
+        rest = self._others(fold.number, new, new) + prior - cross.T @ across
+        pulled = self._others(fold.number, fold.held, new) - self._others(fold.number, fold.held, fold.where) @ across
+        return _Beside(across, rest, self._moments(fold.number, new) - cross.T @ fold.x, whole, pulled)
+
+    @staticmethod
+    def _least(beside: _Beside, mine: np.ndarray, one_sided: bool) -> Array:
+        """Return the coefficients (p,) of some columns beside a fold's fit."""
+        normal = NormalEquations.of(beside.rest[np.ix_(mine, mine)], beside.whole[mine], EFFORT_TOLD)
+        x = normal.solve(beside.gradient[mine])
+        if one_sided and (x < 0).any():
+            if len(x) == 1 or not len(normal.values):
+                return np.zeros(len(x))
+            return normal.bounded(beside.gradient[mine], np.ones(len(x), bool))
+        return x
 
     def _change(self, out: Array, fold: _Fold, steps: Array) -> None:
         """Add to the held-out squares (K, B) what steps (P, K) of the coefficients change in a fold."""
@@ -137,17 +198,6 @@ class CrossValidation:
         for (at, table), rest in zip(columns.some(used, rows), self.residual[rows].T, strict=True):
             moved = steps[used[at]].T @ table
             out[:, blocks] += np.add.reduceat(moved * (moved - 2 * rest), columns.starts[blocks] - rows.start, axis=1)
-
-
-def _least(matrix: Array, moment: Array, whole: Array, one_sided: bool) -> Array:
-    """Return the solution of a small system (p, p); `whole` (p,): its diagonal before others were projected out."""
-    normal = NormalEquations.of(matrix, whole, EFFORT_TOLD)
-    x = normal.solve(moment)
-    if one_sided and (x < 0).any():
-        if len(x) == 1 or not len(normal.values):
-            return np.zeros(len(x))
-        return normal.bounded(moment, np.ones(len(x), bool))
-    return x
 
 
 @dataclass(frozen=True)

@@ -74,10 +74,9 @@ def with_law_for_bodies(efforts: PreparedEfforts, model: EffortModel, tell: Call
             and other.size <= most
             and not any(each.excludes(other) or other.replaces(each) for each in rest.terms)
         ]
-        nearly = CrossValidation(rest).with_each(laws).sum(axis=1)
-        for index in np.argsort(nearly)[:MOST_SIMULATED]:
-            law, one = laws[index], rest.with_term(laws[index])
-            own = held_out(one)  # anew: friction that is held at nothing without the law is free beside it
+        by_each = CrossValidation(rest).with_each(laws)
+        for index in np.argsort(by_each.sum(axis=1))[:MOST_SIMULATED]:
+            law, one, own = laws[index], rest.with_term(laws[index]), by_each[index]
             does = float(own.sum()) <= left and relative_gain(own, by_all)[0] <= GAIN
             if does and is_plausible(one, law) and shows_beside(one, law):
                 return searched(efforts, one, tell)
