@@ -93,7 +93,7 @@ def test_friction_that_was_held_at_nothing_is_free_beside_what_hid_it_and_held_a
     friction, offset = named(start, "viscous_friction"), named(start, "effort_offset")
     both = start.with_term(friction, offset)
     alone = CrossValidation(start.with_term(friction))
-    assert all(friction.where.start in fold.held for fold in alone.folds)
+    assert all(friction.where.start in alone.where[fold.held] for fold in alone.folds)
     assert alone.with_each([offset])[0] == pytest.approx(CrossValidation(both).squares, rel=1e-5)
     assert CrossValidation(both).without_each([offset])[0] == pytest.approx(alone.squares, rel=1e-6)
 

@@ -22,18 +22,16 @@ from ..evidence import sign_flipped
 from ..normal_equations import NormalEquations, column_scales, identifiable
 from .problem import EffortCandidate, EffortModel, block_squares, fit
 
-_NO_COLUMNS = np.zeros(0, int)
-
 
 @dataclass(frozen=True, eq=False)
 class _Fold:
-    """The fit without the blocks of a fold: coefficients x (p,) of the columns `where` (p,) that are not zero.
+    """The fit without the blocks of a fold: coefficients x (p,) of the model's columns `free` (p,), the others at zero.
 
-    held (h,): columns that cannot be negative and are held at zero; pull (h,): by how much each would go beyond.
+    held (h,): columns that are at zero because they cannot be negative; pull (h,): by how much each would be positive.
     """
 
     number: int
-    where: np.ndarray
+    free: np.ndarray
     held: np.ndarray
     x: Array
     pull: Array
@@ -42,7 +40,7 @@ class _Fold:
 
     def solve(self, right: Array) -> Array:
         """Return the solution of the normal equations for right sides (p, ...)."""
-        if not len(self.where):
+        if not len(self.free):
             return right
         return self.scale[:, None] * cho_solve(self.factor, self.scale[:, None] * right)
 
@@ -60,6 +58,16 @@ class _Beside(NamedTuple):
     whole: Array
     pulled: Array
 
+    def least(self, mine: np.ndarray, one_sided: bool) -> Array:
+        """Return the coefficients (p,) of some of the columns."""
+        normal = NormalEquations.of(self.rest[mine[:, None], mine], self.whole[mine], EFFORT_TOLD)
+        x = normal.solve(self.gradient[mine])
+        if one_sided and (x < 0).any():
+            if len(x) == 1 or not len(normal.values):
+                return np.zeros(len(x))
+            return normal.bounded(self.gradient[mine], np.ones(len(x), bool))
+        return x
+
 
 class CrossValidation:
     """A model fitted with every fold of blocks left out once.
@@ -73,14 +81,16 @@ class CrossValidation:
         columns = self.problem.columns
         self._total, self._moment = columns.total, columns.moment.sum(axis=0)
         self._squares = float((columns.target**2).sum())
-        where = np.array(model.where, int)
-        self._bounded = np.zeros(columns.size, bool)
-        self._bounded[where] = model.one_sided
-        folds = range(len(columns.folds))
-        self.folds = [self._settled(self._fold(number, where, _NO_COLUMNS))[0] for number in folds]
+        self.where, self._bounded = np.array(model.where, int), model.one_sided
+        prior = self.problem.precision(self.where)
+        self._normal = [self._others(number, self.where, self.where) + prior for number in range(len(columns.folds))]
+        self._right = [self._moments(number, self.where) for number in range(len(columns.folds))]
+        self._diagonal = np.diag(self._total)[self.where] + self.problem.prior[self.where]
+        every = np.arange(len(self.where))
+        self.folds = [self._settled(self._fold(number, every, every[:0]))[0] for number in range(len(columns.folds))]
         self.residual = np.empty_like(columns.target)
         for fold, rows in zip(self.folds, columns.rows, strict=True):
-            self.residual[rows] = columns.residual(fold.where, fold.x, rows)
+            self.residual[rows] = columns.residual(self.where[fold.free], fold.x, rows)
         squares = columns.by_block(self.residual**2)
         self.squares, self.by_joint = squares.sum(axis=1), squares.sum(axis=0)
 
@@ -100,13 +110,13 @@ class CrossValidation:
             steps, beside = np.zeros((columns.size, len(candidates))), self._beside(fold, new)
             for index, (candidate, mine) in enumerate(zip(candidates, at, strict=True)):
                 one_sided = candidate.law.one_sided
-                now, x = fold, self._least(beside, mine, one_sided)
+                now, x = fold, beside.least(mine, one_sided)
                 kept = fold.x - beside.across[:, mine] @ x
-                if len(self._misplaced(fold, kept, fold.pull - beside.pulled[:, mine] @ x)):
+                if self._misplaced(fold, kept, fold.pull - beside.pulled[:, mine] @ x).any():
                     now, kept, x = self._settled(fold, new[mine], one_sided)
                 steps[new[mine], index] = x
-                steps[now.where, index] += kept
-            steps[fold.where] -= fold.x[:, None]
+                steps[self.where[now.free], index] += kept
+            steps[self.where[fold.free]] -= fold.x[:, None]
             self._change(out, fold, steps)
         return out
 
@@ -115,35 +125,48 @@ class CrossValidation:
         columns = self.problem.columns
         out = np.tile(self.squares, (len(terms), 1))
         for fold in self.folds:
-            steps = np.zeros((columns.size, len(terms)))
+            steps, inverse = np.zeros((columns.size, len(terms))), fold.solve(np.eye(len(fold.free)))
             for index, term in enumerate(terms):
-                own = np.arange(term.where.start, term.where.stop)
-                where, held = np.setdiff1d(fold.where, own), np.setdiff1d(fold.held, own)
-                now, kept, _ = self._settled(self._fold(fold.number, where, held))
-                steps[now.where, index] = kept
-            steps[fold.where] -= fold.x[:, None]
+                gone = (self.where >= term.where.start) & (self.where < term.where.stop)
+                own, held = np.flatnonzero(gone[fold.free]), ~gone[fold.held]
+                scale = fold.scale[own]
+                middle = inverse[own[:, None], own] / scale[:, None] / scale
+                lost = inverse[:, own] @ (np.linalg.lstsq(middle, fold.x[own] / scale, rcond=1e-12)[0] / scale)
+                now, kept = fold, fold.x - lost
+                kept[own] = 0.0
+                pull = fold.pull + self._normal[fold.number][fold.held[:, None], fold.free] @ lost
+                if self._misplaced(fold, kept, np.where(held, pull, 0.0)).any():
+                    rest = self._fold(fold.number, np.delete(fold.free, own), fold.held[held])
+                    now, kept, _ = self._settled(rest)
+                steps[self.where[now.free], index] = kept
+            steps[self.where[fold.free]] -= fold.x[:, None]
             self._change(out, fold, steps)
         return out
 
     def _settled(
-        self, fold: _Fold, new: np.ndarray = _NO_COLUMNS, one_sided: bool = False
+        self, fold: _Fold, new: np.ndarray | None = None, one_sided: bool = False
     ) -> tuple[_Fold, Array, Array]:
-        """Return a fold whose coefficients are where they can be with columns `new` (m,) beside it; these coefficients
+        """Return a fold whose coefficients are where they can be, with columns `new` (m,) beside it; these coefficients
         (p,), and those of `new` (m,).
 
         All that are misplaced change places at once, or only the last of them where they do not become fewer (Judice
         and Pires 1994).
         """
-        fewest, rounds = np.inf, 2 * (len(fold.where) + len(fold.held))
+        fewest, rounds = np.inf, 2 * len(self.where)
         while True:
-            beside = self._beside(fold, new)
-            x = self._least(beside, np.arange(len(new)), one_sided)
-            kept, rounds = fold.x - beside.across @ x, rounds - 1
-            wrong = self._misplaced(fold, kept, fold.pull - beside.pulled @ x)
-            if not len(wrong) or rounds < 0:
+            kept, pull, x = fold.x, fold.pull, fold.x[:0]
+            if new is not None:
+                beside = self._beside(fold, new)
+                x = beside.least(np.arange(len(new)), one_sided)
+                kept, pull = kept - beside.across @ x, pull - beside.pulled @ x
+            wrong = np.flatnonzero(self._misplaced(fold, kept, pull))
+            if not len(wrong) or rounds == 0:
                 return fold, kept, x
             wrong, fewest = (wrong, len(wrong)) if len(wrong) < fewest else (wrong[-1:], fewest)
-            fold = self._fold(fold.number, np.setxor1d(fold.where, wrong), np.setxor1d(fold.held, wrong))
+            fold, rounds = (
+                self._fold(fold.number, *(np.setxor1d(at, wrong) for at in (fold.free, fold.held))),
+                rounds - 1,
+            )
 
     def _others(self, number: int, rows: np.ndarray, columns: np.ndarray) -> Array:
         """Return the products of columns over all blocks but those of a fold."""
@@ -155,41 +178,33 @@ class CrossValidation:
         columns = self.problem.columns
         return self._moment[where] - columns.moment[np.ix_(columns.folds[number], where)].sum(axis=0)
 
-    def _fold(self, number: int, where: np.ndarray, held: np.ndarray) -> _Fold:
-        """Return the fit of columns `where` (p,) without the blocks of a fold, others held at zero (h,)."""
-        # by what all blocks say: a column may live in this fold alone
-        scale = column_scales(np.diag(self._total)[where] + self.problem.prior[where])
-        scaled = (self._others(number, where, where) + self.problem.precision(where)) * scale[:, None] * scale
-        scaled[np.diag_indices_from(scaled)] += ROUNDING * max(len(where), 1)
-        factor = cho_factor(scaled) if len(where) else (np.zeros((0, 0)), False)
-        fold = _Fold(number, where, held, np.zeros(0), np.zeros(0), factor, scale)
-        x = fold.solve(self._moments(number, where)[:, None])[:, 0]
-        return replace(fold, x=x, pull=self._moments(number, held) - self._others(number, held, where) @ x)
+    def _fold(self, number: int, free: np.ndarray, held: np.ndarray) -> _Fold:
+        """Return the fit of columns `free` (p,) without the blocks of a fold, others held at zero (h,)."""
+        normal, moment = self._normal[number], self._right[number]
+        scale = column_scales(self._diagonal[free])  # by what all blocks say: a column may live in this fold alone
+        scaled = normal[free[:, None], free] * scale[:, None] * scale
+        scaled[np.diag_indices_from(scaled)] += ROUNDING * max(len(free), 1)
+        factor = cho_factor(scaled) if len(free) else (np.zeros((0, 0)), False)
+        fold = _Fold(number, free, held, np.zeros(0), np.zeros(0), factor, scale)
+        x = fold.solve(moment[free][:, None])[:, 0]
+        return replace(fold, x=x, pull=moment[held] - normal[held[:, None], free] @ x)
 
     def _misplaced(self, fold: _Fold, kept: Array, pull: Array) -> np.ndarray:
-        """Return the columns of a fold that are negative and cannot be, or held at zero and would not be negative."""
-        least = np.sqrt(ROUNDING * self._squares * np.diag(self._total)[fold.held])
-        return np.sort(np.append(fold.where[self._bounded[fold.where] & (kept < 0)], fold.held[pull > least]))
+        """Return which columns (p,) of the model are negative and cannot be, or held at zero and would not."""
+        out = np.zeros(len(self.where), bool)
+        out[fold.free] = self._bounded[fold.free] & (kept < 0)
+        out[fold.held] = pull > np.sqrt(ROUNDING * self._squares * self._diagonal[fold.held])
+        return out
 
     def _beside(self, fold: _Fold, new: np.ndarray) -> _Beside:
         """Return what columns (m,) are beside a fold's fit."""
-        cross = self._others(fold.number, fold.where, new)
-        across, prior = fold.solve(cross), self.problem.precision(new)
+        cross = self._others(fold.number, self.where, new)
+        mine, prior = cross[fold.free], self.problem.precision(new)
+        across = fold.solve(mine)
+        pulled = cross[fold.held] - self._normal[fold.number][fold.held[:, None], fold.free] @ across
+        rest = self._others(fold.number, new, new) + prior - mine.T @ across
         whole = np.diag(self._total)[new] + self.problem.prior[new]
-        rest = self._others(fold.number, new, new) + prior - cross.T @ across
-        pulled = self._others(fold.number, fold.held, new) - self._others(fold.number, fold.held, fold.where) @ across
-        return _Beside(across, rest, self._moments(fold.number, new) - cross.T @ fold.x, whole, pulled)
-
-    @staticmethod
-    def _least(beside: _Beside, mine: np.ndarray, one_sided: bool) -> Array:
-        """Return the coefficients (p,) of some columns beside a fold's fit."""
-        normal = NormalEquations.of(beside.rest[np.ix_(mine, mine)], beside.whole[mine], EFFORT_TOLD)
-        x = normal.solve(beside.gradient[mine])
-        if one_sided and (x < 0).any():
-            if len(x) == 1 or not len(normal.values):
-                return np.zeros(len(x))
-            return normal.bounded(beside.gradient[mine], np.ones(len(x), bool))
-        return x
+        return _Beside(across, rest, self._moments(fold.number, new) - mine.T @ fold.x, whole, pulled)
 
     def _change(self, out: Array, fold: _Fold, steps: Array) -> None:
         """Add to the held-out squares (K, B) what steps (P, K) of the coefficients change in a fold."""
