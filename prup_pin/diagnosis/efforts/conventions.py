@@ -7,7 +7,7 @@ neighbour. What makes it far likelier is told, and no law is to be made of it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import chain, product
@@ -291,16 +291,16 @@ class EffortReadings:
     def found(self) -> Found[Unlikely] | None:
         """How the log is likeliest read, gains that are told beside all masses included; None where that is not asked.
 
-        Turned columns imitate that gravity pulls otherwise, which is as good a reason.
+        Turned columns imitate what physics does as well: gravity that pulls otherwise, a spring at a joint.
         """
         if not self.compares:
             return None
         if not (unit := self._unit()):
-            return likeliest(self.log, self._hung(), self._tries, _WORD)
+            return likeliest(self.log, self._by_physics(), self._tries, _WORD)
         begin = read_as(self.log, unit, self.drawn)
         score = self.unlikely(begin)
         if len(self.motion.driven) >= FEWEST_OF_KIND and not score.surely:
-            plain = likeliest(self.log, self._hung(), self._tries, _WORD)
+            plain = likeliest(self.log, self._by_physics(), self._tries, _WORD)
             if plain.conventions[:1] == unit:  # whatever is read beside it was asked
                 return plain
         else:
@@ -353,19 +353,43 @@ class EffortReadings:
         except InputError:  # loops that do not close
             return False
 
-    def _hung(self) -> Unlikely:
-        """Return how unlikely the log is as written, or no more than readings may be where gravity pulls otherwise."""
-        if not self.mechanism.gravity.any() or self.written.surely:
+    def _by_physics(self) -> Unlikely:
+        """Return how unlikely the log is as written, or no more than readings may be where gravity pulls otherwise, or
+        where something pulls at one drive by its position alone, as springs and counterbalances do: these are rarer
+        than a sign, and in a small motion follow from many others.
+        """
+        if self.written.surely:
             return self.written
         motion, efforts, made_of = self._read(self.log)
-        pulled = np.stack([self.at.rigid_under(axis)[self.rows] for axis in np.eye(3)], axis=-1)
         missed = efforts - self.at.rigid[self.rows]
-        table, missed = stacked(motion, efforts, range(len(motion.driven)), pulled, missed)
-        more = np.linalg.lstsq(table, missed, rcond=None)[0]
-        if not could_be_gravity(self.mechanism.gravity + more, self.mechanism):
-            return self.written
-        hung = self._likelihood(motion, efforts - pulled @ more, self._noise, made_of)
-        return replace(self.written, nats=min(self.written.nats, hung.nats + SURELY))
+        ways = (self._pulled_otherwise, SURELY), (self._by_position, 2 * SURELY)
+        nats = [
+            self._likelihood(motion, efforts - own, self._noise, made_of).nats + cost
+            for way, cost in ways
+            for own in way(motion, efforts, missed)
+        ]
+        return replace(self.written, nats=min([self.written.nats, *nats]))
+
+    def _pulled_otherwise(self, motion: Motion, efforts: Array, missed: Array) -> Iterator[Array]:
+        """Yield the part of what is missed (n, k) that gravity of another direction explains, if it could be one."""
+        if self.mechanism.gravity.any():
+            pulled = np.stack([self.at.rigid_under(axis)[self.rows] for axis in np.eye(3)], axis=-1)
+            more = np.linalg.lstsq(*stacked(motion, efforts, range(len(motion.driven)), pulled, missed), rcond=None)[0]
+            if could_be_gravity(self.mechanism.gravity + more, self.mechanism):
+                yield pulled @ more
+
+    def _by_position(self, motion: Motion, efforts: Array, missed: Array) -> Iterator[Array]:
+        """Yield the part of what is missed (n, k) at each drive alone that follows from its position."""
+        for drive in np.flatnonzero(efforts.any(axis=0)).tolist():
+            name = motion.driven[drive]
+            q = motion.position[:, motion.names.index(name)]
+            turned = () if self.mechanism.joint(name).slides else (np.sin(q), np.cos(q))
+            columns = np.column_stack((np.ones_like(q), q, *turned))
+            by_drive = np.broadcast_to(columns[:, None], (len(q), len(motion.driven), columns.shape[1]))
+            table, here = stacked(motion, efforts, [drive], by_drive, missed)
+            own = np.zeros_like(missed)
+            own[:, drive] = columns @ np.linalg.lstsq(table, here, rcond=None)[0]
+            yield own
 
     def _gains(self, motion: Motion, efforts: Array) -> dict[str, float]:
         """Return how many times the rigid robot's efforts (n, k) are, or minus so many times, where they follow it."""
