@@ -20,6 +20,7 @@ from ..criteria import (
     FAR_LESS,
     GAIN,
     LITTLE,
+    MOST,
     NEARLY,
     NO_MATTER,
     ROUNDS,
@@ -301,15 +302,16 @@ def _with_curves(
     began = CrossValidation(model.with_terms(()))
     for _ in range(3):
         model, curves = efforts.with_curves(model)
-        ranked, limit = scores(savings(model.in_problem(model.problem.only(curves))))
-        validation = CrossValidation(model)
+        alone, validation = model.in_problem(model.problem.only(curves)), CrossValidation(model)
+        ways = [scores(savings(alone, evenly)) for evenly in (False, True)]
+        sure_of = {score.candidate for ranked, limit in ways for score in ranked if score.log_chance < limit}
         tried = []
-        for score in sorted(ranked, key=lambda item: -item.gain)[:8]:
-            if score.log_chance >= limit:
+        for score in sorted(ways[0][0], key=lambda item: -item.gain)[:8]:
+            if score.candidate not in sure_of:
                 continue
             share, sure = relative_gain(validation.squares, held_out(model.with_term(score.candidate)))
             saving, own = share * float(validation.squares.sum()), validation.squares_at(score.candidate)
-            material = saving > GAIN * (began.squares_at(score.candidate) - own) or not model.terms
+            material = saving > min(GAIN * (began.squares_at(score.candidate) - own), MOST * own) or not model.terms
             much = share > NO_MATTER or saving > FAR_LESS * own
             if sure > SURE and much and material:
                 tried.append((share, score.candidate))

@@ -234,12 +234,14 @@ def held_out(model: EffortModel) -> Array:
 
 
 def gradients(model: EffortModel) -> tuple[Array, Array, Array]:
-    """Return products of all columns with the residual of a model, which is projected out, by block (B, P); products of
-    the columns with each other after that, prior included (P, P); and the gradient (P,) of half of all squares, those
-    of strained tolerances included.
+    """Return products of all columns with the residual of a model, which is projected out but for what it holds at
+    zero, by block (B, P); products of the columns with each other after that, prior included (P, P); and the gradient
+    (P,) of half of all squares, those of strained tolerances included.
     """
-    problem, where = model.problem, model.where
+    problem = model.problem
     x, matrix = fit(model)
+    free = np.flatnonzero(~model.one_sided | (x > 0))
+    where, x, matrix = np.array(model.where, int)[free], x[free], matrix[free[:, None], free]
     columns, total = problem.columns, problem.total
     gradient = columns.gradients(columns.residual(where, x), np.arange(len(total)))
     cross = NormalEquations.of(matrix).solve(total[where])  # (p, P)

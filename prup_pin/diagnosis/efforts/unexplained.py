@@ -43,7 +43,7 @@ from ..criteria import (
 from ..diagnosis import Finding, heldout_gain
 from ..findings import too_little, unknown_at
 from .belongs import CHECK_ROBOT
-from .evidence import held_out, relative_gain
+from .evidence import relative_gain
 from .final_state import FinalState, shows
 from .prepare import PreparedEfforts
 from .problem import Whitening, autoregression, usable
@@ -59,10 +59,12 @@ _BINS = (25, 100)
 def structure_left(final: FinalState) -> list[Finding]:
     """Return the findings of what curves of no law, or bodies that cannot exist, take away."""
     found = []
-    whole = held_out(final.with_time).sum()
+    efforts, whole = final.efforts, final.efforts.held_out_residual(final.with_time)
     for term in final.curves:
-        joint, without = term.place.name, held_out(final.with_time.without(term)).sum()
-        share = heldout_gain(whole, without)
+        joint, without = term.place.name, efforts.held_out_residual(final.with_time.without(term))
+        column = final.at.driven.index(joint)
+        here = efforts.good[:, column], column
+        share = heldout_gain(float((whole[here] ** 2).sum()), float((without[here] ** 2).sum()))
         text = (
             f"a systematic residual at {joint} is explained by no law of the library: {term.law.summary} by "
             f"a curve of its own would take away {100 * share:.0f} % of the residual's square"
