@@ -17,7 +17,12 @@ from prup_pin.dynamics import INERTIAL
 from prup_pin.laws.efforts.backlash import LostLoad
 from prup_pin.laws.efforts.cogging import Cogging, CoggingOfFewPeriods
 from prup_pin.laws.efforts.coulomb_friction import LoadedFriction, SlidingFriction
-from prup_pin.laws.efforts.counterbalance import Counterbalance, CounterbalanceSpring, CounterbalanceStrut
+from prup_pin.laws.efforts.counterbalance import (
+    Counterbalance,
+    CounterbalanceHardening,
+    CounterbalanceSpring,
+    CounterbalanceStrut,
+)
 from prup_pin.laws.efforts.effort_filter import EffortFilter, EffortsFilter
 from prup_pin.laws.efforts.effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
 from prup_pin.laws.efforts.encoder import DelayedEncoder, DelayedEncoders, OffsetEncoder
@@ -334,6 +339,16 @@ CLOSED_FORMS: dict[type, Form] = {
     InertialParameters: Form(of_body(_another)),
     Counterbalance: Form(own(lambda j, x: x["cosine"] * np.cos(j.q) + x["sine"] * np.sin(j.q))),
     CounterbalanceSpring: Form(own(lambda j, x: x["stiffness"] * j.q + x["preload"])),
+    CounterbalanceHardening: Form(
+        own(
+            lambda j, x: (
+                x["preload"]
+                + (j.q - x["middle"])
+                * (x["stiffness"] + (j.q - x["middle"]) * (x["change"] + (j.q - x["middle"]) * x["hardening"]))
+            )
+        ),
+        values={"middle": 0.2},
+    ),
     CounterbalanceStrut: Form(own(_strut), values={"dead_centre": -2.0, "slenderness": 0.8}),
     Mounting: Form(of_body(_hung)),
     EffortOffset: Form(own(lambda j, x: np.full(len(j.q), x["offset"]))),

@@ -271,14 +271,30 @@ def _searched(
     if kinds_of_most_drives(sure):
         start = beside_known(common.start_with_nuisances())
         start = refined(common, start, range(len(start.terms)), at_last=True)
-        found = searched(common, start, _part(tell, 0.4, 0.7))
-        return common, found if relative_gain(held_out(usual), held_out(found))[0] > GAIN else usual
+        found = searched(common, start.apart(), _part(tell, 0.4, 0.7))
+        found = found if relative_gain(held_out(usual), held_out(found))[0] > GAIN else usual
+        return common, _as_drawn(common, start, found, _part(tell, 0.7, 1.0))
     usual = without_needless_kinds(usual).apart()
     found = searched(common, sure, _part(tell, 0.4, 0.7))
     plain = searched(common, beside_known(common.start()), _part(tell, 0.7, 1.0))
     if relative_gain(held_out(plain), held_out(found))[0] > GAIN:
         plain = found
     return common, usual if relative_gain(held_out(plain), held_out(usual))[0] > LITTLE else plain
+
+
+def _as_drawn(
+    efforts: PreparedEfforts, start: EffortModel, found: EffortModel, tell: Callable[[float], None]
+) -> EffortModel:
+    """Return the laws that are asked for where links are as drawn, if these foretell as well and are no more than those
+    found beside masses of all links, which follow much that is none of theirs.
+    """
+    free = [term for term in start.terms if term.law.body is Body.ALL_LINKS]
+    if not any(term.law.body is Body.ALL_LINKS for term in found.terms):
+        return found
+    drawn = searched(efforts, start.without(*free), tell)
+    laws, others = (sum(not model.is_nuisance(term) for term in model.terms) for model in (drawn, found))
+    as_good = relative_gain(held_out(drawn), held_out(found))[0] <= GAIN
+    return drawn if as_good and laws <= others + 1 else found
 
 
 def _part(tell: Callable[[float], None], first: float, last: float) -> Callable[[float], None]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -207,17 +207,17 @@ def _earns(validation: CrossValidation, term: EffortCandidate, before: Array, af
 
 
 def shows_beside(model: EffortModel, term: EffortCandidate) -> bool:
-    """Return whether a term earns its place beside plainer laws too, which it might imitate."""
-    names = set(term.law.unlike(term.place))
-    if not names:
-        return True
-    missing = names - {other.name for other in model.terms}
-    plainer: dict[tuple[str, str], EffortCandidate] = {}
+    """Return whether a term earns its place beside plainer laws too, which it might imitate: whichever of each name."""
+    missing = set(term.law.unlike(term.place)) - {other.name for other in model.terms}
+    plainer: dict[tuple[str, str], dict[tuple[str, str, str], EffortCandidate]] = {}
     for other in model.problem.candidates:
-        if other.name in missing:
-            plainer.setdefault(other.name, other)
-    validation = CrossValidation(model.without(term).with_term(*plainer.values()))
-    return _earns(validation, term, validation.squares, validation.with_each([term])[0])
+        if other.name in missing and other.size <= term.size and other.key != term.key:
+            plainer.setdefault(other.name, {}).setdefault(other.key, other)
+    for others in product(*(alike.values() for alike in plainer.values())) if plainer else ():
+        validation = CrossValidation(model.without(term).with_term(*others))
+        if not _earns(validation, term, validation.squares, validation.with_each([term])[0]):
+            return False
+    return True
 
 
 def _replaced_by(term: EffortCandidate, model: EffortModel) -> EffortModel:

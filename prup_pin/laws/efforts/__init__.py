@@ -8,7 +8,7 @@ from ...plugins import Library
 from .backlash import LostLoad
 from .cogging import Cogging, CoggingOfFewPeriods
 from .coulomb_friction import LoadedFriction, SlidingFriction
-from .counterbalance import Counterbalance, CounterbalanceSpring, CounterbalanceStrut
+from .counterbalance import Counterbalance, CounterbalanceHardening, CounterbalanceSpring, CounterbalanceStrut
 from .effort_filter import EffortFilter, EffortsFilter
 from .effort_law import EFFORT, Body, EffortLaw
 from .effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
@@ -51,6 +51,7 @@ _OWN: tuple[EffortLaw, ...] = (
     InertialParameters(),
     Counterbalance(),
     CounterbalanceSpring(),
+    CounterbalanceHardening(),
     CounterbalanceStrut(),
     Mounting(),
     EffortOffset(),

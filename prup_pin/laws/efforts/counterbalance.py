@@ -162,3 +162,43 @@ class CounterbalanceSpring(DrivenEffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"a spring of {self.sized('stiffness', place, values, mechanism)} acts along {place.name}"
+
+
+class CounterbalanceHardening(CounterbalanceSpring):
+    """tau = f + k x + c x^2 + h x^3, x = q - m: a spring, cable or hose whose stiffness changes along the travel.
+
+    m: the middle of the travel in which it was seen, about which it is written and beyond which nothing tells it.
+    """
+
+    summary = "a spring along the joint that hardens or softens on its way"
+    called = "hardening spring, cable, hose, bump stop"
+    variant = f"{EFFORT} of a spring that hardens"
+    linear = ("stiffness", "preload", "change", "hardening")
+    by_shape = True
+    quantities = (
+        Quantity("stiffness", "N m/rad", "effort per position in the middle", 1.0, positive=False, lower=-1e9),
+        Quantity("preload", "N m", "effort in the middle", 1.0, positive=False, lower=-1e6),
+        Quantity("change", "N m/rad^2", "half the stiffness' change per position", 1.0, positive=False, lower=-1e9),
+        Quantity("hardening", "N m/rad^3", "effort per cube of the position", 1.0, positive=False, lower=-1e9),
+        Quantity("middle", "rad", "position from which it is counted", 0.0, positive=False, lower=-1e3, upper=1e3),
+    )
+
+    def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
+        return [("counterbalance", place.name)]
+
+    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
+        position = at.position(place.name)
+        return [{"middle": float(position.min() + position.max()) / 2}]
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        x = at.position(place.name) - values["middle"]
+        return columns_along(at, place.name, x, np.ones_like(x), x**2, x**3)
+
+    def dynamics(self, place: Place, values: Mapping[str, float]) -> Mapping[str, JointDynamics]:
+        return {}
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        return (
+            f"a spring whose stiffness changes along the travel acts along {place.name}: "
+            f"{self.sized('stiffness', place, values, mechanism)} in the middle"
+        )
