@@ -170,12 +170,12 @@ def test_a_wave_longer_than_the_travel_is_told_by_its_shape_and_predicted_beyond
 
 
 def test_a_spring_that_leaves_structure_is_held_where_the_joint_was_not_seen(carriage):
-    """A spring that hardens is no law of the library: what is known of it ends with the travel."""
+    """A hump beside a spring is no law of the library: what is known of it ends with the travel."""
 
-    def hardening(q):
-        return 300 * q + 9000 * q**3
+    def humped(q):
+        return 300 * q + 60 * np.exp(-(((q - 0.04) / 0.04) ** 2))
 
-    found = diagnose(carriage, by_position(axis(3000), hardening))
+    found = diagnose(carriage, by_position(axis(3000), humped))
     assert found.verdict == "unexplained"
     assert "cogging" not in {finding.physics for finding in found.findings}
     wider = axis(3000, noise=0.0)
@@ -183,9 +183,23 @@ def test_a_spring_that_leaves_structure_is_held_where_the_joint_was_not_seen(car
     q = 1.6 * seen
     wider = replace(wider, positions={"carriage": q})
     added = simulate(carriage, wider, found.effects).efforts["carriage"] - simulate(carriage, wider).efforts["carriage"]
-    held = hardening(np.clip(q, seen.min(), seen.max()))
-    assert added[100:-100] == pytest.approx(held[100:-100], abs=3.0)
+    held = humped(np.clip(q, seen.min(), seen.max()))
+    beyond = (q < seen.min()) | (q > seen.max())
+    beyond[:100] = beyond[-100:] = False
+    assert beyond.sum() > 500
+    assert added[beyond] == pytest.approx(held[beyond], abs=3.0)
     assert any("continued as a constant beyond the travel" in remark for remark in found.remarks)
+
+
+def test_a_spring_that_hardens_is_told_with_how_much(carriage):
+    found = diagnose(carriage, by_position(axis(3000), lambda q: 300 * q + 9000 * q**3))
+    assert found.verdict == "explained"
+    (spring,) = found.findings
+    assert (spring.physics, spring.effect.place.aspect) == ("counterbalance", "effort of a spring that hardens")
+    for name, value in (("stiffness", 300.0), ("hardening", 9000.0)):
+        low, high = spring.parameters[name].interval
+        assert 0.99 * low < value < 1.01 * high
+        assert high - low < 0.1 * value
 
 
 @pytest.mark.slow

@@ -302,13 +302,20 @@ def _part(tell: Callable[[float], None], first: float, last: float) -> Callable[
     return lambda share: tell(first + (last - first) * share)
 
 
+def _takes_most(efforts: PreparedEfforts, model: EffortModel, curve: EffortCandidate) -> bool:
+    """Return whether a curve takes most of what is left of its joint's effort, as it was measured."""
+    without, left = (efforts.held_out_squares_at(curve.place.name, each) for each in (model, model.with_term(curve)))
+    return left < (1 - MOST) * without
+
+
 def _with_curves(
     efforts: PreparedEfforts, model: EffortModel, noise: Array, rounding: Array
 ) -> tuple[EffortModel, list[EffortCandidate], list[EffortCandidate]]:
     """Return the model with curves of no law that the efforts still ask for, these, and the laws that imitate them.
 
     A curve adds as much to its joint as one sample could show, as a law does, beyond what rounding to steps may be,
-    which follows what it rounds by a curve. noise, rounding: of a sample (k,).
+    which follows what it rounds by a curve. noise, rounding: of a sample (k,). One that takes most of what is left may
+    do so in blocks that have little of it, and may be little beside what laws take.
 
     A law that only imitates something leaves its shape behind: it is not named. Where it serves beside the curve, the
     prediction keeps it.
@@ -319,17 +326,18 @@ def _with_curves(
     for _ in range(3):
         model, curves = efforts.with_curves(model)
         alone, validation = model.in_problem(model.problem.only(curves)), CrossValidation(model)
-        ways = [scores(savings(alone, evenly)) for evenly in (False, True)]
-        sure_of = {score.candidate for ranked, limit in ways for score in ranked if score.log_chance < limit}
+        (ranked, limit), evenly = scores(savings(alone)), scores(savings(alone, evenly=True))
+        in_most_blocks = {score.candidate for score in evenly[0] if score.log_chance < evenly[1]}
         tried = []
-        for score in sorted(ways[0][0], key=lambda item: -item.gain)[:8]:
-            if score.candidate not in sure_of:
+        for score in sorted(ranked, key=lambda item: -item.gain)[:8]:
+            by_chance, takes_most = score.log_chance >= limit, _takes_most(efforts, model, score.candidate)
+            if by_chance and not (takes_most and score.candidate in in_most_blocks):
                 continue
             share, sure = relative_gain(validation.squares, held_out(model.with_term(score.candidate)))
             saving, own = share * float(validation.squares.sum()), validation.squares_at(score.candidate)
-            material = saving > min(GAIN * (began.squares_at(score.candidate) - own), MOST * own) or not model.terms
+            material = saving > GAIN * (began.squares_at(score.candidate) - own) or not model.terms
             much = share > NO_MATTER or saving > FAR_LESS * own
-            if sure > SURE and much and material:
+            if sure > SURE and much and (material or takes_most):
                 tried.append((share, score.candidate))
         curve = max(tried, key=lambda item: item[0])[1] if tried else relieving_curve(model, curves)
         if curve is None or any(curve.name == other.name for other in found):

@@ -181,6 +181,11 @@ class PreparedEfforts:
                 left[rows] -= columns[rows] @ x
         return left
 
+    def held_out_squares_at(self, joint: str, model: EffortModel) -> float:
+        """Return the held-out squares of a joint's effort, as it was measured and not whitened."""
+        column = self.at.driven.index(joint)
+        return float((self.held_out_residual(model)[self.good[:, column], column] ** 2).sum())
+
     def unwhitened(self, model: EffortModel, whitened: float = 1.0) -> EffortModel:
         """Return the same model of its own columns alone, each joint weighed by its size and not whitened.
 

@@ -59,12 +59,9 @@ _BINS = (25, 100)
 def structure_left(final: FinalState) -> list[Finding]:
     """Return the findings of what curves of no law, or bodies that cannot exist, take away."""
     found = []
-    efforts, whole = final.efforts, final.efforts.held_out_residual(final.with_time)
     for term in final.curves:
-        joint, without = term.place.name, efforts.held_out_residual(final.with_time.without(term))
-        column = final.at.driven.index(joint)
-        here = efforts.good[:, column], column
-        share = heldout_gain(float((whole[here] ** 2).sum()), float((without[here] ** 2).sum()))
+        joint, models = term.place.name, (final.with_time, final.with_time.without(term))
+        share = heldout_gain(*(final.efforts.held_out_squares_at(joint, model) for model in models))
         text = (
             f"a systematic residual at {joint} is explained by no law of the library: {term.law.summary} by "
             f"a curve of its own would take away {100 * share:.0f} % of the residual's square"
