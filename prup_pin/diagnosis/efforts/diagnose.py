@@ -308,6 +308,29 @@ def _takes_most(efforts: PreparedEfforts, model: EffortModel, curve: EffortCandi
     return left < (1 - MOST) * without
 
 
+def _with_curves_for_shapes(
+    model: EffortModel, curves: Sequence[EffortCandidate]
+) -> tuple[EffortModel, list[EffortCandidate]]:
+    """Return the model with one curve of no law in the place of several laws that follow one joint's position, where it
+    foretells as well, and these curves: of two that are told by their shape the sum is any shape.
+    """
+    found = []
+    for joint in dict.fromkeys(term.place.name for term in model.terms if term.law.by_shape):
+        shapes = [
+            t for t in model.terms if t.place.name == joint and t.law.against == "position" and not t.law.is_curve
+        ]
+        if len(shapes) < 2:
+            continue
+        rest, now = model.without(*shapes), held_out(model)
+        own = [c for c in curves if c.place.name == joint and c.law.against == "position"]
+        left = CrossValidation(rest).with_each(own)
+        best = int(np.argmin(left.sum(axis=1)))
+        if relative_gain(left[best], now)[0] <= GAIN:
+            model = rest.with_term(own[best])
+            found.append(own[best])
+    return model, found
+
+
 def _with_curves(
     efforts: PreparedEfforts, model: EffortModel, noise: Array, rounding: Array
 ) -> tuple[EffortModel, list[EffortCandidate], list[EffortCandidate]]:
@@ -325,6 +348,8 @@ def _with_curves(
     began = CrossValidation(model.with_terms(()))
     for _ in range(3):
         model, curves = efforts.with_curves(model)
+        model, shapes = _with_curves_for_shapes(model, curves)
+        found += shapes
         alone, validation = model.in_problem(model.problem.only(curves)), CrossValidation(model)
         (ranked, limit), evenly = scores(savings(alone)), scores(savings(alone, evenly=True))
         in_most_blocks = {score.candidate for score in evenly[0] if score.log_chance < evenly[1]}

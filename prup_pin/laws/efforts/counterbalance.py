@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import numpy as np
 
@@ -145,10 +146,10 @@ class CounterbalanceSpring(DrivenEffortLaw):
     remedy = "enter the spring along {place} in the controller's model, or look for a hose that pulls there"
     family = "counterbalance"
     variant = f"{EFFORT} of a spring"
-    linear = ("stiffness", "preload")
+    linear: ClassVar[tuple[str, ...]] = ("stiffness", "preload")
     against = "position"
     within_travel = True
-    quantities = (
+    quantities: tuple[Quantity, ...] = (
         Quantity("stiffness", "N m/rad", "effort per position", 1.0, positive=False, lower=-1e9),
         Quantity("preload", "N m", "effort at zero", 1.0, positive=False, lower=-1e6),
     )
