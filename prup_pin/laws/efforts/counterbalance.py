@@ -149,7 +149,7 @@ class CounterbalanceSpring(DrivenEffortLaw):
     linear: ClassVar[tuple[str, ...]] = ("stiffness", "preload")
     against = "position"
     within_travel = True
-    quantities: tuple[Quantity, ...] = (
+    quantities: ClassVar[tuple[Quantity, ...]] = (
         Quantity("stiffness", "N m/rad", "effort per position", 1.0, positive=False, lower=-1e9),
         Quantity("preload", "N m", "effort at zero", 1.0, positive=False, lower=-1e6),
     )
