@@ -276,8 +276,15 @@ def parameters_of(
     reach = student_95(degrees)
     out = {}
     quantities = {q.name: q for q in term.law.quantities_at(term.place, final.mechanism)}
+    profiled: Mapping[str, tuple[float, float]] = {}
+    steps = reach * deviation
+    if term.law.settled:
+        # by as much more than white noise would scatter them
+        rise = reach**2 * float(np.median(deviation**2 / np.diag(white)[own]))
+        profiled, apart = profile_intervals(final.efforts, final.model, term, rise)
+        steps = np.hypot(steps, apart)
     # the coefficients' scatter, carried over to the parameters
-    spread = _spread(term, x, values, reach * deviation)
+    spread = _spread(term, x, values, steps)
     gain, drawn = 0.0, np.zeros_like(x)
     if final.gains is not None and beside:  # what is known of an effort is known as its drive's gain is
         own_gain = dict(zip(final.at.driven, final.gain_deviations, strict=True))
@@ -288,11 +295,6 @@ def parameters_of(
         other = term.law.fitted(term.place, x + WITHIN_95 * gain * (x + drawn), term.values)
         for name in values:
             spread[name] = float(np.hypot(spread[name], other[name] - values[name]))
-    profiled: Mapping[str, tuple[float, float]] = {}
-    if term.law.settled:
-        # by as much more than white noise would scatter them
-        rise = reach**2 * float(np.median(deviation**2 / np.diag(white)[own]))
-        profiled = profile_intervals(final.efforts, final.model, term, rise)
     scanned = [*term.law.scanned(term.place, final.at)]
     fitted = {*term.law.linear, *term.law.settled}
     for name, quantity in quantities.items():

@@ -171,8 +171,9 @@ def _replaced(
 
 def profile_intervals(
     efforts: PreparedEfforts, model: EffortModel, term: EffortCandidate, rise: float
-) -> dict[str, tuple[float, float]]:
-    """Return the interval of each nonlinear parameter in which the squares rise by less, all coefficients free.
+) -> tuple[dict[str, tuple[float, float]], Array]:
+    """Return the interval of each nonlinear parameter in which the squares rise by less, all coefficients free; and by
+    how much the term's coefficients (p,) are others at the ends of these, whose squares add.
 
     Where data do not bound it, its own bounds do.
     """
@@ -180,20 +181,25 @@ def profile_intervals(
     law, out, free = term.law, {}, term.law.free(term.values)
     mechanism = model.problem.mechanism
     quantities = {q.name: q for q in law.quantities_at(term.place, mechanism)}
-    least = cost(np.zeros(len(free)))
+    least, here = cost.solved(term.values)
+    apart = np.zeros(len(here))
     for name, axis in zip(free, np.eye(len(free)), strict=True):
-        down, up = (_edge(cost, way, least + rise, law.near(term.values)) for way in (-axis, axis))
+        edges = [(_edge(cost, way, least + rise, law.near(term.values)), way) for way in (-axis, axis)]
+        ends = [None if size is None else scaled_within(term, size * way, mechanism) for size, way in edges]
+        down, up = ends
         out[name] = (
-            quantities[name].lower if down is None else float(scaled_within(term, -down * axis, mechanism)[name]),
-            quantities[name].upper if up is None else float(scaled_within(term, up * axis, mechanism)[name]),
+            quantities[name].lower if down is None else down[name],
+            quantities[name].upper if up is None else up[name],
         )
+        others_there = [np.abs(cost.solved(end)[1] - here) for end in ends if end is not None]
+        apart = np.hypot(apart, np.max([np.zeros(len(here)), *others_there], axis=0))
     others = law.closer(term.place, term.values, efforts.at)
     for name in set(law.settled) - set(free):
         # what is zero may be as much as the first size of it that the data refuse
         sizes = sorted(values[name] for values in others if values.get(name))
         refused = (size for size in sizes if cost.at_values({**term.values, name: size}) > least + rise)
         out[name] = (quantities[name].lower, next(refused, quantities[name].upper))
-    return out
+    return out, apart
 
 
 def scaled_within(term: EffortCandidate, step: Array, mechanism: Mechanism) -> dict[str, float]:
@@ -255,8 +261,8 @@ class _Profile:
         normal = NormalEquations.of(matrix[free[:, None], free])
         return cls(efforts, term, at, columns.dense([others.where[index] for index in free]), residual, normal)
 
-    def at_values(self, values: Mapping[str, float]) -> float:
-        """Return the squares at values of the nonlinear parameters."""
+    def solved(self, values: Mapping[str, float]) -> tuple[float, Array]:
+        """Return the squares at values of the nonlinear parameters, and the term's coefficients (p,) there."""
         law, place = self.term.law, self.term.place
         own = self.efforts.whitened(law.efforts_per(place, values, self.at))
         matrix, gradient = np.diag(self.efforts.prior_of(law, place)), np.zeros(own.size)
@@ -266,7 +272,12 @@ class _Profile:
             cross[:, which] += self.columns[joint].T @ columns
             gradient[which] += columns.T @ self.residual[:, joint]
         rest = matrix - cross.T @ self.normal.solve(cross)
-        return -float(gradient @ NormalEquations.of(rest, np.diag(matrix), EFFORT_INDISTINCT).solve(gradient))
+        x = NormalEquations.of(rest, np.diag(matrix), EFFORT_INDISTINCT).solve(gradient)
+        return -float(gradient @ x), x
+
+    def at_values(self, values: Mapping[str, float]) -> float:
+        """Return the squares at values of the nonlinear parameters."""
+        return self.solved(values)[0]
 
     def __call__(self, step: Array) -> float:
         """Return the squares at logarithms of the free parameters over what they are."""
