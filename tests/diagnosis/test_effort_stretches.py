@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.efforts.outliers import OutlierInterval, is_outlying
 from prup_pin.dynamics import motion_of
-from prup_pin.recordings import Noise
+from prup_pin.recordings import Noise, Recording
 from prup_pin.views.text.diagnosis_words import summary_text, verdict_text
 from tests.diagnosis.test_efforts import axis, named
 
@@ -80,3 +81,22 @@ def test_a_stretch_that_settled_laws_describe_is_none():
     assert is_outlying(stretch, rows, left, good)
     good[200:221, 1] = False
     assert not is_outlying(stretch, rows, left, good)
+
+
+@pytest.mark.parametrize(("hold", "verdict"), [(20.0, "explained"), (60.0, "unexplained")])
+def test_what_friction_may_hold_where_a_joint_hardly_moves_is_no_event(carriage, hold, verdict):
+    """It rubs with 20 N; for half a second it creeps, and is held by as much or by more."""
+    rng, time = np.random.default_rng(1), np.arange(6000) * 0.004
+    stands = (time > 8.0) & (time < 8.5)
+    clock = np.where(time > 8.5, time - 0.5, np.where(time > 8.0, 8.0 + 2e-5 * (time - 8.0), time))
+    smooth = np.hanning(51) / np.hanning(51).sum()
+    clock = np.convolve(np.pad(clock, 25, mode="edge"), smooth, "valid")
+    q = 0.1 * np.sin(1.1 * clock) + 0.05 * np.sin(2.9 * clock + 1)
+    v = np.gradient(q, time)
+    coloured = lfilter([0.5 * np.sqrt(0.19)], [1.0, -0.9], rng.normal(size=6000))
+    tau = 95 * np.gradient(v, time) + 200 * v + np.where(stands, hold, 20 * np.sign(v)) + coloured
+    q = np.round((q + 1e-8 * rng.normal(size=6000)) * 1e7) / 1e7
+    found = diagnose(carriage, Recording(time=time, positions={"carriage": q}, efforts={"carriage": tau}))
+    assert found.verdict == verdict
+    assert {("viscous_friction", "carriage"), ("coulomb_friction", "carriage")} <= named(found)
+    assert any("hardly moved" in remark for remark in found.remarks) == (verdict == "explained")

@@ -106,6 +106,7 @@ def diagnose_efforts(
         )
     noise, outliers = noise_of(recording, whole.at), whole.outliers
     final = _final_state(robot, recording, prepared(outliers) if outliers else whole, noise, outliers, tell)
+    held: list[OutlierInterval] = []
     if outliers:
         # what only rough values of laws could not follow is described by those that were optimised
         model = final.with_time
@@ -115,7 +116,8 @@ def diagnose_efforts(
         still = [interval for interval in outliers if is_outlying(interval, rows, residual, whole.good)]
         if len(still) < len(outliers):
             final = _final_state(robot, recording, prepared(still) if still else whole, noise, still, tell)
-    found = effort_diagnosis_of(final)
+        held = [interval for interval in still if _friction_holds(final, whole, interval, residual)]
+    found = effort_diagnosis_of(final, held)
     found = replace(found, judged=tuple(judged(final, found.findings)))
     if not propose:
         return found
@@ -130,6 +132,28 @@ def diagnose_efforts(
     proposed = tuple(proposals(final, list(dict.fromkeys(joints))))
     advice = "; ".join(text for text in (*(item.apart for item in proposed), found.advice) if text)
     return replace(found, proposals=proposed, advice=advice)
+
+
+def _friction_holds(final: FinalState, whole: PreparedEfforts, interval: OutlierInterval, residual: Array) -> bool:
+    """Return whether joints hardly move in an interval, where dry friction may hold anything, and it holds no more.
+
+    residual (n, k): of the efforts, intervals included.
+    """
+    motion = whole.at.motion
+    rows = motion.rows[whole.kept]
+    inside = (rows >= interval.rows[0]) & (rows <= interval.rows[1])
+    limits = dict.fromkeys(interval.joints, 0.0)
+    for term in final.laws:
+        values = term.law.fitted(term.place, final.x[final.model.slice_of(term)], term.values)
+        for name, dynamics in term.law.dynamics(term.place, values).items():
+            if name in limits:
+                limits[name] += dynamics.friction
+    for name, limit in limits.items():
+        speed, column = np.abs(whole.at.speed(name)), whole.at.driven.index(name)
+        stands = speed[whole.kept][inside].max() < LITTLE * np.sqrt(np.mean(speed**2))
+        if not (stands and np.abs(residual[inside, column]).max() < 2 * (1 + LITTLE) * limit):
+            return False
+    return True
 
 
 def _final_state(

@@ -44,10 +44,22 @@ class OutlierInterval:
     times: float
     rows: tuple[int, int]
 
+    @property
+    def when(self) -> str:
+        """When it was."""
+        return f"between t = {number(self.begin, 4)} s and {number(self.end, 4)} s"
+
+    @property
+    def where_friction_holds(self) -> str:
+        """What is said of it where its joints hardly move and dry friction may hold all that is left."""
+        return (
+            f"{self.when} {', '.join(self.joints)} hardly moved: what dry friction holds then nobody knows, and all "
+            "else was computed without this interval"
+        )
+
     def finding(self) -> Finding:
         """Return its finding, of something unknown."""
-        where = self.joints[0] if len(self.joints) == 1 else "robot"
-        when = f"between t = {number(self.begin, 4)} s and {number(self.end, 4)} s"
+        where, when = self.joints[0] if len(self.joints) == 1 else "robot", self.when
         text = (
             f"{when}: described by no law. The residual of {', '.join(self.joints)} is {number(self.times, 2)} times "
             "as large there as elsewhere: was the robot stopped by its brakes, or did it run into something? All else "

@@ -21,13 +21,14 @@ from .final_state import FinalState
 from .findings import beyond_found, gains_found, laws_found
 from .gains import law_of_gains
 from .identify import efforts_not_detectable, efforts_visible
+from .outliers import OutlierInterval
 from .problem import EffortCandidate
 from .residuals import curves_of, residuals_of
 from .unexplained import beyond_declared, structure_left, unexplained
 
 
-def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
-    """Return the diagnosis of a final state."""
+def effort_diagnosis_of(final: FinalState, held: Sequence[OutlierInterval] = ()) -> EffortDiagnosis:
+    """Return the diagnosis of a final state. held: of its outliers those where dry friction may hold what is left."""
     efforts, motion, driven = final.efforts, final.motion, final.at.driven
     residuals = residuals_of(final)
     findings, structure = [*gains_found(final), *laws_found(final)], structure_left(final)
@@ -53,7 +54,8 @@ def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
         for name in dict.fromkeys(term.place.name for term in doubtful)
     ]
     advice = _advice_of(final, findings, unknown)
-    unknown += [interval.finding() for interval in final.outliers]
+    unknown += [interval.finding() for interval in final.outliers if interval not in held]
+    remarks += [interval.where_friction_holds for interval in held]
     # how a log may be meant is a question where something is left alone, and then it comes before all else
     doubts = tuple(final.doubts) if unknown else ()
     if any(doubt.of_robot for doubt in doubts):
