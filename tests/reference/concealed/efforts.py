@@ -101,10 +101,10 @@ PHYSICS = (
     "counterbalance", "transmission_coupling", "effort_gain", "effort_offset", "effort_delay", "encoder_delay",
     "cogging",
 )  # fmt: skip
-ALIENS = ("cubic_spring", "position_friction", "switching_friction", "quadratic_drag", "saturation")
+ALIENS = ("bump_stop", "position_friction", "switching_friction", "quadratic_drag", "saturation")
 #: What a law outside the library is in part: to say this of it, and that more is left, is not wrong.
 AKIN = {
-    "cubic_spring": ("counterbalance",),
+    "bump_stop": ("counterbalance",),
     "position_friction": ("coulomb_friction",),
     "switching_friction": ("coulomb_friction",),
     "quadratic_drag": ("viscous_friction",),
@@ -288,7 +288,7 @@ def _alien(rng, place, chain: Chain, kind: Kind, excitation: Excitation, small: 
     if what == "saturation":
         usual = np.abs(Moving(chain, kind.tool).given(np.arange(0, 20, 0.02), excitation)).max(0)[at]
         return Candidate(lambda x: place | {"limit": float(usual / (1 + x))}, 0.05, 3.0)
-    if what == "cubic_spring":
+    if what == "bump_stop":
         rest = float(excitation.centre[at] + rng.uniform(-0.1, 0.1))
         return Candidate(lambda x: place | {"rest": rest, "coefficient": x}, 1e-2 * kind.noise, most)
     more: dict[str, Any] = {"presliding": small}

@@ -156,7 +156,7 @@ class Moving:
         self.encoder_delay[self._driven(e)] += e["delay"]
 
     def _effect_alien(self, e):
-        """Physics outside every library, by kind: cubic_spring (coefficient (q - rest)^3), position_friction and
+        """Physics outside every library, by kind: bump_stop (coefficient times the way beyond rest), position_friction and
         switching_friction (coefficient x direction, as a wave of position, or on and off every `every` seconds),
         quadratic_drag (coefficient v |v|), saturation (efforts end at `limit`)."""
         if e["kind"] == "saturation":
@@ -167,8 +167,8 @@ class Moving:
     def _alien(self, e, m):
         i, c = self.names.index(e["location"]), e["coefficient"]
         q, v = m.q[:, i], m.qd[:, i]
-        if e["kind"] == "cubic_spring":
-            return {i: c * (q - e["rest"]) ** 3}
+        if e["kind"] == "bump_stop":
+            return {i: c * np.maximum(q - e["rest"], 0.0)}
         if e["kind"] == "quadratic_drag":
             return {i: c * v * np.abs(v)}
         way = m.direction(q, e["presliding"])
