@@ -156,8 +156,8 @@ class Moving:
         self.encoder_delay[self._driven(e)] += e["delay"]
 
     def _effect_alien(self, e):
-        """Physics outside every library, by kind: bump_stop (coefficient times the way beyond rest), position_friction and
-        switching_friction (coefficient x direction, as a wave of position, or on and off every `every` seconds),
+        """Physics outside every library, by kind: bump_stop (coefficient times the way beyond rest), position_friction
+        and switching_friction (coefficient x direction, as a wave of position, or on and off every `every` seconds),
         quadratic_drag (coefficient v |v|), saturation (efforts end at `limit`)."""
         if e["kind"] == "saturation":
             self.limit[self._driven(e)] = e["limit"]
