@@ -159,7 +159,7 @@ def test_efforts_alone_are_no_peace(clean_bench):
     """Efforts that are all one newton, whatever the load: they are compared, and nothing explains them."""
     diagnosis = diagnose(prup_pin.load("3prup"), without_pose(read_recording(clean_bench.path)))
     finding = the_unknown(diagnosis)
-    assert "no law of the library explains it" in finding.statement
+    assert "explained by no law of the library: an effort that follows the joint's load" in finding.statement
     markers = [f"p.elbow.{axis}" for axis in "xyz"]
     assert set(diagnosis.unused_columns) == {*markers, "qdd.leg1_slide", "qd.leg1_slide"}
     assert any(text.startswith("not used: ") for text in diagnosis.remarks)
