@@ -33,7 +33,7 @@ from .moved_from import MOVABLE
 from .out_of_level import OutOfLevel
 from .payload import OffCentrePayload, Payload
 from .play_with_memory import HeldBacklash, LostMotion
-from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, stands_elsewhere
+from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, PoseSensorScale, stands_elsewhere
 from .root_tilt import HubRootCompliance, RootTiltCompliance
 from .self_weight import SelfWeight, SpreadSelfWeight
 from .setup import Setup
@@ -111,6 +111,7 @@ _OWN: tuple[Law, ...] = (
     WrenchSensorForceBias(),
     PoseSensorMisalignment(),
     PoseSensorDrift(),
+    PoseSensorScale(),
     TargetMisalignment(),
     CreepLaw(),
     ModelEquationError(),

@@ -173,6 +173,8 @@ CASES = [
     case("pose sensor", "pose_sensor_misalignment", "pose_sensor",
          {"rotation": [1e-3, 2e-3, -3e-3], "translation": [1e-4, 2e-4, 3e-4]},
          effect(laws.PoseSensorMisalignment, "pose_sensor", rx=1e-3, ry=2e-3, rz=-3e-3, tx=1e-4, ty=2e-4, tz=3e-4)),
+    case("pose sensor's scale", "pose_sensor_scale", "pose_sensor", {"error": 8e-4},
+         effect(laws.PoseSensorScale, "pose_sensor", error=8e-4)),
     case("wrench sensor turned", "wrench_sensor_misalignment", "wrench_sensor", {"rotation": [0.02, -0.01, 0.03]},
          effect(laws.WrenchSensorMisalignment, "wrench_sensor", rx=-0.02, ry=0.01, rz=-0.03)),
     case("wrench sensor's channels", "wrench_sensor_gain", "wrench_sensor", {"gain": [1.1, 1.0, 0.8, 1.25, 1.0, 1.0]},

@@ -619,6 +619,35 @@ def test_a_pose_sensor_wanders_along_a_line():
     np.testing.assert_allclose(run.rotation, base.rotation, atol=1e-12)
 
 
+def test_a_pose_sensors_scale_stretches_positions_from_its_own_origin():
+    law = of(laws.PoseSensorScale, "pose_sensor", error=8e-4)
+    base, run = nominal("3prup"), simulator("3prup").run([law])
+    np.testing.assert_allclose(run.position, 1.0008 * base.position, atol=1e-14)
+    np.testing.assert_allclose(run.rotation, base.rotation, atol=1e-14)
+
+
+def test_a_pose_sensors_scale_is_of_all_it_sees_wherever_it_stands():
+    """Whatever is off besides, in whatever order: where the target sits, where the sensor stands, how it wanders."""
+    turn, tilt = (rotation_exp(np.array(vector)) for vector in ([0.1, -0.2, 0.3], [-0.2, 0.1, 0.05]))
+    scale = of(laws.PoseSensorScale, "pose_sensor", error=0.02)
+    frame = of(laws.PoseSensorMisalignment, "pose_sensor", rx=0.1, ry=-0.2, rz=0.3, tx=0.01, ty=0.02, tz=0.03)
+    target = of(laws.TargetMisalignment, "target", x=0.01, y=0.02, z=0.03, rx=-0.2, ry=0.1, rz=0.05)
+    base, time = nominal("3prup"), simulator("3prup").inputs.time
+    sits = base.position + base.rotation @ [0.01, 0.02, 0.03]
+    wandered = (time - time[0])[:, None] * [1e-4, -2e-4, 3e-4]
+    drift = of(laws.PoseSensorDrift, "pose_sensor", "drift", vx=1e-4, vy=-2e-4, vz=3e-4)
+    for effects, true in (
+        ([scale, frame, target], sits @ turn.T + [0.01, 0.02, 0.03]),
+        ([target, scale, frame], sits @ turn.T + [0.01, 0.02, 0.03]),
+        ([drift, scale], base.position + wandered),
+        ([scale, drift], base.position + wandered),
+    ):
+        run = simulator("3prup").run(effects)
+        np.testing.assert_allclose(run.position, 1.02 * true, atol=1e-11)
+        if frame in effects:
+            np.testing.assert_allclose(run.rotation, turn @ base.rotation @ tilt, atol=1e-10)
+
+
 def test_a_target_sits_beside_the_tool():
     turn = rotation_exp(np.array([0.1, -0.2, 0.3]))
     law = of(laws.TargetMisalignment, "target", x=0.01, y=0.02, z=0.03, rx=0.1, ry=-0.2, rz=0.3)

@@ -328,6 +328,7 @@ class Device:
         self.wrench_talk = np.eye(6)
         self.pose_turn = np.zeros(3)
         self.pose_shift = np.zeros(3)
+        self.pose_scale = 1.0
         self.ground = Ground()
         self.target_turn = np.zeros(3)
         self.target_shift = np.zeros(3)
@@ -527,6 +528,10 @@ class Device:
         """rotation (rad, 3), translation (m, 3): measured p = exp([rotation]) p + translation, R likewise."""
         self.pose_turn += np.asarray(e["rotation"], float)
         self.pose_shift += np.asarray(e.get("translation", np.zeros(3)), float)
+
+    def _effect_pose_sensor_scale(self, e):
+        """error (1): measured p is 1 + error times what it is in the sensor's own frame."""
+        self.pose_scale *= 1 + e["error"]
 
     def _effect_target_misalignment(self, e):
         """rotation (rad, 3), translation (m, 3) of the target on the hub: p + R translation, R exp([rotation])."""
@@ -1015,7 +1020,7 @@ class Device:
             p = p + rot @ self.target_shift
             rot = rot @ _qmat(_qexp(tuple(self.target_turn)))
         turn = _qmat(_qexp(tuple(self.pose_turn)))
-        p = p @ turn.T + self.pose_shift
+        p = self.pose_scale * (p @ turn.T + self.pose_shift)
         r = np.stack(_qlog(_qfrom(turn @ rot)), -1)
         qhub = _qmul(quat, (np.cos(ALPHA / 2)[:, None], 0.0, 0.0, np.sin(ALPHA / 2)[:, None]))
         bush = np.stack(_qrot(qhub, out["f"]), -1).transpose(1, 0, 2)
