@@ -43,6 +43,7 @@ from .stiffness_changed import StiffnessChanged
 from .straightness_error import GuideTwist, StraightnessError
 from .target import TargetMisalignment, of_markers, sits_turned
 from .thermal_growth import GrowthFromSupport, LinkGrowth, ThermalGrowth
+from .tool_compliance import ToolCompliance, UnevenToolAtPoint, UnevenToolCompliance
 from .viscous_friction import ViscousFriction
 from .wrench_sensor import (
     WrenchSensorBias,
@@ -82,6 +83,9 @@ _OWN: tuple[Law, ...] = (
     UnevenBaseCompliance(),
     BaseTilt(),
     UnevenBaseAtPoint(),
+    ToolCompliance(),
+    UnevenToolCompliance(),
+    UnevenToolAtPoint(),
     OutOfLevel(),
     Shear(),
     Torsion(),

@@ -330,6 +330,7 @@ class Device:
         self.pose_shift = np.zeros(3)
         self.pose_scale = 1.0
         self.ground = Ground()
+        self.tool_soft = np.zeros((2, 3))
         self.target_turn = np.zeros(3)
         self.target_shift = np.zeros(3)
         self.mass = {"rod": np.ones((3, 1)), "branch": np.ones((3, 1)), "hub": 1.0}  # factors
@@ -523,6 +524,10 @@ class Device:
     def _effect_wrench_sensor_bias(self, e):
         """bias (6; N, N m): reported = true + bias."""
         self.wrench_bias += np.asarray(e["bias"], float)
+
+    def _effect_tool_compliance(self, e):
+        """translation (m/N) and rotation (rad/(N m)) of what holds the target on the platform, by its axes."""
+        self.tool_soft += [np.broadcast_to(np.asarray(e[key], float), 3) for key in ("translation", "rotation")]
 
     def _effect_pose_sensor_misalignment(self, e):
         """rotation (rad, 3), translation (m, 3): measured p = exp([rotation]) p + translation, R likewise."""
@@ -1013,6 +1018,11 @@ class Device:
                     break
         p, quat, u = state
         rot, p = _qmat(quat), p.T
+        if self.tool_soft.any():
+            total, _ = self._external(w, quat)
+            pull, about = ((rot.swapaxes(1, 2) @ each[..., None])[..., 0] for each in (total[:3].T, total[3:].T))
+            p = p + (rot @ (self.tool_soft[0] * pull)[..., None])[..., 0]
+            rot = rot @ _qmat(_qexp(tuple((self.tool_soft[1] * about).T)))
         if self.ground.is_soft:
             shift, lean = self._leans(w, quat, p, rot)
             p, rot = (lean @ p[..., None])[..., 0] + shift, lean @ rot
