@@ -60,8 +60,9 @@ def scaled(factor):
     return seen
 
 
-def held_softly(way, turning, before=np.zeros(3)):
+def held_softly(way, turning, before=(0.0, 0.0, 0.0)):
     """Return a tool whose holder moves by way (3,) per force and turns by turning (3,) per moment about a point."""
+    before = np.array(before)
 
     def seen(at, load):
         turn, out = at[:3, :3], at.copy()
@@ -113,7 +114,7 @@ def test_a_scale_shows_wherever_the_sensor_stands_and_all_is_a_little_off():
     ],
 )
 def test_what_holds_a_tool_gives_way_and_no_joint_is_accused(way, turning, before, aspect):
-    found = diagnose(arm(), bench(arm(), postures(), held_softly(way, turning, np.array(before))))
+    found = diagnose(arm(), bench(arm(), postures(), held_softly(way, turning, before)))
     assert found.verdict == "explained"
     tool = arm().mechanism.tool_part
     assert told(found) == [("tool_compliance", tool, aspect)]
