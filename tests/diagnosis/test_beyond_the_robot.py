@@ -1,4 +1,4 @@
-"""What is off or gives way before and behind the robot: the pose sensor's scale, what holds the tool, or the base."""
+"""What is off or gives way beside the robot: the pose sensor's scale, the load cell, what holds the tool, the base."""
 
 from functools import cache
 from pathlib import Path
@@ -8,7 +8,8 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
-from prup_pin.recordings import Noise, Recording, Tolerances
+from prup_pin.recordings import Noise, Recording, Tolerances, add_noise
+from prup_pin.simulation import effect_named, simulate
 from prup_pin.spatial import rotation_exp, rotation_log
 
 NOISE = Noise(position=5e-6, rotation=2e-5)
@@ -129,6 +130,31 @@ def test_what_holds_a_tool_gives_way_and_no_joint_is_accused(way, turning, befor
         assert values["rotation"] == pytest.approx(turning[0], rel=0.1)
     if "point" in aspect:
         np.testing.assert_allclose([values[axis] for axis in "xyz"], before, atol=0.02)
+
+
+@pytest.mark.parametrize("gain", [1.06, 1 / 1.06])
+def test_a_load_cell_that_reports_too_much_or_too_little_is_told_as_that(gain):
+    """Beside the platform's weight, which it does not feel: softer or stiffer drives would make that another one."""
+    platform = prup_pin.load(ROBOTS / "six_ups" / "six_ups.urdf")
+    rng = np.random.default_rng(3)
+    q = np.repeat(rng.uniform(-0.04, 0.04, (8, 6)), 5, axis=0)
+    home = [platform.home.actuators[name] for name in platform.mechanism.actuated]
+    at = dict(zip(platform.mechanism.actuated, (q + home).T, strict=True))
+    acts = rng.normal(size=(len(q), 6)) * np.repeat((300.0, 60.0), 3)
+    weight = effect_named("self_weight", "robot", "", {"scale": 1.0}, platform.mechanism)
+    true = simulate(platform, Recording(time=np.arange(len(q) * 1.0), positions=at, wrench=acts), [weight])
+    noise = Noise(position=2e-6, rotation=1e-5)
+    reported = Recording(time=np.arange(len(q) * 1.0), positions=at, wrench=gain * acts, noise=noise)
+    seen = reported.with_measurements(position=true.position, rotation=true.rotation)
+    found = diagnose(platform, add_noise(seen, noise, 5))
+    assert found.verdict == "explained"
+    every = {law.physics: law for law in found.findings}
+    assert set(every) == {"wrench_sensor_gain", "self_weight"}
+    law = every["wrench_sensor_gain"]
+    assert law.effect.place.aspect == "all channels"
+    low, high = law.parameters["gain"].interval
+    assert low < 1 / gain < high
+    assert high - low < 0.03
 
 
 def test_a_tool_and_a_base_that_loads_cannot_tell_apart_are_told_together():
