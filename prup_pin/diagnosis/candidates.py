@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..laws import LEAST_WARMING, Effect, Inputs, Law, Place, Sharing, laws_of
-from ..laws.deeds import Deed, Felt, YieldingBase, YieldingJoint
+from ..laws.deeds import Deed, Felt, YieldingJoint
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
@@ -65,13 +65,14 @@ class Candidate:
 
     @property
     def only_part(self) -> str | int | None:
-        """The one module that deforms by it, or the one actuator that stands elsewhere; or 'base', where that moves.
+        """The one module that deforms by it, the one actuator that stands elsewhere, or 'base' or 'tool' if that moves.
 
         None of what does otherwise.
         """
+        whole = {deed.moves_whole for deed in self.deeds}
+        if len(whole) == 1 and (moved := whole.pop()):
+            return moved
         actuators = {deed.only_actuator for deed in self.deeds}
-        if self.deeds and all(isinstance(deed, YieldingBase) for deed in self.deeds):
-            return "base"
         return self.only_module or (actuators.pop() if len(actuators) == 1 else None)
 
     @property

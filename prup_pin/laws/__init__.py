@@ -33,7 +33,7 @@ from .moved_from import MOVABLE
 from .out_of_level import OutOfLevel
 from .payload import OffCentrePayload, Payload
 from .play_with_memory import HeldBacklash, LostMotion
-from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, stands_elsewhere
+from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, PoseSensorScale, stands_elsewhere
 from .root_tilt import HubRootCompliance, RootTiltCompliance
 from .self_weight import SelfWeight, SpreadSelfWeight
 from .setup import Setup
@@ -43,6 +43,7 @@ from .stiffness_changed import StiffnessChanged
 from .straightness_error import GuideTwist, StraightnessError
 from .target import TargetMisalignment, of_markers, sits_turned
 from .thermal_growth import GrowthFromSupport, LinkGrowth, ThermalGrowth
+from .tool_compliance import ToolCompliance, UnevenToolAtPoint, UnevenToolCompliance
 from .viscous_friction import ViscousFriction
 from .wrench_sensor import (
     WrenchSensorBias,
@@ -82,6 +83,9 @@ _OWN: tuple[Law, ...] = (
     UnevenBaseCompliance(),
     BaseTilt(),
     UnevenBaseAtPoint(),
+    ToolCompliance(),
+    UnevenToolCompliance(),
+    UnevenToolAtPoint(),
     OutOfLevel(),
     Shear(),
     Torsion(),
@@ -111,6 +115,7 @@ _OWN: tuple[Law, ...] = (
     WrenchSensorForceBias(),
     PoseSensorMisalignment(),
     PoseSensorDrift(),
+    PoseSensorScale(),
     TargetMisalignment(),
     CreepLaw(),
     ModelEquationError(),

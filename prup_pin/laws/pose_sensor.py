@@ -1,4 +1,4 @@
-"""A pose sensor that stands elsewhere than believed."""
+"""A pose sensor that stands elsewhere than believed, or measures lengths by another scale."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..numbers import quantity
+from ..numbers import number, quantity
 from ..parameters import Quantity
 from ..spatial import Array, rotation_exp, rotation_log
 from .deeds import Deed, Moved, PoseReport, Wandering
@@ -94,3 +94,30 @@ class PoseSensorDrift(Law):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         by = quantity(60 * float(np.linalg.norm(list(values.values()))), "m")
         return f"the pose sensor's frame wanders by {by} a minute"
+
+
+class PoseSensorScale(Law):
+    """The pose sensor has all positions too large by one share: it reports (1 + e) p and R.
+
+    From the origin of its frame, and of all that it sees alike. A tracker whose wavelength is that of other air, a
+    camera with another focal length or distance, a scale bar that is not as long as believed.
+    """
+
+    physics = "pose_sensor_scale"
+    summary = "a pose sensor that reports all lengths too long or too short"
+    called = "tracker, camera, scale bar, ppm, magnification"
+    source = "ASME B89.4.19, laser trackers"
+    sensor = "pose_sensor"
+    remedy = "calibrate the pose sensor on a known length, or divide all its positions by 1 + this error"
+    quantities = (Quantity("error", "1", "share by which all lengths are too long", 1e-4, lower=-0.1, upper=0.1),)
+    neutral: ClassVar = {"error": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("pose_sensor")]
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        yield PoseReport(Moved.scaled(1.0 + values["error"]))
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        way = "long" if values["error"] > 0 else "short"
+        return f"the pose sensor reports all lengths {number(100 * abs(values['error']), 3)} % too {way}"

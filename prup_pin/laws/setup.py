@@ -41,6 +41,7 @@ class Setup:
     yielding: dict[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)  # of joints, by name and way
     springs: tuple[Pull, ...] = ()
     base: Array | None = None  # (6, 12), how the base gives way under all that acts, and at home, about its origin
+    tool: Array | None = None  # (6, 6), how the tool gives way on its body under what acts on it, about its point
     held: tuple[HeldMass, ...] = ()  # by the tool
     fall: Array = field(default_factory=lambda: np.zeros(3))  # (3,) [m/s^2], gravity beyond the robot file's
     weight: float = 0.0  # share of the links' weight that acts

@@ -12,7 +12,17 @@ import numpy as np
 from ..errors import PrupPinError, UnreachablePoseError
 from ..kinematics import ClosedPose
 from ..laws import Effect, Inputs, Setup
-from ..laws.deeds import AGREED, DEEDS, Deed, History, base_motion, carried_along, yielding_values
+from ..laws.deeds import (
+    AGREED,
+    DEEDS,
+    Deed,
+    History,
+    base_motion,
+    carried_along,
+    moved_tool,
+    tool_motion,
+    yielding_values,
+)
 from ..loaded import Chain, Conditions, Equilibria, chain_of, find_equilibria, with_torques, with_values
 from ..mechanism import Frame
 from ..robot import Robot
@@ -80,11 +90,14 @@ class Run:
     def pose_of(self, frame: Frame) -> tuple[Array, Array]:
         """Return position (N, 3) and rotation (N, 3, 3) of a frame as the pose sensor reports them; NaN if unsolved."""
         n, good = len(self.solved), self.equilibria.converged
-        frame = self.equilibria.chain.mechanism.own(frame)
+        chain = self.equilibria.chain
+        frame = chain.mechanism.own(frame)
         placed = self.equilibria.evaluation.placements[good]
         placements = placed[:, frame.joint] @ frame.placement
+        if self.setup.tool is not None and frame.name == chain.tool.name:
+            placements = moved_tool(tool_motion(self.setup, self.samples[good], placements), placements)
         if self.setup.base is not None:
-            moved = base_motion(self.setup, self.samples[good], self.equilibria.chain.structure, placed)
+            moved = base_motion(self.setup, self.samples[good], chain.structure, placed)
             placements = carried_along(moved, placements)
         position, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
         position[self.samples[good]], rotation[self.samples[good]] = placements[:, :3, 3], placements[:, :3, :3]

@@ -188,7 +188,12 @@ def check_quantities(bench, law, place):
     near(law.magnified(law.magnified(strong, 3.0), 1 / 3), strong, rtol=1e-6, atol=1e-12)
     near(law.multiple(law.magnified(strong, 3.0), strong), 3.0, rtol=1e-6, atol=1e-12)
     require(set(law.neutral) <= set(quantities), f"neutral names {set(law.neutral) - set(quantities)}.")
-    require(list(law.neutral_at(place, mechanism)) == list(quantities), "Its neutral values are not all of them.")
+    neutral = law.neutral_at(place, mechanism)
+    require(list(neutral) == list(quantities), "Its neutral values are not all of them.")
+    nothing = neutral[first.name]
+    if len(quantities) == 1 and 0 <= first.lower < nothing < first.upper:
+        sides = {start[first.name] > nothing for start in starts}
+        require(len(sides) == 2, f"It may be above {nothing:g} or below, and no fit starts on one of these sides.")
 
 
 def _truth(bench, law, place):

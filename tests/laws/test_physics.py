@@ -540,6 +540,45 @@ def test_a_base_stands_at_zero_under_the_weight_at_home(boom):
     np.testing.assert_allclose(moved[1] - [0.3, 0, 0], [turn * 1.0, 0, -turn * 0.8], rtol=1e-4, atol=1e-12)
 
 
+def test_a_tool_gives_way_under_what_acts_on_it_whatever_the_robot_weighs(boom):
+    """By c F in its direction; the boom is rigid, and its own 4 kg pass by the tool."""
+    forces = np.array([0.0, 300.0, -200.0])
+    weight, mass = of(laws.SelfWeight, "robot", scale=1.0), of(laws.Payload, "trolley", mass=3.0)
+    soft = of(laws.ToolCompliance, "trolley", translation=2e-7, rotation=1e-5)
+    np.testing.assert_allclose(pulled(boom, forces, [weight, soft], axis=1)[:, 1], 2e-7 * forces, rtol=1e-12)
+    sags = pulled(boom, forces, [soft, mass], axis=1)
+    np.testing.assert_allclose(sags[:, 1:], np.stack((2e-7 * forces, np.full(3, -6e-7 * 9.80665)), 1), atol=1e-15)
+
+
+def test_a_stem_bends_as_a_cantilever_seen_half_way_along_it():
+    """At its tip l^3 / (3 EI) F + l^2 / (2 EI) M and l^2 / (2 EI) F + l / EI M across; in the tool's axes."""
+    length, bends = 0.2, 1e-3
+    across = {"translation": length**3 / 12 * bends, "rotation": length * bends}
+    values = {f"{name}_{axis}": 0.0 for name in across for axis in "xyz"} | {"x": 0.0, "y": 0.0, "z": -length / 2}
+    values |= {f"{name}_{axis}": value for name, value in across.items() for axis in "xy"}
+    law = of(laws.UnevenToolAtPoint, "moving_star", "by axis, about a point", **values)
+    base, run = nominal("3prup"), simulator("3prup").run([law])
+    load = run.setup.wrench.reshape(-1, 2, 3) @ base.rotation  # force and moment in the tool's axes
+    (fx, fy, _), (mx, my, _) = load.transpose(1, 2, 0)
+    turn = bends * np.stack((length * mx - length**2 / 2 * fy, length * my + length**2 / 2 * fx, 0 * fx), 1)
+    shift = bends * np.stack(
+        (length**3 / 3 * fx + length**2 / 2 * my, length**3 / 3 * fy - length**2 / 2 * mx, 0 * fx), 1
+    )
+    np.testing.assert_allclose(run.position - base.position, (base.rotation @ shift[..., None])[..., 0], atol=1e-15)
+    turned = base.rotation.mT @ run.rotation
+    np.testing.assert_allclose(turned, rotation_exp(turn), atol=1e-12)
+
+
+def test_a_marker_on_the_body_before_a_soft_tool_stays():
+    name = next(name for name in NAMES if len(robot(name).mechanism.frame_names) > 3)
+    mechanism = robot(name).mechanism
+    soft = of(laws.ToolCompliance, mechanism.tool_part, translation=1e-6, rotation=1e-5)
+    base, run = nominal(name), simulator(name).run([soft])
+    for frame in mechanism.frames.values():
+        moved = np.nanmax(np.abs(run.pose_of(frame)[0] - base.pose_of(frame)[0]))
+        assert (moved > 1e-6) == (frame.name == mechanism.tool.name)
+
+
 def test_a_payload_is_a_dead_force():
     setup = acting(of(laws.Payload, "moving_star", mass=2.5))
     np.testing.assert_allclose(setup.wrench - setup.inputs.wrench, [[0, 0, 2.5 * 9.80665, 0, 0, 0]] * 10, atol=1e-12)
@@ -617,6 +656,35 @@ def test_a_pose_sensor_wanders_along_a_line():
     wandered = (time - time[0])[:, None] * [1e-4, -2e-4, 3e-4]
     np.testing.assert_allclose(run.position, base.position + wandered, atol=1e-11)
     np.testing.assert_allclose(run.rotation, base.rotation, atol=1e-12)
+
+
+def test_a_pose_sensors_scale_stretches_positions_from_its_own_origin():
+    law = of(laws.PoseSensorScale, "pose_sensor", error=8e-4)
+    base, run = nominal("3prup"), simulator("3prup").run([law])
+    np.testing.assert_allclose(run.position, 1.0008 * base.position, atol=1e-14)
+    np.testing.assert_allclose(run.rotation, base.rotation, atol=1e-14)
+
+
+def test_a_pose_sensors_scale_is_of_all_it_sees_wherever_it_stands():
+    """Whatever is off besides, in whatever order: where the target sits, where the sensor stands, how it wanders."""
+    turn, tilt = (rotation_exp(np.array(vector)) for vector in ([0.1, -0.2, 0.3], [-0.2, 0.1, 0.05]))
+    scale = of(laws.PoseSensorScale, "pose_sensor", error=0.02)
+    frame = of(laws.PoseSensorMisalignment, "pose_sensor", rx=0.1, ry=-0.2, rz=0.3, tx=0.01, ty=0.02, tz=0.03)
+    target = of(laws.TargetMisalignment, "target", x=0.01, y=0.02, z=0.03, rx=-0.2, ry=0.1, rz=0.05)
+    base, time = nominal("3prup"), simulator("3prup").inputs.time
+    sits = base.position + base.rotation @ [0.01, 0.02, 0.03]
+    wandered = (time - time[0])[:, None] * [1e-4, -2e-4, 3e-4]
+    drift = of(laws.PoseSensorDrift, "pose_sensor", "drift", vx=1e-4, vy=-2e-4, vz=3e-4)
+    for effects, true in (
+        ([scale, frame, target], sits @ turn.T + [0.01, 0.02, 0.03]),
+        ([target, scale, frame], sits @ turn.T + [0.01, 0.02, 0.03]),
+        ([drift, scale], base.position + wandered),
+        ([scale, drift], base.position + wandered),
+    ):
+        run = simulator("3prup").run(effects)
+        np.testing.assert_allclose(run.position, 1.02 * true, atol=1e-11)
+        if frame in effects:
+            np.testing.assert_allclose(run.rotation, turn @ base.rotation @ tilt, atol=1e-10)
 
 
 def test_a_target_sits_beside_the_tool():

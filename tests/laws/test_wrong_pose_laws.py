@@ -10,6 +10,7 @@ from prup_pin.laws.deeds import ExtraStrain, Strain
 from prup_pin.laws.encoder import EncoderOffset
 from prup_pin.laws.out_of_level import OutOfLevel
 from prup_pin.laws.payload import Payload
+from prup_pin.laws.wrench_sensor import WrenchSensorCommonGain
 from prup_pin.testing.poses import (
     check_derivatives,
     check_leaves_alone,
@@ -86,6 +87,13 @@ class HeavyPayload(Payload):
         return value * times**2 + 0.1
 
 
+class OneSidedGain(WrenchSensorCommonGain):
+    """A sensor may report too much or too little; by what is in proportion no fit gets from one to the other."""
+
+    def starts(self, place, mechanism):
+        return [{"gain": 1.05}]
+
+
 class MuteLevel(OutOfLevel):
     """Gravity pulls as ever."""
 
@@ -100,14 +108,14 @@ class NeverLevel(OutOfLevel):
         yield from super().deeds(place, {**values, "rx": values["rx"] + 1e-3}, setup)
 
 
-PLACE, BASE = Place("leg1/motor"), Place("base", "level")
+PLACE, BASE, CELL = Place("leg1/motor"), Place("base", "level"), Place("wrench_sensor", "all channels")
 CHECKS = [check_neutral, check_shows, check_leaves_alone, check_derivatives, check_quantities, check_refit]
 REFUSED = {
     check_neutral: [(RestlessOffset(), PLACE), (NeverLevel(), BASE)],
     check_shows: [(MuteOffset(), PLACE), (MuteLevel(), BASE)],
     check_leaves_alone: [(MeddlingOffset(), PLACE)],
     check_derivatives: [(SteepStretch(), PLACE)],
-    check_quantities: [(UnboundedOffset(), PLACE), (HeavyPayload(), Place("moving_star"))],
+    check_quantities: [(UnboundedOffset(), PLACE), (HeavyPayload(), Place("moving_star")), (OneSidedGain(), CELL)],
     check_refit: [(RandomOffset(), PLACE)],
 }
 

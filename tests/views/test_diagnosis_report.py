@@ -16,12 +16,13 @@ import prup_pin
 from prup_pin.diagnosis.corrected import corrected_model
 from prup_pin.diagnosis.diagnosis import Detectable, Finding, FittedParameter
 from prup_pin.diagnosis.efforts import EffortCurve, effort_curve_of
+from prup_pin.laws import Inputs
 from prup_pin.laws.deviations import deviations_of
 from prup_pin.laws.efforts import EFFORT_LAWS
 from prup_pin.laws.efforts.inertial_parameters import InertialParameters
 from prup_pin.numbers import number, quantity
 from prup_pin.recordings import Tolerances, read_plan
-from prup_pin.simulation import read_model
+from prup_pin.simulation import Simulator, effect_named, read_model
 from prup_pin.views.drawing.diagnosis_figures import _lines, marks, place_figure, within_all_95
 from prup_pin.views.report import pages
 from prup_pin.views.report.as_json import diagnosis_as_json
@@ -424,3 +425,52 @@ def test_a_flat_robots_picture_on_a_phone_is_no_higher_than_it_needs(diagnosed):
     none = replace(diagnosis, findings=(), final=None)
     heights = [place_figure(robot, none, narrow=True).get_figheight() for robot in map(prup_pin.load, ("ur5", "3prup"))]
     assert heights[0] < 6 < heights[1] + 0.8
+
+
+ARM = """<robot name="arm">
+  <link name="base"/>
+  <link name="column"><inertial><origin xyz="0 0 0.2"/><mass value="5"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="4"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="lower"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="hand"/>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="column"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+  <joint name="lift" type="revolute"><parent link="column"/><child link="upper"/><origin xyz="0 0 0.4"/>
+    <axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+  <joint name="bend" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.5 0 0"/>
+    <axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+  <joint name="hand_fix" type="fixed"><parent link="lower"/><child link="hand"/><origin xyz="0.4 0 0"/></joint>
+  <prup_pin version="1"><tool frame="hand"/><actuated joints="turn lift bend"/>
+    <module name="lift/gear" type="joint_spring" joint="lift">
+      <parameter name="stiffness" value="1e5" unit="N m/rad"/></module>
+    <module name="bend/gear" type="joint_spring" joint="bend">
+      <parameter name="stiffness" value="5e4" unit="N m/rad"/></module>
+  </prup_pin>
+</robot>"""
+
+
+@pytest.mark.parametrize(
+    ("physics", "place", "aspect", "values"),
+    [
+        ("joint_compliance", "lift", "across", {"compliance": 3e-6}),
+        ("link_bending", "bend", "link before", {"flexibility": 1e-5}),
+    ],
+)
+def test_what_yields_where_the_file_has_no_module_is_drawn(physics, place, aspect, values, diagnosed, tmp_path):
+    """The poses that a corrected robot takes are not those of the file's: it has modules more."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM, encoding="utf-8")
+    robot = prup_pin.load(path)
+    rng = np.random.default_rng(5)
+    loads = rng.normal(scale=100.0, size=(8, 6)) * [1, 1, 1, 0.1, 0.1, 0.1]
+    inputs = Inputs(np.arange(8.0), rng.uniform(-1, 1, (8, 3)), loads, np.arange(8))
+    run = Simulator(robot, inputs).run([effect_named(physics, place, aspect, values, robot.mechanism)])
+    _, _, diagnosis = diagnosed
+    finding = replace(diagnosis.findings[0], physics=physics, location=place, candidates=(place,))
+    found = replace(diagnosis, final=run, findings=(finding,))
+    said = " ".join(text.get_text() for text in place_figure(robot, found).findobj(Text))
+    assert place in said
+    assert "yielding" not in said  # a help of the simulation's, and no part of the robot

@@ -16,6 +16,7 @@ from .travel import ChangedLength, MovedJoint, MovedLoopEnd, Travel
 from .value import ChangedValue
 from .yielding import YieldingJoint, yield_of, yielding_values
 from .yielding_base import YieldingBase, base_motion, carried_along
+from .yielding_tool import YieldingTool, moved_tool, tool_motion
 
 #: Every kind, in the order in which their first-order effects are added up.
 DEEDS: tuple[type[Deed], ...] = (
@@ -38,6 +39,7 @@ DEEDS: tuple[type[Deed], ...] = (
     MovedLoopEnd,
     YieldingJoint,
     ExtraTilt,
+    YieldingTool,
     YieldingBase,
     PoseReport,
 )

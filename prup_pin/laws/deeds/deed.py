@@ -104,6 +104,8 @@ class Deed(ABC):
 
     #: BLOCK, RUN, or nothing.
     memory: ClassVar[str] = ""
+    #: What moves as a whole by it, of 'base' and 'tool'; '' where nothing does.
+    moves_whole: ClassVar[str] = ""
     #: True where it loads the robot or lets it give way: joints move by it from where they stand unloaded.
     displaces_joints: ClassVar[bool] = False
 

@@ -18,30 +18,42 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Moved:
-    """A report of poses P as `outside` P `inside`: the frame of the sensor, or its target, sits elsewhere."""
+    """A report of poses P as `outside` P `inside`: the frame of the sensor, or its target, sits elsewhere.
+
+    Its positions are then `scale` times that, from the origin of the sensor's frame.
+    """
 
     outside: Array
     inside: Array
+    scale: float = 1.0
 
     def __call__(self, position: Array, rotation: Array) -> tuple[Array, Array]:
         turn, shift = self.outside[:3, :3], self.outside[:3, 3]
         point = position + rotation @ self.inside[:3, 3]
-        return point @ turn.T + shift, turn @ (rotation @ self.inside[:3, :3])
+        return self.scale * (point @ turn.T + shift), turn @ (rotation @ self.inside[:3, :3])
 
     def change(self, true: Array, moved: Array) -> Array:
         """Return the change (n, 6) of reports of poses (n, 4, 4) that move by (n, 6), as `motion_between` has it."""
         turn, arm = self.outside[:3, :3], true[:, :3, :3] @ self.inside[:3, 3]
         shift = moved[:, :3] + _turned(moved[:, 3:], arm)
-        return np.concatenate((shift @ turn.T, moved[:, 3:] @ turn.T), axis=1)
+        return np.concatenate((self.scale * shift @ turn.T, moved[:, 3:] @ turn.T), axis=1)
 
     def then(self, other: Moved) -> Moved:
         """Return both as one report."""
-        return Moved(other.outside @ self.outside, self.inside @ other.inside)
+        outside, inside = other.outside.copy(), other.inside.copy()
+        outside[:3, 3] /= self.scale
+        inside[:3, 3] /= self.scale
+        return Moved(outside @ self.outside, self.inside @ inside, self.scale * other.scale)
 
     @classmethod
     def from_frame(cls, turn: Array, shift: Array) -> Moved:
         """Return the report of a frame that is turned and shifted."""
         return cls(placement(turn, shift), np.eye(4))
+
+    @classmethod
+    def scaled(cls, scale: float) -> Moved:
+        """Return the report of a sensor whose positions are `scale` times what they are in its frame."""
+        return cls(np.eye(4), np.eye(4), scale)
 
     @classmethod
     def on_body(cls, shift: Array, turn: Array) -> Moved:
@@ -75,7 +87,8 @@ class PoseReport(Deed):
     """The pose sensor makes `reported(position, rotation)` of a true pose, (N, 3) [m] and (N, 3, 3).
 
     Of the frame of that name, or of all; at the samples `rows` (N,), or at all. It moves no part of the robot; channels
-    pass their poses through all reports in their order.
+    pass their poses through all reports in their order, a scale of the sensor's positions after all others: that is of
+    all it sees, wherever it stands.
     """
 
     reported: Callable[[Array, Array], tuple[Array, Array]]
@@ -98,10 +111,15 @@ class PoseReport(Deed):
         )
 
     def enter(self, setup: Setup) -> None:
-        setup.reports = (*setup.reports, self)
+        setup.reports = tuple(sorted((*setup.reports, self), key=lambda report: report.is_scaled))
+
+    @property
+    def is_scaled(self) -> bool:
+        """True where it makes positions larger or smaller."""
+        return isinstance(self.reported, Moved) and self.reported.scale != 1.0
 
     def redraw(self, changes: Changes) -> str | None:
-        if self.rows is not None or not isinstance(self.reported, Moved):
+        if self.rows is not None or not isinstance(self.reported, Moved) or self.is_scaled:
             return None
         changes.see(self.frame, self.reported.outside, self.reported.inside)
         return ""

@@ -30,6 +30,8 @@ class YieldingBase(Deed):
     order and left out.
     """
 
+    moves_whole = "base"
+
     compliance: tuple[tuple[float, ...], ...]
     settled: float = 1.0
 

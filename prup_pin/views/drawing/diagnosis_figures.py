@@ -97,6 +97,8 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, *, narrow: bool = False) ->
     """Return a picture of the robot with the places of the findings marked. `narrow`: for a phone."""
     run = diagnosis.final
     poses = [] if run is None else run.geometry.poses
+    if run is not None:  # where joints yield or lengths are others, its poses are no poses of the robot file's
+        robot = run.geometry.robot
     pose = poses[len(poses) // 2] if poses else robot.home
     figure = sheet(*(NARROW if narrow else WIDE), dpi=100)
     scene = pose_scene(robot, pose, ellipsoids="none")

@@ -328,7 +328,9 @@ class Device:
         self.wrench_talk = np.eye(6)
         self.pose_turn = np.zeros(3)
         self.pose_shift = np.zeros(3)
+        self.pose_scale = 1.0
         self.ground = Ground()
+        self.tool_soft = np.zeros((2, 3))
         self.target_turn = np.zeros(3)
         self.target_shift = np.zeros(3)
         self.mass = {"rod": np.ones((3, 1)), "branch": np.ones((3, 1)), "hub": 1.0}  # factors
@@ -523,10 +525,18 @@ class Device:
         """bias (6; N, N m): reported = true + bias."""
         self.wrench_bias += np.asarray(e["bias"], float)
 
+    def _effect_tool_compliance(self, e):
+        """translation (m/N) and rotation (rad/(N m)) of what holds the target on the platform, by its axes."""
+        self.tool_soft += [np.broadcast_to(np.asarray(e[key], float), 3) for key in ("translation", "rotation")]
+
     def _effect_pose_sensor_misalignment(self, e):
         """rotation (rad, 3), translation (m, 3): measured p = exp([rotation]) p + translation, R likewise."""
         self.pose_turn += np.asarray(e["rotation"], float)
         self.pose_shift += np.asarray(e.get("translation", np.zeros(3)), float)
+
+    def _effect_pose_sensor_scale(self, e):
+        """error (1): measured p is 1 + error times what it is in the sensor's own frame."""
+        self.pose_scale *= 1 + e["error"]
 
     def _effect_target_misalignment(self, e):
         """rotation (rad, 3), translation (m, 3) of the target on the hub: p + R translation, R exp([rotation])."""
@@ -1008,6 +1018,11 @@ class Device:
                     break
         p, quat, u = state
         rot, p = _qmat(quat), p.T
+        if self.tool_soft.any():
+            total, _ = self._external(w, quat)
+            pull, about = ((rot.swapaxes(1, 2) @ each[..., None])[..., 0] for each in (total[:3].T, total[3:].T))
+            p = p + (rot @ (self.tool_soft[0] * pull)[..., None])[..., 0]
+            rot = rot @ _qmat(_qexp(tuple((self.tool_soft[1] * about).T)))
         if self.ground.is_soft:
             shift, lean = self._leans(w, quat, p, rot)
             p, rot = (lean @ p[..., None])[..., 0] + shift, lean @ rot
@@ -1015,7 +1030,7 @@ class Device:
             p = p + rot @ self.target_shift
             rot = rot @ _qmat(_qexp(tuple(self.target_turn)))
         turn = _qmat(_qexp(tuple(self.pose_turn)))
-        p = p @ turn.T + self.pose_shift
+        p = self.pose_scale * (p @ turn.T + self.pose_shift)
         r = np.stack(_qlog(_qfrom(turn @ rot)), -1)
         qhub = _qmul(quat, (np.cos(ALPHA / 2)[:, None], 0.0, 0.0, np.sin(ALPHA / 2)[:, None]))
         bush = np.stack(_qrot(qhub, out["f"]), -1).transpose(1, 0, 2)

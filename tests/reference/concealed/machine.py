@@ -88,6 +88,7 @@ class Machine:
         self.ground = Ground()
         self.gain, self.bias, self.turn = np.ones(6), np.zeros(6), np.zeros(3)
         self.frame = Frame(np.zeros(3), np.zeros(3))
+        self.pose_scale = 1.0
         self.target = Frame(np.zeros(3), np.zeros(3))
         self.moved = np.zeros(0, bool)  # samples of the present run before which the drives moved
         for name, amount in (scatter or {}).items():
@@ -197,6 +198,10 @@ class Machine:
         """rotation (rad, 3), translation (m, 3): measured p = exp([rotation]) p + translation, R likewise."""
         self._move(self.frame, e)
 
+    def _effect_pose_sensor_scale(self, e):
+        """error (1): measured p is 1 + error times what it is in the sensor's own frame."""
+        self.pose_scale *= 1 + e["error"]
+
     def _effect_target_misalignment(self, e):
         """rotation (rad, 3), translation (m, 3): measured p + R translation, R exp([rotation])."""
         self._move(self.target, e)
@@ -284,7 +289,7 @@ class Machine:
         p = p + rot @ self.target.shift
         rot = rot @ matrix(self.target.turn)
         turn = matrix(self.frame.turn)
-        return Seen(p @ turn.T + self.frame.shift, vector(turn @ rot), residual)
+        return Seen(self.pose_scale * (p @ turn.T + self.frame.shift), vector(turn @ rot), residual)
 
     def _leaning(self, standing, w):
         """The same on ground that gives way: the robot leans, and what pulls at its tool keeps its direction."""
