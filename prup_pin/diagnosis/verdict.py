@@ -82,7 +82,7 @@ def verdict_of(
     findings += [calibrated_beyond(item, final.held_out) for item in beyond]
     for usual, said in ((False, _stand_ins), (True, _as_usual)):
         stated = [effect.statement(robot.mechanism) for effect in final.stand_ins if effect.is_unremarkable == usual]
-        remarks += [said(stated)] if told else []
+        remarks += [said(stated)] if stated else []
     findings = [with_neutral_values(finding, robot) for finding in findings]
     told = {*SENSORS["pose_sensor"]} if prepared.placed.found else set()
     told |= {"target_rotation"} if prepared.placed.turned else set()
