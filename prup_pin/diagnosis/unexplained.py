@@ -62,9 +62,10 @@ def final_state(
         return Final(problem.first, (), too_few_poses(count), held, count)
     if not _unexplained(problem, last, count):
         group = _cancelling(problem, last) if rms_of_sum(held, count) > ROUGHLY * clean_bound(count) else ()
-        left_over = tuple(finding for index, finding in enumerate(laws) if index not in group)
-        ins = tuple(last.terms[index].effect for index in group)
-        return Final(last, left_over, _in_place_of(ins), held, count, stand_ins=ins)
+        usual = [index for index in range(len(last.terms)) if index not in group and _is_usual(problem, last, index)]
+        left_over = tuple(finding for index, finding in enumerate(laws) if index not in (*group, *usual))
+        ins, minor = (tuple(last.terms[index].effect for index in places) for places in (group, usual))
+        return Final(last, left_over, _in_place_of(ins), held, count, stand_ins=(*ins, *minor))
     kept, unknown, fit = _beside_unknown(list(laws), problem, selection, blocks, tell)
     unknown = unknown or without_place(problem, fit, selection, count)
     left, held = (cross_validated(problem, each, labels, bounded=True) for each in (fit, last))
@@ -75,6 +76,17 @@ def final_state(
     others = [term.effect for index, term in enumerate(last.terms) if index not in named]
     kept = [finding for index, finding in enumerate(laws) if index in named]
     return Final(last, tuple(kept), unknown, held, count, stand_ins=tuple(others))
+
+
+def _is_usual(problem: Problem, fit: Fit, index: int) -> bool:
+    """Return True for a law that is no more than all such parts have, and changes what was measured less than noise.
+
+    No finding, but not left out either: laws of sound parts would come to imitate it.
+    """
+    if not fit.terms[index].effect.is_unremarkable:
+        return False
+    others = [term.effect for term in fit.others(index)[1]]
+    return float(np.mean(problem.change(fit, others) ** 2)) < 1.0
 
 
 def _cancelling(problem: Problem, fit: Fit) -> tuple[int, ...]:

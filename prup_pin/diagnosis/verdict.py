@@ -80,8 +80,9 @@ def verdict_of(
     findings += [target_turned(*each, first, before, robot, calibrated) for each in turned]
     findings += laws
     findings += [calibrated_beyond(item, final.held_out) for item in beyond]
-    if final.stand_ins:
-        remarks.append(_stand_ins([effect.statement(robot.mechanism) for effect in final.stand_ins]))
+    for usual, said in ((False, _stand_ins), (True, _as_usual)):
+        stated = [effect.statement(robot.mechanism) for effect in final.stand_ins if effect.is_unremarkable == usual]
+        remarks += [said(stated)] if stated else []
     findings = [with_neutral_values(finding, robot) for finding in findings]
     told = {*SENSORS["pose_sensor"]} if prepared.placed.found else set()
     told |= {"target_rotation"} if prepared.placed.turned else set()
@@ -166,6 +167,11 @@ def _stand_ins(statements: Sequence[str]) -> str:
         "the corrected model follows laws that are no findings, for they may only imitate what is missing; without "
         f"them it would predict worse: {'; '.join(statements)}"
     )
+
+
+def _as_usual(statements: Sequence[str]) -> str:
+    """Return a sentence on laws that the corrected model has and that are no more than on any such device."""
+    return f"no finding, for it is as small as on any such sensor, but in the corrected model: {'; '.join(statements)}"
 
 
 #: What may help where a tree is left unexplained and taken at its word.

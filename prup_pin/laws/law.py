@@ -79,6 +79,9 @@ class Law(ABC):
     #: The load within which it turns over, as a gap does that closes: data hardly tell how far below them it is, and a
     #: step of a fit leads over it only where it is large.
     closes_within: ClassVar[str] = ""
+    #: Sizes of parameters up to which it is what all such parts have, however well they are made: no finding where the
+    #: noise is larger than what it does.
+    unremarkable: ClassVar[Mapping[str, float]] = {}
     #: False for what goes on in a recording and tells nothing of another one.
     lasts: ClassVar[bool] = True
     #: True where parameters that are not given stand at their defaults.
@@ -295,6 +298,12 @@ class Effect:
     def statement(self, mechanism: Mechanism) -> str:
         """Return one sentence that a machine builder understands."""
         return self.law.statement(self.place, self.values, mechanism)
+
+    @property
+    def is_unremarkable(self) -> bool:
+        """True where it is no more than all such parts have."""
+        sizes = self.law.unremarkable
+        return bool(sizes) and all(abs(self.values[name]) <= size for name, size in sizes.items())
 
     def checked(self, mechanism: Mechanism) -> Effect:
         """Return self, or raise UnknownNameError, ParameterError for a place or values that do not fit the robot."""

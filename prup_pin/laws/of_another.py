@@ -14,6 +14,7 @@ from .law import Law, Place
 
 _SAME = (
     *("physics", "summary", "remedy", "source", "neutral", "needs", "spread", "cost", "likely", "strong", "lasts"),
+    "unremarkable",
     *("called", "weighs", "of_stiffness", "sensor"),
 )
 

@@ -111,6 +111,7 @@ class PoseSensorScale(Law):
     remedy = "calibrate the pose sensor on a known length, or divide all its positions by 1 + this error"
     quantities = (Quantity("error", "1", "share by which all lengths are too long", 1e-4, lower=-0.1, upper=0.1),)
     neutral: ClassVar = {"error": 0.0}
+    unremarkable: ClassVar = {"error": 5e-6}  # no sensor is certified for less than some micrometres a metre
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("pose_sensor")]

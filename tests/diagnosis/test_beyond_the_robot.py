@@ -21,7 +21,7 @@ def arm():
     return prup_pin.load("ur10", joint_stiffness=1e5)
 
 
-def bench(robot, q, seen, loads=5, size=(150.0, 25.0), **declared):
+def bench(robot, q, seen, loads=5, size=(150.0, 25.0), noise=NOISE, **declared):
     """Return a bench test, each posture (n, a) under some loads: `seen` makes of a tool pose (4, 4) and a wrench (6,)
     what the sensor reports of it."""
     rng = np.random.default_rng(4)
@@ -41,9 +41,9 @@ def bench(robot, q, seen, loads=5, size=(150.0, 25.0), **declared):
         time=np.arange(len(q), dtype=float),
         positions=dict(zip(robot.mechanism.actuated, q.T, strict=True)),
         wrench=wrench,
-        position=np.array(places) + rng.normal(0, NOISE.position, (len(q), 3)),
-        rotation=np.array(turns) + rng.normal(0, NOISE.rotation, (len(q), 3)),
-        noise=NOISE,
+        position=np.array(places) + rng.normal(0, noise.position, (len(q), 3)),
+        rotation=np.array(turns) + rng.normal(0, noise.rotation, (len(q), 3)),
+        noise=noise,
         **declared,
     )
 
@@ -90,6 +90,18 @@ def test_the_scale_of_a_pose_sensor_is_one_number_and_no_lengths(error):
     assert low < error < high
     assert law.parameters["error"].value == pytest.approx(error, abs=2e-5)
     assert ("too long" if error > 0 else "too short") in law.statement
+
+
+def test_a_scale_as_all_sensors_have_it_is_told_only_where_it_exceeds_the_noise():
+    """No length and no encoder of a sound robot comes to stand for it, either."""
+    small = bench(arm(), postures(14), scaled(1 + 3e-6), size=(30.0, 5.0))
+    found = diagnose(arm(), small)
+    assert found.verdict == "nothing_missing"
+    assert [effect.law.physics for effect in found.stand_ins] == ["pose_sensor_scale"]
+    assert any("as small as on any such sensor" in text for text in found.remarks)
+    sharp = bench(arm(), postures(), scaled(1 + 4e-6), size=(3.0, 0.5), noise=Noise(position=1e-6, rotation=4e-6))
+    found = diagnose(arm(), sharp)
+    assert told(found) == [("pose_sensor_scale", "pose_sensor", "")]
 
 
 def test_a_scale_shows_wherever_the_sensor_stands_and_all_is_a_little_off():
