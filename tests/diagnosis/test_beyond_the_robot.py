@@ -80,7 +80,7 @@ def told(found):
     return [(law.physics, law.location, law.effect.place.aspect) for law in found.findings]
 
 
-@pytest.mark.parametrize("error", [6e-4, -3e-3])
+@pytest.mark.parametrize("error", [6e-4, pytest.param(-3e-3, marks=pytest.mark.slow)])
 def test_the_scale_of_a_pose_sensor_is_one_number_and_no_lengths(error):
     found = diagnose(arm(), bench(arm(), postures(), scaled(1 + error), size=(30.0, 5.0)))
     assert found.verdict == "explained"
@@ -144,7 +144,7 @@ def test_what_holds_a_tool_gives_way_and_no_joint_is_accused(way, turning, befor
         np.testing.assert_allclose([values[axis] for axis in "xyz"], before, atol=0.02)
 
 
-@pytest.mark.parametrize("gain", [1.06, 1 / 1.06])
+@pytest.mark.parametrize("gain", [pytest.param(1.06, marks=pytest.mark.slow), 1 / 1.06])
 def test_a_load_cell_that_reports_too_much_or_too_little_is_told_as_that(gain):
     """Beside the platform's weight, which it does not feel: softer or stiffer drives would make that another one."""
     platform = prup_pin.load(ROBOTS / "six_ups" / "six_ups.urdf")

@@ -318,7 +318,7 @@ def _as_drawn(
     drawn = searched(efforts, start.without(*free), tell)
     laws, others = (sum(not model.is_nuisance(term) for term in model.terms) for model in (drawn, found))
     as_good = relative_gain(held_out(drawn), held_out(found))[0] <= GAIN
-    return drawn if as_good and laws <= others + 1 else found
+    return drawn if as_good and laws <= others else found
 
 
 def _part(tell: Callable[[float], None], first: float, last: float) -> Callable[[float], None]:

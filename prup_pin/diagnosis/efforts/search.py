@@ -207,11 +207,13 @@ def _earns(validation: CrossValidation, term: EffortCandidate, before: Array, af
 
 
 def shows_beside(model: EffortModel, term: EffortCandidate) -> bool:
-    """Return whether a term earns its place beside plainer laws too, which it might imitate: whichever of each name."""
+    """Return whether a term earns its place beside plainer laws too, which it might imitate: beside the first of each
+    name, and beside whichever other of that name has no more columns than the term.
+    """
     missing = set(term.law.unlike(term.place)) - {other.name for other in model.terms}
     plainer: dict[tuple[str, str], dict[tuple[str, str, str], EffortCandidate]] = {}
     for other in model.problem.candidates:
-        if other.name in missing and other.size <= term.size and other.key != term.key:
+        if other.name in missing and other.key != term.key and (other.name not in plainer or other.size <= term.size):
             plainer.setdefault(other.name, {}).setdefault(other.key, other)
     for others in product(*(alike.values() for alike in plainer.values())) if plainer else ():
         validation = CrossValidation(model.without(term).with_term(*others))
