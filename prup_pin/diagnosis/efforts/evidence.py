@@ -163,10 +163,8 @@ class CrossValidation:
             if not len(wrong) or rounds == 0:
                 return fold, kept, x
             wrong, fewest = (wrong, len(wrong)) if len(wrong) < fewest else (wrong[-1:], fewest)
-            fold, rounds = (
-                self._fold(fold.number, *(np.setxor1d(at, wrong) for at in (fold.free, fold.held))),
-                rounds - 1,
-            )
+            free, held = (np.setxor1d(at, wrong) for at in (fold.free, fold.held))
+            fold, rounds = self._fold(fold.number, free, held), rounds - 1
 
     def _others(self, number: int, rows: np.ndarray, columns: np.ndarray) -> Array:
         """Return the products of columns over all blocks but those of a fold."""
