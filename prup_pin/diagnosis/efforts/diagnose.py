@@ -379,14 +379,14 @@ def _with_curves(
         in_most_blocks = {score.candidate for score in evenly[0] if score.log_chance < evenly[1]}
         tried = []
         for score in sorted(ranked, key=lambda item: -item.gain)[:8]:
-            by_chance, takes_most = score.log_chance >= limit, _takes_most(efforts, model, score.candidate)
-            if by_chance and not (takes_most and score.candidate in in_most_blocks):
+            told = score.log_chance < limit
+            if not told and score.candidate not in in_most_blocks:
                 continue
             share, sure = relative_gain(validation.squares, held_out(model.with_term(score.candidate)))
             saving, own = share * float(validation.squares.sum()), validation.squares_at(score.candidate)
             material = saving > GAIN * (began.squares_at(score.candidate) - own) or not model.terms
             much = share > NO_MATTER or saving > FAR_LESS * own
-            if sure > SURE and much and (material or takes_most):
+            if sure > SURE and much and ((told and material) or _takes_most(efforts, model, score.candidate)):
                 tried.append((share, score.candidate))
         curve = max(tried, key=lambda item: item[0])[1] if tried else relieving_curve(model, curves)
         if curve is None or any(curve.name == other.name for other in found):
