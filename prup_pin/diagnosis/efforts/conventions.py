@@ -439,7 +439,9 @@ class EffortReadings:
         found = [tuple(Convention(f"tau.{name}", "reversed") for name, gain in gains.items() if gain < 0)]
         usual = float(np.median(np.abs(list(gains.values()))))
         if self._in_any_unit:
-            found.append((unit_of_all(usual, self.mechanism, driven),))
+            unit = unit_of_all(usual, self.mechanism, driven)
+            if unit.word != "gain" or abs(np.log(usual)) > np.log(AS_GOOD):  # masses are known no better
+                found.append((unit,))
             found.append(tuple(gain_of(f"tau.{name}", abs(gains.get(name, usual))) for name in driven))
         return [reading for reading in found if reading and may_be_read(self.log, reading)]
 
