@@ -56,7 +56,7 @@ class UnevenBaseCompliance(GivesWayByAxis, BaseCompliance):
     quantities: ClassVar[tuple[Quantity, ...]] = (*_BY_AXIS, _SETTLED)
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
-        return [{quantity.name: float(quantity.default) for quantity in self.quantities} | {"settled": 0.5}]  # type: ignore[arg-type]
+        return [{**found, "settled": 0.5} for found in super(BaseCompliance, self).starts(place, mechanism)]
 
 
 class BaseTilt(GivesWayAtPoint, UnevenBaseCompliance):

@@ -122,9 +122,8 @@ class GivesWayAtPoint(GivesWayByAxis):
         )
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
-        found = {**super().starts(place, mechanism)[0], **dict.fromkeys("xy", 0.0)}
-        below = {own.name: float(own.default) for own in self.quantities_at(place, mechanism) if own.name == "z"}  # type: ignore[arg-type]
-        return [{**found, **each} for each in (below, {"z": 0.0})]
+        below = {**super().starts(place, mechanism)[0], "x": 0.0, "y": 0.0}
+        return [below, {**below, "z": 0.0}]
 
     def usual_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, tuple[float, float]]:
         """Return where the point is: about as far from the origin as what gives way is wide or high."""

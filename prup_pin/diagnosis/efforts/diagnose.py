@@ -139,9 +139,7 @@ def _friction_holds(final: FinalState, whole: PreparedEfforts, interval: Outlier
 
     residual (n, k): of the efforts, intervals included.
     """
-    motion = whole.at.motion
-    rows = motion.rows[whole.kept]
-    inside = (rows >= interval.rows[0]) & (rows <= interval.rows[1])
+    inside = interval.holds(whole.at.motion.rows[whole.kept])
     limits = dict.fromkeys(interval.joints, 0.0)
     for term in final.laws:
         values = term.law.fitted(term.place, final.x[final.model.slice_of(term)], term.values)
@@ -377,12 +375,12 @@ def _with_curves(
         alone, validation = model.in_problem(model.problem.only(curves)), CrossValidation(model)
         (ranked, limit), evenly = scores(savings(alone)), scores(savings(alone, evenly=True))
         in_most_blocks = {score.candidate for score in evenly[0] if score.log_chance < evenly[1]}
-        tried = []
-        for score in sorted(ranked, key=lambda item: -item.gain)[:8]:
+        tried, best = [], sorted(ranked, key=lambda item: -item.gain)[:8]
+        for score, left in zip(best, validation.with_each([item.candidate for item in best]), strict=True):
             told = score.log_chance < limit
             if not told and score.candidate not in in_most_blocks:
                 continue
-            share, sure = relative_gain(validation.squares, held_out(model.with_term(score.candidate)))
+            share, sure = relative_gain(validation.squares, left)
             saving, own = share * float(validation.squares.sum()), validation.squares_at(score.candidate)
             material = saving > GAIN * (began.squares_at(score.candidate) - own) or not model.terms
             much = share > NO_MATTER or saving > FAR_LESS * own

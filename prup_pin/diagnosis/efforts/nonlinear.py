@@ -184,15 +184,13 @@ def profile_intervals(
     least, here = cost.solved(term.values)
     apart = np.zeros(len(here))
     for name, axis in zip(free, np.eye(len(free)), strict=True):
-        edges = [(_edge(cost, way, least + rise, law.near(term.values)), way) for way in (-axis, axis)]
-        ends = [None if size is None else scaled_within(term, size * way, mechanism) for size, way in edges]
-        down, up = ends
-        out[name] = (
-            quantities[name].lower if down is None else down[name],
-            quantities[name].upper if up is None else up[name],
-        )
-        others_there = [np.abs(cost.solved(end)[1] - here) for end in ends if end is not None]
-        apart = np.hypot(apart, np.max([np.zeros(len(here)), *others_there], axis=0))
+        bounds, most = [quantities[name].lower, quantities[name].upper], np.zeros(len(here))
+        for side, way in enumerate((-axis, axis)):
+            size = _edge(cost, way, least + rise, law.near(term.values))
+            if size is not None:
+                end = scaled_within(term, size * way, mechanism)
+                bounds[side], most = end[name], np.maximum(most, np.abs(cost.solved(end)[1] - here))
+        out[name], apart = (bounds[0], bounds[1]), np.hypot(apart, most)
     others = law.closer(term.place, term.values, efforts.at)
     for name in set(law.settled) - set(free):
         # what is zero may be as much as the first size of it that the data refuse

@@ -57,6 +57,10 @@ class OutlierInterval:
             "else was computed without this interval"
         )
 
+    def holds(self, rows: np.ndarray) -> np.ndarray:
+        """Return which rows (n,) of the recording belong to it."""
+        return (rows >= self.rows[0]) & (rows <= self.rows[1])
+
     def finding(self) -> Finding:
         """Return its finding, of something unknown."""
         where, when = self.joints[0] if len(self.joints) == 1 else "robot", self.when
@@ -72,8 +76,7 @@ class OutlierInterval:
 
 def is_outlying(interval: OutlierInterval, rows: np.ndarray, residual: Array, good: np.ndarray) -> bool:
     """Return whether a residual (n, k) at samples of rows (n,) lies far beyond the noise in an interval."""
-    first, last = interval.rows
-    inside = ((rows >= first) & (rows <= last))[:, None] & good
+    inside = interval.holds(rows)[:, None] & good
     times = np.where(inside, residual / _noise(residual, good & ~inside), 0.0)
     return bool(np.sqrt((times**2).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)).max() > OUTLIER)
 

@@ -44,9 +44,10 @@ class YieldingTool(Deed):
             ("frame", tool.name), lambda: at.first.found.evaluation.placements[:, tool.joint] @ tool.placement
         )
         before = at.first.once("tool", partial(tool_motion, at.setup, at.samples, place))
+        moved = tool_motion(setup, at.samples, place) - before
         parts = np.zeros((len(place), 6 * len(at.first.frames)))
         for index in watched:
-            parts[:, 6 * index : 6 * index + 6] = tool_motion(setup, at.samples, place) - before
+            parts[:, 6 * index : 6 * index + 6] = moved
         yield parts
 
 
