@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -57,15 +58,21 @@ class EvenClock:
         kept = values[self.rows]
         if self.exact:
             return kept
-        out = np.empty((len(self.time), *kept.shape[1:]))
+        before, share = self.between
+        share = share.reshape(-1, *[1] * (kept.ndim - 1))
+        return kept[before] * (1 - share) + kept[before + 1] * share
+
+    @cached_property
+    def between(self) -> tuple[np.ndarray, Array]:
+        """The row that counts before each sample (N,), and the share (N,) of the next one in it."""
+        before, share = np.empty(len(self.time), int), np.empty(len(self.time))
         for piece in np.unique(self.piece):
-            here, given = self.piece == piece, self.row_piece == piece
-            at = np.clip(np.searchsorted(self.row_time[given], self.time[here]) - 1, 0, given.sum() - 2)
-            before, after = self.row_time[given][at], self.row_time[given][at + 1]
-            share = np.clip((self.time[here] - before) / (after - before), 0.0, 1.0)
-            share = share.reshape(-1, *[1] * (kept.ndim - 1))
-            out[here] = kept[given][at] * (1 - share) + kept[given][at + 1] * share
-        return out
+            here, given = self.piece == piece, np.flatnonzero(self.row_piece == piece)
+            time = self.row_time[given]
+            at = np.clip(np.searchsorted(time, self.time[here]) - 1, 0, len(given) - 2)
+            before[here] = given[at]
+            share[here] = np.clip((self.time[here] - time[at]) / (time[at + 1] - time[at]), 0.0, 1.0)
+        return before, share
 
 
 def even_clock(time: Array, columns: Array, run: np.ndarray) -> EvenClock:

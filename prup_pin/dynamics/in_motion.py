@@ -15,7 +15,7 @@ from ..spatial import Array
 from .inverse import InverseDynamics, Trajectory
 from .motion import Motion
 from .smoothing import differences, pieces
-from .travel import Travel
+from .travel import Path, Travel
 
 #: Share of its size that gravity may differ by where it pulls another way than drawn.
 _SAME_SIZE = 0.05
@@ -164,8 +164,11 @@ class InMotion:
             if all(name in names for name in shares):
                 travel = self.motion.path.travel([shares.get(name, 0.0) for name in names])
             else:
-                position = sum(share * self.position(name) for name, share in shares.items())
-                travel = Travel.of(np.asarray(position), self.motion.piece)
+                position, speed = (
+                    np.column_stack([values(name) for name in shares]) for values in (self.position, self.speed)
+                )
+                path = Path.of(position, speed, self.motion.time, self.motion.piece)
+                travel = path.travel(list(shares.values()))
             self._travels[key] = travel
         return self._travels[key]
 
@@ -173,17 +176,20 @@ class InMotion:
         """Return the direction of a joint's dry friction (N,), which turns round on some way [m or rad]."""
         return self.travel({joint: 1.0}).direction(way)
 
-    def rubbing(self, joint: str, values: Mapping[str, float]) -> Array:
-        """Return how much of a joint's dry friction acts, and which way (N,).
+    def rubbing(
+        self,
+        shares: Mapping[str, float],
+        values: Mapping[str, float],
+        acts: Callable[[Array], Array] = np.ones_like,
+    ) -> Array:
+        """Return how much of the dry friction of what moves by shares of joints' ways acts, and which way (N,).
 
-        It turns round on a way, 'presliding', and sets in with the speed, below 'smoothing'.
+        It turns round on a way, 'presliding', and sets in with the speed, below 'smoothing'; acts: the share of it that
+        acts at a speed (M,) beside that.
         """
-        return self.dragged(joint, values["presliding"]) * self.set_in(self.speed(joint), values.get("smoothing", 0.0))
-
-    @staticmethod
-    def set_in(speed: Array, smoothing: float) -> Array:
-        """Return the share of dry friction (N,) that acts at a speed (N,): all of it where nothing smooths its step."""
-        return np.tanh(np.abs(speed) / smoothing) if smoothing > 0 else np.ones_like(speed)
+        smoothing = values.get("smoothing", 0.0)
+        sets_in = (lambda speed: np.tanh(np.abs(speed) / smoothing)) if smoothing > 0 else np.ones_like
+        return self.travel(shares).direction(values["presliding"], lambda speed: sets_in(speed) * acts(speed))
 
     def loose(self, joint: str, gap: float) -> Array:
         """Return 1 where a joint is on its way through a gap [m or rad] after the motion turned round, else 0, (N,)."""

@@ -18,7 +18,7 @@ from .glitches import without_glitches
 from .rates import one_rate
 from .saturation import at_limit, limits_told
 from .smoothing import Band, LowPass, bandwidth, differences, floor_of, pieces, spectrum
-from .travel import Path
+from .travel import Path, Sampling
 from .two_sensors import likelier_rate
 
 #: The slowest cut-off [Hz]: what a drive's friction does at a reversal is faster than the motion itself.
@@ -121,7 +121,7 @@ class Motion:
 
     def with_motion(self, position: Array, speed: Array, acceleration: Array) -> Motion:
         """Return the same samples with another motion."""
-        path = Path(position, self.piece, np.arange(len(position)))
+        path = Path.of(position, speed, self.time, self.piece)
         return replace(self, position=position, speed=speed, acceleration=acceleration, path=path)
 
     @property
@@ -267,13 +267,12 @@ def motion_of(
     cutoff = max(cutoffs, default=_SLOWEST)
     # a motion whose band is known is followed by that where nothing is compared with it
     wider = _WIDER if driven is None or band is None else 1.0
-    smooth, speed, acceleration, path = (np.empty_like(position) for _ in range(4))
+    smooth, speed, acceleration, path, path_speed = (np.empty_like(position) for _ in range(5))
     noise = np.empty(len(names))
     for column, name in enumerate(names):
         wide = LowPass(min(wider * told.get(name, cutoff), 0.45 * rate), rate, of_motion=True)
         smooth[:, column] = wide(position[:, column], clock.piece)
         fine = LowPass(min(of_position[column], 0.45 * rate), rate, of_motion=True)
-        path[:, column] = smooth[:, column] if fine.cutoff <= wide.cutoff else fine(position[:, column], clock.piece)
         if name in logged_speed:
             speed[:, column] = wide(logged_speed[name], clock.piece)
             noise[column] = np.std(logged_speed[name] - speed[:, column])
@@ -281,6 +280,11 @@ def motion_of(
             raw = differences(position[:, column], clock.piece, clock.step)
             speed[:, column] = differences(smooth[:, column], clock.piece, clock.step)
             noise[column] = np.std(raw - speed[:, column])
+        path[:, column], path_speed[:, column] = smooth[:, column], speed[:, column]
+        if fine.cutoff > wide.cutoff:
+            path[:, column] = fine(position[:, column], clock.piece)
+            for where in pieces(clock.piece):  # by straight lines: counts of an encoder have no turns between them
+                path_speed[where, column] = np.gradient(path[where, column], clock.step)
         if name in logged_acceleration:
             acceleration[:, column] = wide(logged_acceleration[name], clock.piece)
         else:
@@ -297,8 +301,9 @@ def motion_of(
     every = every if driven is None else 1  # each row is asked for
     keep = np.concatenate([np.arange(where.start, where.stop, every) for where in pieces(parts)])
     reached = 2 * int(_REACHED * rate / cutoff) + 1
-    if every > 1:
-        efforts = LowPass(0.4 * rate / every, rate)(efforts, parts)
+    before_taking = LowPass(0.4 * rate / every, rate) if every > 1 else None
+    if before_taking is not None:
+        efforts = before_taking(efforts, parts)
         rate /= every
     keep = keep[counts[keep]]
     most = (
@@ -324,7 +329,7 @@ def motion_of(
         temperature=_temperature_at(rows[keep], recording),
         rows=rows[keep],
         band=Band(tuple(cutoffs), rate),
-        path=Path(path, parts, keep, every),
+        path=_path_at_rows(path, path_speed, clock, parts, Sampling(keep, parts, before_taking)),
         remarks=tuple(remarks),
     )
 
@@ -454,10 +459,36 @@ def _separate(
         temperature=_temperature_at(rows, recording),
         rows=rows,
         band=Band((1.0,) * len(driven), 1.0),
-        path=Path(around.reshape(-1, len(names)), np.repeat(samples, 3), 3 * samples + 1),
+        path=Path(
+            around.reshape(-1, len(names)),
+            np.repeat(speed, 3, axis=0),
+            (samples[:, None] + _AROUND * np.arange(-1, 2)).ravel(),
+            np.repeat(samples, 3),
+            Sampling(3 * samples + 1, np.repeat(samples, 3)),
+        ),
         remarks=(remark, *[lost] * (len(rows) < len(recording))),
         separate=True,
     )
+
+
+def _path_at_rows(position: Array, speed: Array, clock: EvenClock, parts: np.ndarray, sampling: Sampling) -> Path:
+    """Return the path by the times of the rows; position, speed (E, j): on the even clock, whose places are of pieces
+    `parts` (E,).
+    """
+    if clock.exact:
+        return Path(position, speed, clock.time, parts, sampling)
+    from scipy.interpolate import CubicSpline  # heavy; not needed to load a robot
+
+    together, row_part = np.hstack((position, speed)), np.empty(len(clock.rows), parts.dtype)
+    at_rows = np.empty((len(clock.rows), together.shape[1]))
+    for piece in np.unique(clock.piece):
+        here, given = clock.piece == piece, clock.row_piece == piece
+        time, wanted = clock.time[here], clock.row_time[given]
+        at_rows[given] = CubicSpline(time, together[here])(wanted)
+        nearest = np.rint((wanted - time[0]) / clock.step).astype(int)
+        row_part[given] = parts[here][np.clip(nearest, 0, len(time) - 1)]
+    sampling = replace(sampling, between=clock.between)
+    return Path(*np.hsplit(at_rows, 2), clock.row_time, row_part, sampling)
 
 
 def _smoother(stamped: EvenClock, counted: EvenClock, position: Array) -> EvenClock:

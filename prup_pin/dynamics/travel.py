@@ -1,19 +1,21 @@
 """Which way dry friction acts along a travel: it turns round on some way, and a motion turns round between samples.
 
 A motor that trembles turns round many times where bodies move slowly. That is part of its friction, though the efforts
-are compared below the frequency of the tremor: friction follows the path as far as the sensors tell it, and what a
-sample is compared with is the mean over the rows that it stands for.
+are compared below the frequency of the tremor: friction follows the path as far as the sensors tell it. It goes over
+within less than a step, so it is told at the moments of which efforts were logged, and then brought to the samples
+exactly as these were: lines between the rows of a clock that jitters, and the filter before some of them are taken.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ..spatial import Array
+from .smoothing import LowPass
 
 #: Parts of a step in which a motion turns round, and the share of its usual speed below which it only rests.
 _FINER, _RESTING = 16, 1e-3
@@ -22,58 +24,85 @@ _MOVING = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
-    """Positions (M, j) [m or rad] of joints at an even rate, in pieces (M,) without a break; of which N are samples.
+class Sampling:
+    """How samples (N,) are made of what is logged at rows (M,): on an even clock, filtered, of which some are taken.
 
-    at (N,): the place of each sample in it; every: places from one sample to the next.
+    at (N,): the place of each sample on the clock, whose places are in pieces (E,) without a break; low_pass: the filter
+    before they are taken; between: the row (E,) before each place of the clock, and the share (E,) of the one after it;
+    None: the rows are the places.
+    """
+
+    at: np.ndarray
+    piece: np.ndarray
+    low_pass: LowPass | None = None
+    between: tuple[np.ndarray, Array] | None = None
+
+    @classmethod
+    def each(cls, piece: np.ndarray) -> Sampling:
+        """Return that of rows in pieces (M,) that are the samples."""
+        return cls(np.arange(len(piece)), piece)
+
+    def __call__(self, values: Array) -> Array:
+        """Return the samples (N,) of what was logged at the rows (M,)."""
+        if self.between is not None:
+            before, share = self.between
+            values = values[before] * (1 - share) + values[np.minimum(before + 1, len(values) - 1)] * share
+        if self.low_pass is not None:
+            values = self.low_pass(values, self.piece)
+        return values[self.at]
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Positions and speeds (M, j) [m or rad and s] of joints at the times (M,) [s] of the rows, in pieces (M,) without
+    a break; and how samples are made of rows.
     """
 
     position: Array
+    speed: Array
+    time: Array
     piece: np.ndarray
-    at: np.ndarray
-    every: int = 1
+    sampling: Sampling
+
+    @classmethod
+    def of(cls, position: Array, speed: Array, time: Array, piece: np.ndarray) -> Path:
+        """Return the path of rows that are the samples."""
+        return cls(position, speed, time, piece, Sampling.each(piece))
 
     def select(self, rows: np.ndarray) -> Path:
         """Return the path with some of its samples, by their places (n,)."""
-        return replace(self, at=self.at[rows])
+        return replace(self, sampling=replace(self.sampling, at=self.sampling.at[rows]))
 
     def travel(self, shares: Sequence[float]) -> Travel:
         """Return the travel of what moves by shares (j,) of the joints' ways."""
-        return Travel(self.position @ np.asarray(shares), self.piece, self.at, self.every)
+        position, speed = (values @ np.asarray(shares) for values in (self.position, self.speed))
+        return Travel(position, speed, self.time, self.piece, self.sampling)
 
 
 @dataclass(frozen=True, eq=False)
 class Travel:
-    """Positions (M,) [m or rad] of something in pieces (M,) without a break, one after the other.
-
-    at (N,): the places of the samples, `every` so many.
+    """Positions and speeds (M,) [m or rad and s] of something at times (M,) [s] in pieces (M,) without a break, one
+    after the other.
     """
 
     position: Array
+    speed: Array
+    time: Array
     piece: np.ndarray
-    at: np.ndarray
-    every: int = 1
+    sampling: Sampling
 
-    @classmethod
-    def of(cls, position: Array, piece: np.ndarray) -> Travel:
-        """Return the travel between samples at positions (N,)."""
-        return cls(position, piece, np.arange(len(position)))
-
-    def direction(self, way: float) -> Array:
+    def direction(self, way: float, acts: Callable[[Array], Array] | None = None) -> Array:
         """Return the direction z of dry friction (N,): dz = (sign(dq) - z) |dq| / way. A way of nothing is the sign.
 
-        An effort is logged as it is at that moment: a sample that stands for several rows is their mean, and one that
-        stands for itself is no mean of the time about it. It may turn round between two samples.
+        acts: how much of it acts at a speed (M,) [m/s or rad/s]; None: all of it.
+
+        An effort is logged as it is at that moment, which is no mean of the time about it. It may turn round between two
+        rows.
         """
         if len(self.position) < 2:
-            return np.zeros(len(self.at))
-        state, half = self._at_rows(way), self.every // 2
-        low, high = np.maximum(self.at - half, self._first[self.at]), np.minimum(self.at + half, self._last[self.at])
-        passed = np.concatenate(([0.0], np.cumsum(state)))
-        total, count = passed[high + 1] - passed[low], high + 1 - low
-        if self.every % 2 == 0:  # half of the first and of the last row are the neighbours'
-            total, count = total - (state[low] + state[high]) / 2, count - 1
-        return np.where(count > 0, total / np.maximum(count, 1), state[self.at])
+            return np.zeros(len(self.sampling.at))
+        state = self._at_rows(way)
+        return self.sampling(state if acts is None else state * acts(self.speed))
 
     def _at_rows(self, way: float) -> Array:
         """Return z at each row (M,), where stretches of one direction meet between rows or in one."""
@@ -83,7 +112,7 @@ class Travel:
         before = np.where(np.arange(len(steps)) > self._first, before, after)
         after = np.where(np.arange(len(steps)) < self._last, after, before)
         if not way > 0:
-            return np.where(towards[before] == towards[after], towards[after], np.sign(self._slope))
+            return np.where(towards[before] == towards[after], towards[after], np.sign(self.speed))
         kept = np.exp(-along / way)
         ends = np.append(starts[1:], len(towards)) - 1
         state, entering = 0.0, np.empty(len(starts))
@@ -97,48 +126,49 @@ class Travel:
 
     @cached_property
     def _first(self) -> np.ndarray:
-        """The first sample of each sample's piece (N,)."""
+        """The first row of each row's piece (M,)."""
         begins = np.diff(self.piece, prepend=self.piece[:1] - 1) != 0
         return np.maximum.accumulate(np.where(begins, np.arange(len(begins)), 0))
 
     @cached_property
     def _last(self) -> np.ndarray:
-        """The last sample of each sample's piece (N,)."""
+        """The last row of each row's piece (M,)."""
         return np.searchsorted(self._first, self._first, side="right") - 1
 
     @cached_property
-    def _slope(self) -> Array:
-        """The way per sample (M,) by the samples on both sides."""
-        number = np.arange(len(self.position))
-        before, after = np.maximum(number - 1, self._first), np.minimum(number + 1, self._last)
-        return (self.position[after] - self.position[before]) / np.maximum(after - before, 1)
+    def _steps(self) -> Array:
+        """The time from each row to the next of its piece (M,) [s], that from the one before it at the end of a piece."""
+        steps = np.diff(self.time, append=self.time[-1:])
+        ends = np.flatnonzero(self._last == np.arange(len(steps)))
+        steps[ends] = steps[np.maximum(ends - 1, self._first[ends])]
+        return np.where(steps > 0, steps, 1.0)
 
     @cached_property
     def _usual(self) -> Array:
-        """The root of the mean square of that over each sample's piece (M,)."""
+        """The root of the mean square of the speed over each row's piece (M,)."""
         count = np.maximum(np.bincount(self._first), 1)
-        return np.sqrt(np.bincount(self._first, self._slope**2) / count)[self._first]
+        return np.sqrt(np.bincount(self._first, self.speed**2) / count)[self._first]
 
     @cached_property
     def _fine(self) -> tuple[Array, Array]:
-        """Times [samples] and positions (m + 1,), with more of them where the motion turns round."""
-        position, slope, number = self.position, self._slope, np.arange(len(self.position))
+        """Times [rows] and positions (m + 1,), with more of them where the motion turns round."""
+        position, speed, number = self.position, self.speed, np.arange(len(self.position))
         after = np.minimum(number + 1, self._last)
-        # intervals, each by the sample that it begins with; there is none at the end of a piece
+        # intervals, each by the row that it begins with; there is none at the end of a piece
         inside, step = number < self._last, position[after] - position
-        turns = slope * slope[after] < 0
+        turns = speed * speed[after] < 0
         turns |= step * step[after] < 0
-        turns &= inside & (np.maximum(np.abs(slope), np.abs(slope[after])) > _RESTING * self._usual)
+        turns &= inside & (np.maximum(np.abs(speed), np.abs(speed[after])) > _RESTING * self._usual)
         near = turns.copy()
         for lag in (-1, 1, 2):
             there = np.clip(number - lag, self._first, self._last)
             near |= turns[there] & (there == number - lag)
         here = np.flatnonzero(near & inside)
-        # cubics by the slopes at both ends
+        # cubics by the speeds at both ends
         u = np.arange(1, _FINER) / _FINER
         first, last = (2 * u**3 - 3 * u**2 + 1, u**3 - 2 * u**2 + u), (3 * u**2 - 2 * u**3, u**3 - u**2)
         fine = sum(
-            np.outer(position[at], of_place) + np.outer(slope[at], of_slope)
+            np.outer(position[at], of_place) + np.outer(speed[at] * self._steps[here], of_slope)
             for at, (of_place, of_slope) in ((here, first), (here + 1, last))
         )
         time = np.concatenate((number.astype(float), (here[:, None] + u).ravel()))
@@ -160,6 +190,7 @@ class Travel:
         """
         time, position = self._fine
         step, lasting = (np.where(self._broken, 0.0, np.diff(values)) for values in (position, time))
+        lasting *= self._steps[time[:-1].astype(int)]
         number, sign = np.arange(len(step)), np.sign(step)
         begins = np.append(True, self._broken[:-1]) | self._broken  # a step between pieces is a stretch of its own
         # at rest the direction is that of the step before

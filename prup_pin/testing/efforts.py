@@ -158,6 +158,7 @@ def _played_faster(at):
         slow=f * motion.slow,
         gravity=gravity,
         band=replace(motion.band, cutoffs=tuple(f * c for c in motion.band.cutoffs), rate=f * motion.band.rate),
+        path=replace(motion.path, speed=f * motion.path.speed, time=motion.path.time / f),
     )
     found = InMotion.of(at.mechanism, other)
     return found.knowing(f**2 * at.known, f**2 * at.left, None if at.bodies is None else f**2 * at.bodies)
@@ -244,11 +245,12 @@ CHECKS = (check_nothing, check_proportion, check_derivative, check_refit, check_
 def motion_along(names: Sequence[str], q: Array, qd: Array, qdd: Array, wrench: Array | None = None) -> Motion:
     """Return a motion (N, k) of joints at 50 Hz whose speeds and accelerations are known."""
     n = len(q)
+    time, piece = 0.02 * np.arange(n, dtype=np.float64), np.zeros(n, int)
     return Motion(
         names=tuple(names),
         driven=tuple(names),
-        time=0.02 * np.arange(n, dtype=np.float64),
-        piece=np.zeros(n, int),
+        time=time,
+        piece=piece,
         rate=50.0,
         position=q,
         speed=qd,
@@ -262,7 +264,7 @@ def motion_along(names: Sequence[str], q: Array, qd: Array, qdd: Array, wrench: 
         temperature=35.0 - 12.0 * np.exp(-np.arange(n) / 60.0),
         rows=np.arange(n),
         band=Band((20.0,) * len(names), 50.0),
-        path=Path(q, np.zeros(n, int), np.arange(n)),
+        path=Path.of(q, qd, time, piece),
     )
 
 

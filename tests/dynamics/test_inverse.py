@@ -91,7 +91,9 @@ def test_friction_turns_round_where_the_motion_does_and_not_at_the_next_sample(w
 
     q = np.zeros((len(time), 6))
     q[:, 0] = moved(time)
-    at = InMotion.of(robot.mechanism, motion_along(robot.mechanism.actuated, q, 0 * q, 0 * q))
+    speed = np.zeros_like(q)
+    speed[:, 0] = (0.9 * np.cos(0.9 * time) + 1.15 * np.cos(2.3 * time + 1.0)) * step / 0.02  # on that motion's clock
+    at = InMotion.of(robot.mechanism, motion_along(robot.mechanism.actuated, q, speed, 0 * q))
     fine = moved((np.arange(len(time) * finer) - finer) * step / finer)
     state, followed = np.sign(fine[1] - fine[0]), []
     for change in np.diff(fine, prepend=fine[0]):

@@ -47,7 +47,7 @@ class SlidingFriction(DryFriction, JointEffortLaw):
     )
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return columns_along(at, place.name, at.rubbing(place.name, values))
+        return columns_along(at, place.name, at.rubbing({place.name: 1.0}, values))
 
     def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         # how it differs from a step at a reversal
@@ -78,7 +78,7 @@ class LoadedFriction(DryFriction, MovingEffortLaw):
     )
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        direction = at.rubbing(place.name, values)
+        direction = at.rubbing({place.name: 1.0}, values)
         load = np.abs(at.effort_of(place.name, at.rigid))
         return columns_along(at, place.name, direction, load * direction)
 

@@ -54,9 +54,9 @@ class StribeckFriction(DryFriction, JointEffortLaw):
         return [*near, *super().closer(place, values, at)]
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        direction = at.rubbing(place.name, values)
-        slow = np.exp(-((at.speed(place.name) / values["speed"]) ** 2))
-        return columns_along(at, place.name, direction, slow * direction)
+        joint = {place.name: 1.0}
+        slow = at.rubbing(joint, values, lambda speed: np.exp(-((speed / values["speed"]) ** 2)))
+        return columns_along(at, place.name, at.rubbing(joint, values), slow)
 
     def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return self.statement(place, values, mechanism)

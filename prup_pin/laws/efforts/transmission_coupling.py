@@ -53,8 +53,7 @@ class TransmissionCoupling(FrictionThatTurns, TwoJointLaw):
         other, ratio = self.other(place), values["ratio"]
         speed = at.speed(place.name) + ratio * at.speed(other)
         acceleration = at.acceleration(place.name) + ratio * at.acceleration(other)
-        motor = at.travel({place.name: 1.0, other: ratio})
-        dry = motor.direction(values["presliding"]) * at.set_in(speed, values.get("smoothing", 0.0))
+        dry = at.rubbing({place.name: 1.0, other: ratio}, values)
         return self.along_both(at, place, ratio, [dry, speed, acceleration])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
