@@ -20,6 +20,7 @@ from ...spatial import Array
 from ..criteria import (
     BODY_HELD,
     BODY_MISSING,
+    GAIN,
     HELD_MASS,
     HELD_RADIUS,
     HELD_SKEW,
@@ -51,7 +52,8 @@ def with_likelier_bodies(model: EffortModel) -> EffortModel:
         for candidate in sorted(likelier, key=lambda other: -evidence[other])[:TRIED]:
             other = model.replaced(model.terms.index(term), candidate)
             apart = held_out(other) - left
-            if float(apart.sum()) <= SURE * standard_error(apart) and is_plausible(other, candidate):
+            as_well = float(apart.sum()) <= min(SURE * standard_error(apart), GAIN * float(left.sum()))
+            if as_well and is_plausible(other, candidate):
                 model, own = other, candidate
                 break
         if evidence[own] < PARAMETER_COST / 2:
