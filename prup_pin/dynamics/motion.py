@@ -311,7 +311,7 @@ def motion_of(
     )
     keep, piece = (keep, parts[keep]) if driven is not None else _fewer(keep, parts, most, remarks)
     wrench = recording.wrench if recording.has_wrench else None
-    return Motion(
+    motion = Motion(
         names=names,
         driven=drives,
         time=clock.time[keep],
@@ -332,6 +332,7 @@ def motion_of(
         path=_path_at_rows(path, path_speed, clock, parts, Sampling(keep, parts, before_taking)),
         remarks=tuple(remarks),
     )
+    return motion if driven is None or clock.exact else _at_each_row(motion, clock)
 
 
 def _likelier(
@@ -477,18 +478,40 @@ def _path_at_rows(position: Array, speed: Array, clock: EvenClock, parts: np.nda
     """
     if clock.exact:
         return Path(position, speed, clock.time, parts, sampling)
+    at_rows, nearest = _at_rows(np.hstack((position, speed)), clock)
+    sampling = replace(sampling, between=clock.between)
+    return Path(*np.hsplit(at_rows, 2), clock.row_time, parts[nearest], sampling)
+
+
+def _at_rows(values: Array, clock: EvenClock) -> tuple[Array, np.ndarray]:
+    """Return what changes smoothly on an even clock (E, k) at the times of its rows (M, k), and the sample nearest to
+    each (M,).
+    """
     from scipy.interpolate import CubicSpline  # heavy; not needed to load a robot
 
-    together, row_part = np.hstack((position, speed)), np.empty(len(clock.rows), parts.dtype)
-    at_rows = np.empty((len(clock.rows), together.shape[1]))
+    out, nearest = np.empty((len(clock.rows), values.shape[1])), np.empty(len(clock.rows), int)
     for piece in np.unique(clock.piece):
-        here, given = clock.piece == piece, clock.row_piece == piece
+        here, given = np.flatnonzero(clock.piece == piece), clock.row_piece == piece
         time, wanted = clock.time[here], clock.row_time[given]
-        at_rows[given] = CubicSpline(time, together[here])(wanted)
-        nearest = np.rint((wanted - time[0]) / clock.step).astype(int)
-        row_part[given] = parts[here][np.clip(nearest, 0, len(time) - 1)]
-    sampling = replace(sampling, between=clock.between)
-    return Path(*np.hsplit(at_rows, 2), clock.row_time, row_part, sampling)
+        out[given] = CubicSpline(time, values[here])(wanted)
+        nearest[given] = here[np.clip(np.rint((wanted - time[0]) / clock.step).astype(int), 0, len(here) - 1)]
+    return out, nearest
+
+
+def _at_each_row(motion: Motion, clock: EvenClock) -> Motion:
+    """Return a motion of which all places of an even clock are samples at the times of its rows."""
+    at_rows, nearest = _at_rows(np.hstack((motion.position, motion.speed, motion.acceleration)), clock)
+    position, speed, acceleration = np.hsplit(at_rows, 3)
+    path = replace(motion.path, sampling=Sampling.each(motion.path.piece))
+    return replace(
+        motion.select(nearest),
+        time=clock.row_time,
+        rows=clock.rows,
+        position=position,
+        speed=speed,
+        acceleration=acceleration,
+        path=path,
+    )
 
 
 def _smoother(stamped: EvenClock, counted: EvenClock, position: Array) -> EvenClock:
