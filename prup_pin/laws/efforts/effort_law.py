@@ -376,13 +376,15 @@ class FrictionThatTurns(EffortLaw):
         return [*ways, *({**kept, "smoothing": share * usual} for share in _SPEEDS if "smoothing" in kept)]
 
     def otherwise(self, place: Place, values: Mapping[str, float], at: InMotion) -> Mapping[str, float] | None:
-        way = values.get("presliding", 0.0)
-        if values.get("smoothing") != 0.0 or not way > 0:
+        way, smoothing = values.get("presliding", 0.0), values.get("smoothing")
+        if smoothing is None or not way > 0:
             return None
-        # a joint that speeds up by a has come to (2 a s)^1/2 on the way s; from there downwards, for a step between two
-        # samples tells nothing of how smooth it is
-        usual, way = float(np.sqrt(np.mean(at.acceleration(place.name) ** 2))), max(way, usual_way(at, place.name))
-        return {**values, "presliding": 0.0, "smoothing": float(np.sqrt(2 * usual * way))} if usual > 0 else None
+        if not smoothing > 0:
+            # a joint that speeds up by a has come to (2 a s)^1/2 on the way s; from there downwards, for a step between
+            # two samples tells nothing of how smooth it is
+            usual, way = float(np.sqrt(np.mean(at.acceleration(place.name) ** 2))), max(way, usual_way(at, place.name))
+            smoothing = float(np.sqrt(2 * usual * way))
+        return {**values, "presliding": 0.0, "smoothing": smoothing} if smoothing > 0 else None
 
 
 class DryFriction(FrictionThatTurns):
