@@ -17,7 +17,7 @@ import numpy as np
 
 from ...spatial import Array
 from ..criteria import AS_GOOD, FEWEST_OF_KIND, GAIN, MOST, MOST_FITS, NO_MATTER, SURE, TRIED, beyond_tolerance
-from .evidence import CrossValidation, held_out, no_worse, relative_gain, savings, scores, standard_error
+from .evidence import CrossValidation, Score, held_out, no_worse, relative_gain, savings, scores, standard_error
 from .nonlinear import optimised_in_either_form, refined
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
@@ -81,8 +81,23 @@ def _forward(
 
 
 def _entering(model: EffortModel, validation: CrossValidation, refused: Mapping[_Key, int]) -> list[EffortCandidate]:
-    """Return the terms that enter next: the best one, and the best of other joints that nothing wider explains."""
-    ranked, limit = scores(savings(model))
+    """Return the terms that enter next: the best one, and the best of other joints that nothing wider explains.
+
+    What is strong in few blocks and weak in most, as grease that gets warm, is judged by what it saves in each block
+    beside what that has left: turned signs of the few alone would leave it to chance.
+    """
+    ways = (scores(savings(model, evenly)) for evenly in (False, True))
+    return next(filter(None, (_best_of(model, validation, refused, *way) for way in ways)), [])
+
+
+def _best_of(
+    model: EffortModel,
+    validation: CrossValidation,
+    refused: Mapping[_Key, int],
+    ranked: Sequence[Score],
+    limit: float,
+) -> list[EffortCandidate]:
+    """Return the best of the terms that save more than chance does, and the best of other joints."""
     columns = model.problem.columns
     joints_of = {
         score.candidate: columns.joints_of(score.candidate)
