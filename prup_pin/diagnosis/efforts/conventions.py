@@ -325,14 +325,11 @@ class EffortReadings:
         columns = Columns.of(self.mechanism, self.log, list(self.log.positions), list(self.log.efforts))
         whole = replace(columns, q_whole=set(self.recording.positions) <= set(columns.q), spins=True,
                         tau_whole=set(self.recording.efforts) <= set(columns.tau))  # fmt: skip
-        fits = self._left(begin)[0] <= FAR_LESS
         every = readings(self.log, whole, "joints", "zeros")
         for some in [[only]] if only else chain([self._by_gains(begin)], every):
             if unlikely.surely or any(item.wins and item.score.surely for item in tried):
                 break
             for reading in some:
-                if fits and any(item.word != "reversed" for item in reading):
-                    continue  # where most of a log fits, a joint or two count the other way round
                 other = read_as(begin, reading, self.drawn)
                 score, both = self.unlikely(other), (*ahead, *reading)
                 price = _price(ahead) + _price(reading)
