@@ -1,7 +1,8 @@
-"""A prediction as it was seen from stations: each run put where its first points say that its pose sensor stood."""
+"""A prediction as it was seen from stations: each run put where its first postures say that its pose sensor stood."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -11,9 +12,13 @@ from ..recordings import Recording
 from ..spatial import Array, rigid_motion, rotation_exp, rotation_log
 from .prediction import Prediction
 
-#: So many rows of a run in which something was measured say where its pose sensor stood; fewer do where no more were.
-FIRST_POINTS = 8
+#: So many postures of a run in which something was measured, by the first row of each, say where its pose sensor stood;
+#: fewer do where no more were.
+FIRST_POSTURES = 8
+#: Points that tell a motion; one will do with its orientation.
 _FEWEST = 3
+#: Length [m] over which an orientation is worth a place, where their noises are not declared.
+_LEVER = 0.1
 
 
 def seen_from_stations(prediction: Prediction, recording: Recording) -> Prediction:
@@ -24,12 +29,21 @@ def seen_from_stations(prediction: Prediction, recording: Recording) -> Predicti
     position, rotation = prediction.position.copy(), prediction.rotation.copy()
     markers = {name: values.copy() for name, values in prediction.markers.items()}
     turns = {name: values.copy() for name, values in prediction.marker_rotations.items()}
-    measured = [(recording.position, position)] if position.shape[1] else []
-    measured += [(recording.markers.get(name), values) for name, values in markers.items()]
+    measured = [(recording.position, position), *((recording.markers.get(name), own) for name, own in markers.items())]
+    turned = [
+        (recording.rotation, rotation),
+        *((recording.marker_rotations.get(name), own) for name, own in turns.items()),
+    ]
+    noise, postures = recording.noise, recording.blocks()
+    lever = noise.position / noise.rotation if noise.position and noise.rotation else _LEVER
     lost = []
     for run, name in enumerate(recording.run_names):
         rows = np.flatnonzero(recording.run == run)
-        motion = _station([(seen[rows], here[rows]) for seen, here in measured if seen is not None])
+        points, frames = (
+            [(seen[rows], here[rows]) for seen, here in pairs if seen is not None and here.shape[1]]
+            for pairs in (measured, turned)
+        )
+        motion = _station(points, frames, postures[rows], lever)
         if motion is None:
             lost += [name] if len(rows) else []
             continue
@@ -40,7 +54,7 @@ def seen_from_stations(prediction: Prediction, recording: Recording) -> Predicti
         for values in (rotation, *turns.values()):
             if values.shape[1]:
                 values[rows] = rotation_log(turn @ rotation_exp(values[rows]))
-    told = [f"the pose sensor of each run is put where its first {FIRST_POINTS} measured points say that it stood"]
+    told = [f"the pose sensor of each run is put where its first {FIRST_POSTURES} postures say that it stood"]
     if lost:
         told.append(f"too few were measured of {', '.join(lost)}: left in the frame of the base")
     return replace(
@@ -53,13 +67,41 @@ def seen_from_stations(prediction: Prediction, recording: Recording) -> Predicti
     )
 
 
-def _station(channels: list[tuple[Array, Array]]) -> tuple[Array, Array] | None:
-    """Return the motion from predicted to measured positions (n, 3) of a run's first rows that have any, or None."""
-    known = [np.asarray(np.isfinite(seen + here).all(axis=1), bool) for seen, here in channels]
-    if not known:
+_Channels = Sequence[tuple[Array, Array]]
+
+
+def _station(points: _Channels, frames: _Channels, postures: np.ndarray, lever: float) -> tuple[Array, Array] | None:
+    """Return the motion from predicted to measured positions and rotation vectors (n, 3) of the first row of each of a
+    run's first postures (n,), or None where these do not tell it. lever: see `_LEVER`.
+
+    A frame's axes count as points on both sides of the middle of all, so that they tell the turn alone.
+    """
+    known = np.any([_known(*channel) for channel in points] or [np.zeros(len(postures), bool)], axis=0)
+    there = np.flatnonzero(known)
+    first = there[np.unique(postures[there], return_index=True)[1]][:FIRST_POSTURES]
+    aims, begins = _those_known(points, first)
+    if not len(aims):
         return None
-    first = np.flatnonzero(np.any(known, axis=0))[:FIRST_POINTS]
-    rows = [first[good[first]] for good in known]
-    aims = np.concatenate([seen[here] for (seen, _), here in zip(channels, rows, strict=True)])
-    points = np.concatenate([there[here] for (_, there), here in zip(channels, rows, strict=True)])
-    return rigid_motion(points, aims, np.ones(len(points))) if len(points) >= _FEWEST else None
+    middle, aim = begins.mean(axis=0), aims.mean(axis=0)
+    axes_aimed, axes = (
+        lever / 2 * rotation_exp(vectors).swapaxes(1, 2).reshape(-1, 3) for vectors in _those_known(frames, first)
+    )
+    if len(aims) < _FEWEST and not len(axes):
+        return None
+    begins, aims = (
+        np.concatenate((places, centre + own, centre - own))
+        for places, centre, own in ((begins, middle, axes), (aims, aim, axes_aimed))
+    )
+    return rigid_motion(begins, aims, np.ones(len(begins)))
+
+
+def _known(seen: Array, here: Array) -> np.ndarray:
+    return np.asarray(np.isfinite(seen + here).all(axis=1), bool)
+
+
+def _those_known(channels: _Channels, first: np.ndarray) -> tuple[Array, Array]:
+    """Return what was measured and predicted (m, 3) at some rows, of all channels one after the other."""
+    parts = [(seen[first], here[first]) for seen, here in channels]
+    good = [_known(*part) for part in parts]
+    measured, predicted = ([part[side][own] for part, own in zip(parts, good, strict=True)] for side in (0, 1))
+    return np.concatenate([np.zeros((0, 3)), *measured]), np.concatenate([np.zeros((0, 3)), *predicted])

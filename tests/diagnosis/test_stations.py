@@ -15,7 +15,7 @@ from prup_pin.laws import Effect, Place
 from prup_pin.laws.self_weight import SelfWeight
 from prup_pin.recordings import Noise, Recording
 from prup_pin.simulation import seen_from_stations, simulate
-from prup_pin.spatial import rotation_exp
+from prup_pin.spatial import rotation_exp, rotation_log
 
 from ..reference.posed_tree import PosedTree
 from .test_joint_compliance import MARKERS, NOISE, TORSO, bench
@@ -113,3 +113,30 @@ def test_what_is_declared_is_found_and_predicted():
         simulate(robot, replace(recording, markers=none), [weight]), replace(recording, markers=none)
     )
     assert "too few were measured of run 0, run 1" in told.remarks[-1]
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_rows_of_one_posture_say_where_a_sensor_stood_by_orientations_alone(turns):
+    """A load that changes moves a tool by micrometres, which tells no turn; of places it is the postures that do."""
+    robot = prup_pin.load(TORSO.parents[1] / "six_ups" / "six_ups.urdf")
+    home, ways = np.array(list(robot.home.actuators.values())), np.random.default_rng(2).normal(size=(4, 6))
+    wrench = np.zeros((20, 6))
+    wrench[:, 2] = -40.0 * (np.arange(20) % 5)
+    actuators = (home + 0.01 * ways).repeat(5, axis=0)
+    names = robot.mechanism.actuated
+    table = {name: actuators[:, k] for k, name in enumerate(names)}
+    asked = Recording(time=np.arange(20.0), positions=table, wrench=wrench)
+    drawn = simulate(robot, asked)
+    turn, shift = rotation_exp(np.array([0.3, -1.1, 0.7])), np.array([1.0, 2.0, -0.5])
+    seen = drawn.position @ turn.T + shift
+    frames = rotation_log(turn @ rotation_exp(drawn.rotation))
+    recording = replace(asked, position=seen, rotation=frames if turns else None)
+    found = seen_from_stations(simulate(robot, recording), recording)
+    assert found.position == pytest.approx(seen, abs=1e-9)
+    if turns:
+        assert found.rotation == pytest.approx(frames, abs=1e-9)
+        first = recording.select(np.arange(5))
+        assert seen_from_stations(simulate(robot, first), first).position == pytest.approx(seen[:5], abs=1e-9)
+    else:
+        told = seen_from_stations(simulate(robot, recording.select(np.arange(5))), recording.select(np.arange(5)))
+        assert "too few" in told.remarks[-1]
