@@ -1,8 +1,8 @@
 """Single samples that are none of the signal: a bus or an encoder slips, and the next sample is as if nothing had been.
 
-What moves has inertia, so that samples lie near those before and after them. One, or two in a row, that are many times
-as far from both as these are from one another, and as samples usually are, there and in all the recording, are no
-motion and no effort.
+What moves has inertia, so that samples lie near those before and after them. One, two in a row, or two on both sides of
+one that is none, that are many times as far from those around them as these are from one another, and as samples
+usually are, there and in all the recording, are no motion and no effort.
 """
 
 from __future__ import annotations
@@ -79,16 +79,16 @@ def _glitches(time: Array, values: Array, run: np.ndarray) -> np.ndarray:
     if not (np.maximum(apart, _aside(values, 2)) > _FAR * usual).any():
         return out
     usual = np.maximum(usual, median_filter(apart, _ABOUT))
-    for width in (1, 2):
+    for width in (1, 2, 3):
         count = len(values) - width - 1
-        far = _aside(values, width)[1 : count + 1]
+        far = _aside(values, width)[1 : count + 1] if width < 3 else _both_sides(values, _FAR * usual)[1 : count + 1]
         # what is before and after goes on as if nothing had been
         around = np.pad(steps, 1)
         between = np.abs(values[width + 1 :] - values[:count])
         between = np.maximum.reduce((between, around[:count], around[width + 2 :]))
         across = np.array([broken[at : at + count] for at in range(width + 1)]).any(axis=0)
         found = 1 + np.flatnonzero((far > _FAR * np.maximum(usual[1 : count + 1], between)) & ~across)
-        for at in range(width):
+        for at in (0, width - 1):
             out[found + at] = True
     return out if out.mean() < _MOST else np.zeros(len(values), bool)
 
@@ -104,4 +104,18 @@ def _aside(values: Array, width: int) -> Array:
     off = np.array([values[1 + at : 1 + at + count] - middle for at in range(width)])
     one_side = (off > 0).all(axis=0) | (off < 0).all(axis=0)
     out[1 : count + 1] = np.where(one_side, np.abs(off).min(axis=0), 0.0)
+    return out
+
+
+def _both_sides(values: Array, most: Array) -> Array:
+    """Return how far a sample and the next but one from each on lie beside the line through those around both, (n,).
+
+    The nearer of them, and 0 where the one between lies beside it by more than `most` (n,), too; 0 at ends.
+    """
+    out = np.zeros(len(values))
+    count = len(values) - 4
+    first, last = values[:count], values[4:]
+    off = np.array([values[at : at + count] - first - at / 4 * (last - first) for at in (1, 2, 3)])
+    far = np.minimum(np.abs(off[0]), np.abs(off[2]))
+    out[1 : count + 1] = np.where(np.abs(off[1]) <= most[1 : count + 1], far, 0.0)
     return out
