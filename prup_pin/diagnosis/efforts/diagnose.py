@@ -54,6 +54,7 @@ from .outliers import OutlierInterval, is_outlying
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
 from .propose import judged, places_of_laws, proposals
+from .residuals import rms_of
 from .search import (
     cost_of,
     kinds_of_most_drives,
@@ -135,23 +136,22 @@ def diagnose_efforts(
 
 
 def _friction_holds(final: FinalState, whole: PreparedEfforts, interval: OutlierInterval, residual: Array) -> bool:
-    """Return whether joints hardly move in an interval, where dry friction may hold anything, and it holds no more.
+    """Return whether joints, driven or not, hardly move in an interval, where dry friction may hold anything, and it
+    holds no more.
 
     residual (n, k): of the efforts, intervals included.
     """
-    inside = interval.holds(whole.at.motion.rows[whole.kept])
-    limits = dict.fromkeys(interval.joints, 0.0)
+    at, inside = whole.at, interval.holds(whole.at.motion.rows[whole.kept])
+    limits = np.zeros(len(at.driven))
     for term in final.laws:
         values = term.law.fitted(term.place, final.x[final.model.slice_of(term)], term.values)
         for name, dynamics in term.law.dynamics(term.place, values).items():
-            if name in limits:
-                limits[name] += dynamics.friction
-    for name, limit in limits.items():
-        speed, column = np.abs(whole.at.speed(name)), whole.at.driven.index(name)
-        stands = speed[whole.kept][inside].max() < LITTLE * np.sqrt(np.mean(speed**2))
-        if not (stands and np.abs(residual[inside, column]).max() < 2 * (1 + LITTLE) * limit):
-            return False
-    return True
+            speed = at.speed(name)
+            if rms_of(speed[whole.kept][inside]) < LITTLE * rms_of(speed):
+                felt = np.abs(at.along(name, np.ones(len(at))))[whole.kept][inside]
+                limits += dynamics.friction * felt.max(axis=0)
+    columns = [at.driven.index(name) for name in interval.joints]
+    return bool((np.abs(residual[inside]).max(axis=0) < 2 * (1 + LITTLE) * limits)[columns].all())
 
 
 def _final_state(
