@@ -198,6 +198,7 @@ def test_poor_recordings_are_diagnosed_with_a_remark(clean_bench, run, tmp_path,
         assert remark in " ".join(done.stdout.split())
 
 
+@pytest.mark.slow
 def test_without_load_nothing_is_missing(run, tmp_path, clean_bench):
     """Poses measured by a good robot that nobody loads."""
     import prup_pin

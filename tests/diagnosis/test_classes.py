@@ -40,6 +40,7 @@ def wrist(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_a_gap_that_no_load_closes_is_not_told_beside_the_spring_that_it_is(wrist):
     """A gap that some load closed would have shown; another law of another part is told."""
     tree = PosedTree(wrist, about={"bend": 0.02, "roll": 1e-4})

@@ -139,6 +139,7 @@ def heavy(tmp_path_factory):
     return load(AXIS), load(path)
 
 
+@pytest.mark.slow
 def test_no_robot_file_and_no_misfit_changes_the_noise(heavy):
     recording = recorded(0.5 * np.random.default_rng(1).normal(size=4000), n=4000)
     right, wrong = (diagnose(robot, recording).efforts for robot in heavy)

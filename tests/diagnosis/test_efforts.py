@@ -72,7 +72,10 @@ def test_an_axis_as_drawn_misses_nothing(carriage):
     assert "Nothing is missing" in diagnosis_html(found, carriage, axis())
 
 
-@pytest.mark.parametrize(("physics", "named_here"), [("viscous_friction", "damping"), ("coulomb_friction", "limit")])
+@pytest.mark.parametrize(
+    ("physics", "named_here"),
+    [pytest.param("viscous_friction", "damping", marks=pytest.mark.slow), ("coulomb_friction", "limit")],
+)
 def test_where_nothing_is_missing_it_says_what_would_have_been_seen(carriage, physics, named_here):
     """The size that is told is the border: a third of it stays unseen, three times as much is found."""
     (size,) = [item.smallest for item in diagnose(carriage, axis()).seen if item.physics == physics]
@@ -169,6 +172,7 @@ def test_a_wave_longer_than_the_travel_is_told_by_its_shape_and_predicted_beyond
     assert added[100:-100] == pytest.approx(wave(q)[100:-100], abs=0.5)
 
 
+@pytest.mark.slow
 def test_a_spring_that_leaves_structure_is_held_where_the_joint_was_not_seen(carriage):
     """Drag by the square of the speed is no law of the library: beside it what is known of a spring ends with the
     travel."""
@@ -185,6 +189,7 @@ def test_a_spring_that_leaves_structure_is_held_where_the_joint_was_not_seen(car
     assert any("continued as a constant beyond the travel" in remark for remark in found.remarks)
 
 
+@pytest.mark.slow
 def test_a_hump_at_one_place_beside_a_spring_is_no_wave(carriage):
     """A spring that hardens and a wave together are any shape."""
     found = diagnose(carriage, by_position(axis(3000), lambda q: 900 * q + 15 * np.exp(-(((q - 0.04) / 0.03) ** 2))))
@@ -220,6 +225,7 @@ LINK = """<joint name="joint_{i}" type="revolute"><parent link="{parent}"/><chil
 </link>"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", [True, False])
 def test_masses_that_no_body_has_are_not_named(tmp_path, body):
     """Two links move as if the outer one carried a kilogram half a metre out; or the moment of that, and no inertia."""
@@ -329,6 +335,7 @@ def test_a_gap_in_a_drive_and_a_gear_that_warms_up_are_named(carriage):
         assert finding.parameters[name].value == pytest.approx(true, rel=0.1)
 
 
+@pytest.mark.slow
 def test_grease_that_gets_thinner_is_no_dry_friction_that_warms_up(carriage):
     """It was told as such, with a dry friction of half its size beside a damping that stays."""
     recording = axis(limit=10.0)
@@ -345,7 +352,7 @@ def test_grease_that_gets_thinner_is_no_dry_friction_that_warms_up(carriage):
     assert values["viscous_friction"]["time"].value == pytest.approx(8.0, rel=0.15)
 
 
-@pytest.mark.parametrize("word", ["effort_gain", "viscous_friction"])
+@pytest.mark.parametrize("word", ["effort_gain", pytest.param("viscous_friction", marks=pytest.mark.slow)])
 def test_what_follows_the_temperature_is_told_by_it(carriage, word):
     """Before, a torque constant that falls as motors get warm was a payload, a rotor and an offset."""
     recording = axis(limit=10.0, damping=60.0)
@@ -517,6 +524,7 @@ def swung(seconds=12):
     return Recording(time=time, positions=dict(zip(names, q.T, strict=True)), efforts=efforts)
 
 
+@pytest.mark.slow
 def test_a_drive_without_a_column_of_efforts_is_left_out():
     """Its friction reaches no effort that was recorded: columns of nothing must not enter a fit."""
     robot, whole = load("ur5"), as_written(swung(), "q tau")
@@ -550,6 +558,7 @@ def test_one_row_of_efforts_is_refused_in_words():
         diagnose(load("ur5"), swung().select(np.arange(1)))
 
 
+@pytest.mark.slow
 def test_an_effort_that_stays_at_nothing_but_for_blips_was_not_measured():
     """So do the wrists of a real robot whose drivers log their current only while it is large."""
     robot, whole = load("ur5"), as_written(swung(), "q tau")
@@ -571,6 +580,7 @@ def bumped(robot_log, joint, force=5.0, at=0.7, width=0.03):
     return replace(robot_log, efforts=robot_log.efforts | {joint: robot_log.efforts[joint] + more})
 
 
+@pytest.mark.slow
 def test_what_pinches_at_one_place_of_one_joint_is_not_explained():
     """Its joint is left at a few times its noise, with little of its effort, and all joints at hardly more than one."""
     robot, whole = load("ur5"), as_written(swung(30), "q tau")
@@ -610,6 +620,7 @@ def test_ten_samples_are_too_little_to_compare_and_no_law_is_blamed():
         diagnose(robot, whole.select(np.arange(10)))
 
 
+@pytest.mark.slow
 def test_a_drift_and_a_drive_at_its_limit_are_told_where_something_is_unknown():
     robot, whole, joint = load("ur5"), as_written(swung(20), "q tau"), "elbow_joint"
     drifting = np.asarray(whole.efforts[joint]) + np.linspace(0, 8, len(whole))

@@ -132,6 +132,7 @@ def test_a_target_seen_without_rotations_is_not_said_to_be_turned(ur5, bench):
     assert [finding.parameters[axis].value for axis in "xyz"] == pytest.approx(SHIFT, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_postures_measured_once_tell_a_gain_from_a_zero_point_though_no_noise_is_known(ur5):
     """Each of eighty postures is on its own, as a stretch of a motion is: a few of these could not tell chance."""
     rng, count = np.random.default_rng(3), 80

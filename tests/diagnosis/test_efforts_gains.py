@@ -154,6 +154,7 @@ def test_a_gain_is_told_in_one_form_and_no_effort_of_a_drive_in_its_own_unit_in_
     assert np.std(rigid) == pytest.approx(np.std(measured), rel=0.5)
 
 
+@pytest.mark.slow
 def test_a_prediction_says_of_its_own_log_what_the_diagnosis_does(robot, logged):
     recording, found = logged
     nowhere = np.empty((len(recording), 0))

@@ -86,6 +86,7 @@ def at_shoulder(model):
     return [(term.law, term.values, x[model.slice_of(term)]) for term in there]
 
 
+@pytest.mark.slow
 def test_a_counterbalance_takes_the_place_of_masses_of_all_links(at):
     """Friction that is held at nothing without it hid that it leaves less than all links: 12 times as much."""
     q = at.position(SHOULDER)
@@ -97,6 +98,7 @@ def test_a_counterbalance_takes_the_place_of_masses_of_all_links(at):
     assert x == pytest.approx([150, 60], rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_cylinder_between_two_links_is_told_with_its_dead_centre(at):
     q = at.position(SHOULDER)
     length = np.sqrt(1.0 - 0.8 * np.cos(q + 2.0))

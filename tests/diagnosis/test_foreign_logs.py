@@ -45,6 +45,7 @@ def log_of(robot, path, own):
     return read_recording(path)
 
 
+@pytest.mark.slow
 def test_a_log_that_hardly_fits_the_drawing_is_told_before(robot, tmp_path):
     told = [
         text for text in prospects(robot, log_of(robot, tmp_path / "x.csv", False)).remarks if "hardly fits" in text

@@ -160,6 +160,7 @@ def test_a_bowed_guide_is_named_and_measured(robot):
     held(found, bow_x=4e-3, bow_z=1e-3, rx=0.0, rz=0.0)
 
 
+@pytest.mark.slow
 def test_a_twisted_guide_is_named_and_measured(robot):
     found = diagnose(robot, Gantry(curvature={"X": (3e-3, 0.0, 0.0)}).recording(2)[0])
     assert found.verdict == "explained"
@@ -168,6 +169,7 @@ def test_a_twisted_guide_is_named_and_measured(robot):
     held(found, twist=3e-3, roll=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("channel", "of", "share", "seed"),
     [("fx", "fz", 0.1, 3), pytest.param("fy", "fx", -0.1, 4, marks=pytest.mark.slow)],

@@ -114,6 +114,7 @@ def cycles(scatter, off=0.0):
     return robot, replace(recording, position=position, rotation=rotation)
 
 
+@pytest.mark.slow
 def test_what_scatters_in_one_joint_alone_is_no_noise_of_a_sensor():
     diagnosis = diagnose(*cycles(1.0, off=1e-4))
     assert diagnosis.verdict == "unexplained"

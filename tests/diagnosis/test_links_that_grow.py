@@ -86,6 +86,7 @@ def test_without_a_column_temperature_no_link_is_said_to_grow(robot):
     assert not (found.verdict == "nothing_missing" and not found.premises)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", [pytest.param({}, marks=pytest.mark.slow), {"stiffer": {"C": 0.8}}])
 def test_a_machine_that_warms_up_without_growing_has_no_such_link(robot, fault):
     found = diagnose(robot, recorded(12, **fault))

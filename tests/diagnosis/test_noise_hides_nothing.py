@@ -32,6 +32,7 @@ def asked(robot, recording):
         )
 
 
+@pytest.mark.slow
 def test_steps_that_lead_astray_are_shortened(tmp_path):
     device, robot, recording = drawn(tmp_path, 1, "ur5", rows=500, late=0.01, yields=False, speeds=False)
     given = asked(robot, recording)

@@ -89,7 +89,8 @@ def standing_on(robot, turning, moving):
     )
 
 
-@pytest.mark.parametrize("turning", [pytest.param(1e4, marks=pytest.mark.slow), 3e3])
+@pytest.mark.slow
+@pytest.mark.parametrize("turning", [1e4, 3e3])
 def test_pounds_force_are_told_beside_a_base_that_yields_and_only_where_they_are(robot, turning):
     log = standing_on(robot, turning, 300 * turning)
     assert conventions_of_loads(robot, log) is None
@@ -265,7 +266,7 @@ def test_two_misreadings_of_an_arm_are_both_told(said):
     assert sorted(map(str, logs.conventions[0])) == sorted(said)
 
 
-@pytest.mark.parametrize("turned_round", [SLIDES[:2], SLIDES[1:]])
+@pytest.mark.parametrize("turned_round", [SLIDES[:2], pytest.param(SLIDES[1:], marks=pytest.mark.slow)])
 def test_two_legs_that_count_the_other_way_round_are_told(robot, bench, turned_round):
     true = read_recording(bench)
     way = [Convention(f"q.{name}", "reversed") for name in turned_round]
@@ -274,7 +275,7 @@ def test_two_legs_that_count_the_other_way_round_are_told(robot, bench, turned_r
         np.testing.assert_allclose(logs.recordings[0].positions[name], true.positions[name], atol=1e-12)
 
 
-@pytest.mark.parametrize("order", [SLIDES, SLIDES[::-1]])
+@pytest.mark.parametrize("order", [pytest.param(SLIDES, marks=pytest.mark.slow), SLIDES[::-1]])
 def test_a_unit_and_a_leg_turned_round_are_told_whatever_the_order_of_columns(robot, bench, order):
     true = read_recording(bench)
     true = replace(true, positions={name: true.positions[name] for name in order})
@@ -330,6 +331,7 @@ def test_a_platform_of_slides_and_hinges_in_mm_and_degrees_is_told_by_both_units
     assert (Convention("q", "mm"), Convention("q", "deg")) in both
 
 
+@pytest.mark.slow
 def test_the_point_of_a_sensor_is_found(robot, bench, tmp_path):
     logs = read_logs(robot, rewritten(bench, tmp_path, "moments about a sensor's point"))
     ((convention,),) = logs.conventions
@@ -455,6 +457,7 @@ def test_a_planar_bench_that_measured_no_z_is_read_as_it_is_meant(said, turn):
     assert read_logs(bars, true).conventions == ((),)
 
 
+@pytest.mark.slow
 def test_what_no_reading_brings_near_is_refused_where_z_was_not_measured():
     bars, log = planar()
     with pytest.raises(InputError, match=r"positions of the tool are .* m apart.*p\.x p\.y \(expected") as caught:
@@ -462,9 +465,8 @@ def test_what_no_reading_brings_near_is_refused_where_z_was_not_measured():
     assert "nan" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "missing", [*(pytest.param(k, marks=pytest.mark.slow) for k in (0, 1)), 2], ids=["x", "y", "z"]
-)
+@pytest.mark.slow  # daily of a planar bench
+@pytest.mark.parametrize("missing", [0, 1, 2], ids=["x", "y", "z"])
 def test_two_components_of_a_robot_in_space_tell_their_unit(robot, bench, missing):
     """Wherever the tracker stands, which is told from what was measured too."""
     log = read_recording(bench)

@@ -48,6 +48,7 @@ def test_an_even_pull_is_one_force(ur5):
     assert [values[name] for name in ("fx", "fy", "fz")] == pytest.approx(force, abs=0.5)
 
 
+@pytest.mark.slow
 def test_a_hose_is_a_force_with_where_the_tool_is(ur5):
     anchor = np.array([0.4, -0.6, 1.2])
     told = prup_pin.diagnose(ur5, pulled(ur5, lambda there: 20.0 * (anchor - there)))
@@ -58,6 +59,7 @@ def test_a_hose_is_a_force_with_where_the_tool_is(ur5):
     assert [values[name] for name in ("kxy", "kxz", "kyz")] == pytest.approx([0.0] * 3, abs=1.0)
 
 
+@pytest.mark.slow
 def test_what_the_tool_holds_pulls_at_nothing(ur5):
     told = prup_pin.diagnose(ur5, pulled(ur5, held=2.0))
     assert [item.physics for item in told.findings] == ["payload"]

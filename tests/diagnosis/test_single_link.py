@@ -58,7 +58,7 @@ def scaled(recording, gain):
     return replace(recording, efforts={"hinge": gain * recording.efforts["hinge"]}, tolerances=UNKNOWN_UNIT)
 
 
-@pytest.mark.parametrize("gain", [-5.0, 5.0])
+@pytest.mark.parametrize("gain", [pytest.param(-5.0, marks=pytest.mark.slow), 5.0])
 def test_which_way_a_drive_counts_is_told_in_whatever_unit(bar, gain):
     """Where most of the effort is something else the drawing alone tells too little, and friction tells the rest."""
     recording = swung(bar, friction=0.2, damping=0.15, shaken=2.5)

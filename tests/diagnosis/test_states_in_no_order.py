@@ -58,6 +58,7 @@ def test_what_was_left_out_is_told_as_of_a_course_of_time(ur5, shuffled):
     assert any("in no order of time" in text for text in told.remarks)
 
 
+@pytest.mark.slow
 def test_nothing_is_missing_where_nothing_is(ur5):
     told = prup_pin.diagnose(ur5, replace(logged(ur5, faulty=False), noise=Noise(effort=float(SIZES.max()))))
     assert told.verdict == "nothing_missing"

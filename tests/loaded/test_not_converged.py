@@ -139,6 +139,7 @@ def test_the_3prup_gives_way():
     assert failure.value.reached == pytest.approx(1 / 1.1, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_what_fails_does_not_disturb_its_neighbours():
     robot = prup_pin.load("3prup")
     poses = random_poses(robot, BOX, 3, seed=5)

@@ -223,6 +223,7 @@ def test_groups_are_drawn_in_their_shares():
     assert shares == pytest.approx([0.25, 0.40, 0.35], abs=0.06)
 
 
+@pytest.mark.slow
 def test_where_everything_is_off_the_truth_tells_it_joint_by_joint_and_a_faultless_arm_is_as_drawn(tmp_path):
     drawn = draw_elastic(5, "ur5", "everywhere", 3.0)
     truth, own = drawn["truth"], drawn["arm"].drives

@@ -133,6 +133,7 @@ def _play(force, gap, load):
     return gap * closed, gap / load * (1 - closed**2)
 
 
+@pytest.mark.slow
 def test_what_a_tolerance_can_imitate_does_not_count():
     """A bearing that is soft within reason is small beside tolerances, and nothing else is made larger by them."""
     run = programme(np.random.default_rng(6), 2, 100.0, directions=1)

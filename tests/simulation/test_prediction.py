@@ -222,6 +222,7 @@ def test_failing_rows_are_told_and_the_run_goes_on(robot, broken):
     assert "1 unreachable" in repr(found)
 
 
+@pytest.mark.slow
 def test_failing_rows_do_not_disturb_laws_that_remember(robot, broken):
     rub = effect(robot, "coulomb_friction", "leg1/R_theta_P", limit=0.5, presliding_stiffness=800.0)
     slow = effect(robot, "creep", "leg1/ball_nut", share=0.5, time_constant=2.0)

@@ -420,6 +420,7 @@ def test_a_dashed_ring_is_explained_where_one_is_drawn_however_many_findings_the
         assert "…" in said
 
 
+@pytest.mark.slow
 def test_a_flat_robots_picture_on_a_phone_is_no_higher_than_it_needs(diagnosed):
     _, _, diagnosis = diagnosed
     none = replace(diagnosis, findings=(), final=None)

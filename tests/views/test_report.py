@@ -243,6 +243,7 @@ def test_a_heavy_scene_leaves_the_deflection_out_or_is_left_out(robot, pose, pag
     assert "script-src 'none'" in html.unescape(without)
 
 
+@pytest.mark.slow
 def test_a_real_arm_with_meshes_fits():
     robot = prup_pin.load("ur5", joint_stiffness=1e4)
     page = report_html(robot, robot.home, {"fz": -50})
@@ -399,6 +400,7 @@ def shows(tab, file, width):
     assert all(address.startswith((file.as_uri(), "data:", "about:", "blob:")) for address in tab.requests)
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_a_hostile_robot_runs_nothing(hostile_page, tmp_path, chromium):
     file = tmp_path / "report.html"
