@@ -165,6 +165,7 @@ def test_shares_are_bars_in_order(compliance):
         assert word in said
 
 
+@pytest.mark.slow
 def test_pictures_for_a_phone_say_the_same(robot, compliance):
     """All words, in letters that can be read where 5.2 inches are 390 pixels wide, none cut off."""
     for draw in (

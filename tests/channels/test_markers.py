@@ -219,6 +219,7 @@ def test_a_marker_that_no_frame_has_is_not_used_or_not_found(arm):
         prup_pin.simulate(arm, standing(arm, 2), markers=["link55"])
 
 
+@pytest.mark.slow
 def test_part_of_a_markers_orientation_is_not_used(arm):
     recording = measured(arm, standing(arm, 5), [weight(arm)])
     partly = {**recording.marker_rotations, "link3": recording.marker_rotations["link3"] * [1, 1, np.nan]}

@@ -215,6 +215,7 @@ def test_a_target_that_no_design_meets_says_how_near_one_comes():
         assert text in str(error)
 
 
+@pytest.mark.slow
 def test_an_answer_is_a_function_of_its_question():
     one, other = (ROBOT.design({"translation": 1e-5}, [BRANCH], **GRID) for _ in range(2))
     assert one.values == other.values

@@ -80,6 +80,7 @@ def told(found):
     return [(law.physics, law.location, law.effect.place.aspect) for law in found.findings]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [6e-4, pytest.param(-3e-3, marks=pytest.mark.slow)])
 def test_the_scale_of_a_pose_sensor_is_one_number_and_no_lengths(error):
     found = diagnose(arm(), bench(arm(), postures(), scaled(1 + error), size=(30.0, 5.0)))

@@ -232,6 +232,7 @@ def test_a_law_is_needless_that_may_be_nothing_by_its_own_uncertainty():
     assert final.needless is offset
 
 
+@pytest.mark.slow
 def test_one_law_stands_for_several_that_do_not_earn_what_they_have_more(tmp_path):
     """Efforts of all drives that are late alike are one lag of the log, and none of each drive."""
     recording, _ = device(tmp_path, 7708, "ur5", [])

@@ -132,6 +132,7 @@ def test_friction_is_known_no_better_than_the_gain_of_its_drive_within_its_toler
     assert off == pytest.approx(6, abs=1)
 
 
+@pytest.mark.slow
 def test_friction_many_times_the_noise_is_settled_so_far_that_nothing_imitates_what_is_left(carriage):
     """A speed or a way between those that are scanned would leave what looks like a delay."""
     found = diagnose(carriage, axis(4000, limit=60.0, slow=150.0, noise=0.2))
@@ -155,6 +156,7 @@ def by_position(recording, effort):
     return recording.with_measurements(efforts={"carriage": tau})
 
 
+@pytest.mark.slow
 def test_a_wave_longer_than_the_travel_is_told_by_its_shape_and_predicted_beyond(carriage):
     """The axis sees 0.7 of a period; the same motion 1.6 times as wide sees more than one."""
 
@@ -198,6 +200,7 @@ def test_a_hump_at_one_place_beside_a_spring_is_no_wave(carriage):
     assert "follows the joint's position" in unknown.statement
 
 
+@pytest.mark.slow
 def test_a_spring_that_hardens_is_told_with_how_much(carriage):
     found = diagnose(carriage, by_position(axis(3000), lambda q: 300 * q + 9000 * q**3))
     assert found.verdict == "explained"
@@ -272,6 +275,7 @@ def test_a_body_has_a_moment_of_inertia_about_every_axis_that_its_mass_is_off():
     assert is_impossible("forearm_link", -1.01 * drawn, exactly, robot.mechanism)
 
 
+@pytest.mark.slow
 def test_a_spring_and_a_wave_of_which_little_is_seen_are_told_beside_each_other(carriage):
     found = diagnose(carriage, by_position(axis(3000, noise=2.0), lambda q: 12 * np.sin(2 * np.pi * q / 0.9 + 0.4)))
     (finding,) = found.findings
@@ -279,6 +283,7 @@ def test_a_spring_and_a_wave_of_which_little_is_seen_are_told_beside_each_other(
     assert "cogging at carriage" in finding.alternatives
 
 
+@pytest.mark.slow
 def test_a_cable_that_drags_along_is_unknown_and_followed(carriage):
     """Two springs that slip, after 20 and 60 mm: no friction of the library turns round on so long a way."""
 
@@ -316,7 +321,11 @@ def test_a_drag_that_no_law_has_is_unknown_and_named_nowhere(carriage):
     assert np.std(left[100:-100]) < 1.3  # noise, and straight lines between the knots
 
 
-def test_a_gap_in_a_drive_and_a_gear_that_warms_up_are_named(carriage):
+@pytest.mark.parametrize(
+    ("word", "name", "true"),
+    [("backlash", "gap", 5e-4), pytest.param("coulomb_friction", "time", 8.0, marks=pytest.mark.slow)],
+)
+def test_a_gap_in_a_drive_and_a_gear_that_warms_up_are_named(carriage, word, name, true):
     recording = axis(limit=10.0)
     time, q = recording.time, recording.positions["carriage"]
     speed = np.gradient(q, time)
@@ -326,13 +335,12 @@ def test_a_gap_in_a_drive_and_a_gear_that_warms_up_are_named(carriage):
         loose[row] = abs(here - middle) < 0.249e-3
     lost = -loose * 95 * np.gradient(speed, time)
     cold = 10.0 * np.exp(-time / 8) * np.sign(speed)
-    for added, word, name, true in ((lost, "backlash", "gap", 5e-4), (cold, "coulomb_friction", "time", 8.0)):
-        efforts = {"carriage": recording.efforts["carriage"] + added}
-        found = diagnose(carriage, recording.with_measurements(efforts=efforts))
-        assert found.verdict == "explained"
-        assert {finding.physics for finding in found.findings} == {"coulomb_friction", word}
-        (finding,) = (finding for finding in found.findings if finding.physics == word)
-        assert finding.parameters[name].value == pytest.approx(true, rel=0.1)
+    added = {"backlash": lost, "coulomb_friction": cold}[word]
+    found = diagnose(carriage, recording.with_measurements(efforts={"carriage": recording.efforts["carriage"] + added}))
+    assert found.verdict == "explained"
+    assert {finding.physics for finding in found.findings} == {"coulomb_friction", word}
+    (finding,) = (finding for finding in found.findings if finding.physics == word)
+    assert finding.parameters[name].value == pytest.approx(true, rel=0.1)
 
 
 @pytest.mark.slow
@@ -415,6 +423,7 @@ def test_friction_that_comes_and_goes_is_no_noise_where_none_was_declared(carria
     assert "no noise was declared that could account for it" in found.findings[0].statement
 
 
+@pytest.mark.slow
 def test_a_late_encoder_is_told_where_its_joint_rubs_hard(carriage):
     """Friction turns round before the encoder says so: without that, a rotor's inertia would stand for the delay."""
     whole, late = axis(3000, limit=60.0, damping=400.0), 2
@@ -537,6 +546,7 @@ def test_a_drive_without_a_column_of_efforts_is_left_out():
             asked(robot, blind)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("value", [0.0, pytest.param(1.7, marks=pytest.mark.slow)])
 @pytest.mark.usefixtures("without_pictures")
@@ -635,6 +645,7 @@ def test_a_drift_and_a_drive_at_its_limit_are_told_where_something_is_unknown():
     assert "the effort is clipped where the drive is at its limit" in unknown.statement
 
 
+@pytest.mark.slow
 def test_a_way_below_what_the_encoder_shows_is_no_number(carriage):
     found = diagnose(carriage, axis(4000, limit=20.0))
     (finding,) = found.findings

@@ -68,6 +68,7 @@ def test_a_robot_as_drawn_misses_nothing_in_either_channel(ur5, bench):
     assert not [name for name in found.unused_columns if name.startswith("tau.")]
 
 
+@pytest.mark.slow
 def test_a_body_that_no_pose_shows_is_found_by_what_drives_hold(ur5, bench):
     law, (place,) = HeldBody(), HeldBody().places(ur5.mechanism)
     values = {q.name: 0.0 for q in law.quantities} | {"mass": 1.5, "z": 0.05}

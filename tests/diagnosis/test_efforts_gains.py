@@ -83,6 +83,7 @@ def test_other_masses_and_one_gain_alone_are_no_other_units(moving):
     assert gains_of(moving.measuring(moving.motion.efforts * [1, 1, 1.4, 1, 1, 1]), {}) is None
 
 
+@pytest.mark.slow
 def test_friction_by_direction_asks_for_no_other_units(tmp_path):
     """A light arm whose fifth joint resists much more backwards than forwards."""
     recording, _ = device(tmp_path, 7404, "kinova", ["viscous_friction"], (20.0, 40.0))

@@ -75,6 +75,7 @@ def the_unknown(diagnosis):
     return finding
 
 
+@pytest.mark.slow
 def test_what_no_module_can_do_is_unknown_at_the_robot(raised):
     _, diagnosis = raised
     assert diagnosis.after["fit"] > 20
@@ -128,6 +129,7 @@ def test_what_nobody_can_check_is_not_taken_for_noise(rigid):
     assert the_unknown(diagnosis).location == "robot"
 
 
+@pytest.mark.slow
 def test_sixty_poses_tell_coarse_noise_from_structure(rigid):
     """Measured once each: what follows no pose is noise, and larger than was declared."""
     recording = bench_of(rigid, 60, (0.0,))

@@ -39,6 +39,7 @@ def bodies(model):
     return {term.place.name: float(x[model.slice_of(term)][0]) for term in model.terms if term.law.of_bodies}
 
 
+@pytest.mark.slow
 def test_two_links_that_are_heavier_are_told_apart_from_a_third_one_that_takes_nearly_as_much_away(at):
     """The forearm alone took 97 % of the squares away, and was the one that was to be weighed."""
     model = scaled(at, 1, 1.15, 1, 1.5, 1, 1)
@@ -61,6 +62,7 @@ def test_links_that_are_all_others_stay_all(at):
     assert with_few_bodies(model) is model
 
 
+@pytest.mark.slow
 def test_no_body_does_a_share_of_what_all_links_do_not(at):
     """Where the links weigh what they are drawn with, free ones may foretell worse: nothing overflows."""
     model = scaled(at, *np.ones(6))

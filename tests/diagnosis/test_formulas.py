@@ -117,6 +117,7 @@ def test_a_second_recording_confirms_or_refutes_it(found, carriage, tmp_path, ef
     assert str(told).startswith(f"{name} is {word}: ")
 
 
+@pytest.mark.slow
 def test_a_motion_that_does_not_tell_it_from_an_offset_neither_confirms_nor_refutes_it(found, carriage, tmp_path):
     ((name, text),) = proposed_files(found.proposals, [tmp_path / "bench.csv"])
     path = tmp_path / f"{name}.py"
@@ -225,6 +226,7 @@ def test_what_the_shape_of_a_formula_leaves_is_a_curve_beside_it_and_in_its_file
     assert again.verdict == "explained"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 2))])
 def test_of_noise_nothing_is_proposed_and_terms_are_never_fitted_beside_each_other(carriage, monkeypatch, seed):
     recording, sizes, add = recorded(lambda q, v, t: 0.0 * q, n=1500, seed=seed), [], DesignMatrix.add

@@ -174,6 +174,7 @@ def test_weight_is_a_load(arm):
     assert "no load was applied: nothing can be said about stiffness, play or friction" in remarks
 
 
+@pytest.mark.slow
 def test_weight_is_calibrated_within_tolerances(arm):
     """Stiffness and mass of each link, from weight alone, on a base that is tilted three ways."""
     angles = np.random.default_rng(2).uniform(-1.2, 1.2, (45, 6))

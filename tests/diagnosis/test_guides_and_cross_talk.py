@@ -184,6 +184,7 @@ def test_a_load_cell_that_talks_across_is_named(robot, channel, of, share, seed)
     held(found, share=share)
 
 
+@pytest.mark.slow
 def test_a_sound_gantry_is_accused_of_nothing(robot):
     found = diagnose(robot, Gantry().recording(5)[0])
     assert found.verdict == "nothing_missing"

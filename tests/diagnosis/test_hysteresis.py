@@ -45,6 +45,7 @@ def found():
     return short_of(lambda elbow: 5e-4 * (1 + np.sin(6 * elbow)))
 
 
+@pytest.mark.slow
 def test_what_a_drive_lacks_by_the_same_amount_on_either_side_is_its_play():
     (play,) = (item for item in short_of(lambda elbow: 5e-4).findings if item.physics != "self_weight")
     assert (play.physics, play.location) == ("backlash", JOINT)

@@ -88,6 +88,7 @@ def test_zeros_within_their_tolerance_are_none_of_the_findings():
     assert found.after["fit"] < 1.1
 
 
+@pytest.mark.slow
 def test_a_robot_that_was_weighed_out_does_not_weigh():
     tree = PosedTree(TORSO, about={"bend": 4e-4}, weighs=False)
     q = tree.postures(JOINTS, 60, 3)

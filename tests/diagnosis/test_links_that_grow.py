@@ -70,6 +70,7 @@ def test_a_link_grows_as_the_machine_built_anew_does(robot, link):
         assert least <= np.abs(run.position - [point for point, _ in places]).max() < most
 
 
+@pytest.mark.slow
 def test_a_link_that_grows_is_named_and_measured(robot):
     found = diagnose(robot, recorded(11, expansion={"Y_part": 2.4e-5}))
     assert found.verdict == "explained"

@@ -42,6 +42,7 @@ def test_a_load_that_is_taken_up_or_put_down_is_told_with_its_moment(at, mass):
     assert more == pytest.approx(mass, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_part_that_is_taken_up_and_put_down_again(at):
     time = at.motion.time
     ((moment, until, more),) = changes(at, np.where((time > 3.0) & (time < 8.0), 2.0, 0.0))

@@ -161,6 +161,7 @@ def test_a_base_that_was_measured_before_the_robot_stood_on_it_carries_all_of_it
     assert found.findings[0].parameters["settled"].value < 0.3
 
 
+@pytest.mark.slow
 def test_a_spring_on_ground_that_gives_way_along_it_is_told_with_the_ground(tmp_path):
     """Loads along a lone slide cannot tell its spring from what it stands on."""
     file = RobotFile()

@@ -40,6 +40,7 @@ def test_a_slide_stands_where_the_wave_has_it(robot):
     np.testing.assert_allclose(run.position, places, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("period", "seed"), [(0.053, 21), pytest.param(0.31, 22, marks=pytest.mark.slow)])
 def test_a_wave_is_named_and_measured(robot, period, seed):
     found = diagnose(robot, shifted(seed, 2e-5, period, 0.7))

@@ -166,12 +166,12 @@ def test_what_is_declared_to_be_as_written_is_read_in_no_other_way(robot, bench,
         "vector part of a quaternion",
         "all joints in mm",
         "two joints exchanged",
-        pytest.param("reaction", marks=pytest.mark.slow),  # as of recordings that are written alike
+        pytest.param("reaction", marks=pytest.mark.slow),  # as in test_cli_diagnose.py
         pytest.param("wrench in the tool's axes", marks=pytest.mark.slow),  # as of a reaction in them
         pytest.param("moments about the base's origin", marks=pytest.mark.slow),  # as about a sensor's point
         pytest.param("forces in kN", marks=pytest.mark.slow),  # as beside other units
         pytest.param("moments in N mm", marks=pytest.mark.slow),  # moments that no robot bears take long to follow
-        "reaction in the tool's axes",
+        pytest.param("reaction in the tool's axes", marks=pytest.mark.slow),  # as of an arm with a soft elbow
         pytest.param("mm, and inverse rotation", marks=pytest.mark.slow),  # each of them alone
     ],
 )
@@ -307,6 +307,7 @@ def test_exchanged_columns_are_no_mirror(tmp_path):
     np.testing.assert_array_equal(logs.recordings[0].positions["x"], x)
 
 
+@pytest.mark.slow
 def test_loads_tell_a_mirrored_tracker_from_exchanged_legs(tmp_path):
     """A Delta is its own mirror image, but the loads on it are not."""
     build.delta(
@@ -331,7 +332,6 @@ def test_a_platform_of_slides_and_hinges_in_mm_and_degrees_is_told_by_both_units
     assert (Convention("q", "mm"), Convention("q", "deg")) in both
 
 
-@pytest.mark.slow
 def test_the_point_of_a_sensor_is_found(robot, bench, tmp_path):
     logs = read_logs(robot, rewritten(bench, tmp_path, "moments about a sensor's point"))
     ((convention,),) = logs.conventions
@@ -369,11 +369,11 @@ def test_loads_are_asked_once_of_each_reading(robot, bench, tmp_path, monkeypatc
 
 
 def test_recordings_that_are_written_alike_are_told_once(robot, bench, tmp_path):
-    log = rewritten(bench, tmp_path, "reaction")
+    log = rewritten(bench, tmp_path, "positions in mm")
     half = len(log) // 2
     logs = read_logs(robot, [log.select(slice(0, half)), replace(log.select(slice(half, None)), path="b.csv")])
     assert len(logs.findings()) == 1
-    assert [str(item) for own in logs.conventions for item in own] == ["wrench=reaction", "wrench=reaction"]
+    assert [str(item) for own in logs.conventions for item in own] == ["p=mm", "p=mm"]
 
 
 def test_a_robot_that_cannot_stand_as_the_log_has_it_is_told_no_distance(robot, bench, tmp_path):
@@ -395,6 +395,7 @@ def test_what_nobody_recorded_of_one_joint_is_no_unit_of_the_others():
     assert read_logs(arm, log).conventions == ((),)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("near", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["base", "tracker"])
 def test_zeros_of_another_table_are_told_in_quarter_turns(near):
     """Two joints of an arm count as its table of Denavit and Hartenberg does, one of them the other way round."""

@@ -39,6 +39,7 @@ def pulled(robot, force=None, held=0.0):
     return log.with_measurements(efforts=efforts)
 
 
+@pytest.mark.slow
 def test_an_even_pull_is_one_force(ur5):
     force = np.array([30.0, -18.0, 10.0])
     told = prup_pin.diagnose(ur5, pulled(ur5, lambda there: force))

@@ -107,6 +107,7 @@ def test_efforts_are_compared_below_where_nothing_but_steps_of_the_encoder_is_pr
     assert rough < 0.8 * fine
 
 
+@pytest.mark.slow
 def test_masses_of_which_a_short_log_is_not_sure_are_predicted_and_not_told(bar):
     found = diagnose(bar, coarse(swung(bar, heavier=1.14, friction=0.08, damping=0.004, lasting=1.6), 0.006))
     assert "inertial_parameters" not in {finding.physics for finding in found.findings}

@@ -81,6 +81,7 @@ def test_two_single_faults_are_told_by_their_names(hexapod):
     assert not any("everything is off at once" in remark for remark in found.remarks)
 
 
+@pytest.mark.slow
 def test_a_lead_that_is_right_in_the_middle_of_the_travel_is_told(hexapod):
     leg = hexapod.mechanism.actuated[1]
     homed = float(hexapod.home.joints[leg])

@@ -91,6 +91,7 @@ def test_friction_at_rest_may_hold_all_that_the_load_changes_by(tmp_path):
     assert not [finding for finding in found.findings if "never changes" in finding.statement]
 
 
+@pytest.mark.slow
 def test_what_is_left_of_efforts_is_told_as_a_share_where_no_noise_was_declared(robot):
     told = verdict_text(diagnose(robot, held_still(log_of(0.15))))
     assert told.startswith("Explained: with coulomb friction at hinge the residual of the efforts falls from ")

@@ -144,7 +144,7 @@ def test_is_found_again_by_its_places(name, law, places):
         assert place in law_at(law.physics, place).places(mechanism)
 
 
-@at_each_place
+@at_each_place_of_one_robot_daily
 def test_neutral_values_change_nothing(name, law, place):
     check_neutral(bench(name, law), law, place)
 
@@ -155,7 +155,7 @@ def test_start_values_change_the_pose(name, law, place):
         check_shows(bench(name, law), law, place, shown(name, law))
 
 
-@at_each_place
+@at_each_place_of_one_robot_daily
 def test_acting_leaves_the_callers_inputs_alone(name, law, place):
     check_leaves_alone(bench(name, law), law, place)
 
@@ -165,13 +165,8 @@ def test_strains_are_what_their_derivatives_say(name, law, place):
     check_derivatives(bench(name, law), law, place)
 
 
-@pytest.mark.parametrize(
-    "law",
-    [  # a law everywhere is fitted daily in the test of intervals
-        pytest.param(law, id=title(law), marks=[pytest.mark.slow] if isinstance(law, Everywhere) else [])
-        for law in LAWS
-    ],
-)
+@pytest.mark.slow  # daily each law is fitted for its intervals, which hold the truth
+@EVERY_LAW
 def test_what_is_simulated_is_fitted_again(law):
     if not isinstance(law, HIDDEN):
         name = first_of(QUICK, law)

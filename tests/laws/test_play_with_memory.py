@@ -82,6 +82,7 @@ def bench(seed, held=False, reversal=False, staged=False, poses=8, forces=(0, 30
     )
 
 
+@pytest.mark.slow
 def test_play_that_stays_where_it_was_pushed_is_named_and_foretells_another_test(arm):
     found = diagnose(arm, bench(1, held=True))
     (law,) = (item for item in found.findings if item.physics not in ("finite_deflection", "self_weight"))

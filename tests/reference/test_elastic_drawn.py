@@ -276,6 +276,7 @@ def test_a_textbook_fit_that_knows_masses_and_lateness_finds_the_friction_and_ro
         assert offset == pytest.approx(true["effort_offset"], abs=0.05 * np.abs(y).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("physics", SINGLE)
 def test_a_single_effect_is_in_the_device_and_has_its_size(physics):
     drawn = draw_elastic(8, "ur5", physics, 2.0)

@@ -50,6 +50,7 @@ def work_on(path, seen):
 GAP = {"physics": "backlash", "location": "leg3/drive", "half_gap": 2e-5, "smooth": 20.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("joint", "limit", "way", "gap"),
     [

@@ -96,7 +96,14 @@ def test_a_branch_that_is_heavier_moves_the_centre_of_the_star():
     assert apart(scatter, deeds(scatter), branches="distributed") < 0.1
 
 
-@pytest.mark.parametrize("name", [name for name in PARAMETERS if name.startswith(("leg1", "wrench", "target", "pose"))])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if index % 3 == 0 else [pytest.mark.slow])
+        for index, name in enumerate(PARAMETERS)
+        if name.startswith(("leg1", "wrench", "target", "pose"))
+    ],
+)
 def test_one_parameter_that_is_off(name):
     scatter = {name: 5 * ORDINARY[PARAMETERS[name]]}
     assert apart(scatter, deeds(scatter)) < 0.25

@@ -83,6 +83,7 @@ def test_a_payload_bears_what_it_is_accelerated_by(arm):
     assert np.abs(second[INSIDE]).max() > 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("deed", [pytest.param(Weight(1e-3), marks=pytest.mark.slow), ScaledMass("forearm_link", 1.01)])
 def test_the_first_order_of_weight_and_masses_is_that_of_inertia_too(arm, deed):
     robot, recording, effects = arm

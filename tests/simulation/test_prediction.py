@@ -335,6 +335,7 @@ def test_a_robot_that_cannot_be_sent_is_computed_in_one_process(robot, bench, mo
     np.testing.assert_array_equal(found.position, simulate(robot, bench, [known]).position)
 
 
+@pytest.mark.slow
 def test_processes_that_die_are_replaced_and_it_is_said(robot, bench, monkeypatch):
     monkeypatch.setattr(parts, "SAMPLES", 2)
     monkeypatch.setattr(parts, "_packed", lambda wanted: b"not a pickle")

@@ -222,6 +222,7 @@ def test_live_server(browser, three_prup):
         shown.close()
 
 
+@pytest.mark.slow
 def test_names_from_robot_files_are_only_text(browser, tmp_path):
     text = (prup_pin.robots.packaged_folder() / "3prup.urdf").read_text(encoding="utf-8")
     evil = "&lt;/script&gt;&lt;img src=x onerror=hacked=1&gt;"

@@ -361,13 +361,13 @@ def test_the_record_knows_what_a_sealed_frame_asks(asked, tmp_path):
 
 
 @needs_chromium
-def test_a_browser_shows_it_and_asks_no_other_host(page, asked, tmp_path):
+@pytest.mark.parametrize("width", [pytest.param(1280, marks=pytest.mark.slow), 400])
+def test_a_browser_shows_it_and_asks_no_other_host(page, asked, tmp_path, width):
     file = tmp_path / "report.html"
     file.write_text(page, encoding="utf-8")
     tab = Tab(str(tmp_path / "profile"), (1280, 1100))
     try:
-        for width in (1280, 400):
-            shows(tab, file, width)
+        shows(tab, file, width)
     finally:
         tab.close()
     assert asked() == []
