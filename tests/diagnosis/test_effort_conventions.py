@@ -126,7 +126,7 @@ OPPOSITE = "wrist_3_joint,wrist_2_joint,wrist_1_joint,elbow_joint,shoulder_lift_
         (f"tau=order:{EXCHANGED}",),
         pytest.param((f"q=order:{OPPOSITE}",), marks=pytest.mark.slow),
         ("q=order:elbow_joint,shoulder_lift_joint,shoulder_pan_joint",),  # of three joints
-        ("q.elbow_joint=plus:shoulder_lift_joint",),
+        pytest.param(("q.elbow_joint=plus:shoulder_lift_joint",), marks=pytest.mark.slow),
         ("q.elbow_joint=plus:shoulder_lift_joint", "tau.shoulder_lift_joint=minus:elbow_joint"),
         pytest.param(("q.elbow_joint=quarter_turns:1",), marks=pytest.mark.slow),
         ("q.shoulder_lift_joint=quarter_turns:1", "q.elbow_joint=quarter_turns:3"),

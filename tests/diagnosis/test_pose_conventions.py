@@ -165,7 +165,7 @@ def test_what_is_declared_to_be_as_written_is_read_in_no_other_way(robot, bench,
         "yaw, pitch, roll in deg",
         "vector part of a quaternion",
         "all joints in mm",
-        "two joints exchanged",
+        pytest.param("two joints exchanged", marks=pytest.mark.slow),  # as of two legs turned round
         pytest.param("reaction", marks=pytest.mark.slow),  # as in test_cli_diagnose.py
         pytest.param("wrench in the tool's axes", marks=pytest.mark.slow),  # as of a reaction in them
         pytest.param("moments about the base's origin", marks=pytest.mark.slow),  # as about a sensor's point
