@@ -350,6 +350,7 @@ def test_a_convention_that_is_misspelt_is_refused_with_the_nearest(clean_bench, 
     )
 
 
+@pytest.mark.slow
 def test_check_tells_how_a_log_is_written(clean_bench, run, tmp_path):
     path = changed(clean_bench, tmp_path, times("w.", -1.0))
     done = run("check", path)

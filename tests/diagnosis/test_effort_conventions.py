@@ -132,7 +132,7 @@ OPPOSITE = "wrist_3_joint,wrist_2_joint,wrist_1_joint,elbow_joint,shoulder_lift_
         ("q.shoulder_lift_joint=quarter_turns:1", "q.elbow_joint=quarter_turns:3"),
         ("tau=N_mm",),
         pytest.param(("tau=kgf_m",), marks=pytest.mark.slow),
-        ("q=gear:100", "tau=gear:100"),
+        pytest.param(("q=gear:100", "tau=gear:100"), marks=pytest.mark.slow),
         pytest.param(("time=ms",), marks=pytest.mark.slow),
         ("time=ms", "q=deg"),
         pytest.param(
@@ -258,6 +258,7 @@ def test_noise_of_positions_is_not_less_motion_in_another_unit(ur5, turned):
     assert told(ur5, slow_log(ur5, turned, friction=1.0)) == ([f"tau.{turned}=reversed"] if turned else [])
 
 
+@pytest.mark.slow
 def test_nearly_equal_gains_of_all_drives_are_a_unit_that_is_told_once(arm, arm_log):
     """A gain that was read as exact was told again as six other ones, and neither was what the log reports."""
     log = written(arm_log, "tau=gain:0.09")

@@ -85,6 +85,7 @@ def test_a_stretch_that_settled_laws_describe_is_none():
     assert not is_outlying(stretch, rows, left, good)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hold", "verdict"),
     [(20.0, "explained"), pytest.param(60.0, "unexplained", marks=[pytest.mark.slow])],

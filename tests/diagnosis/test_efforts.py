@@ -379,6 +379,7 @@ def test_what_follows_the_temperature_is_told_by_it(carriage, word):
     assert finding.parameters[name].value == pytest.approx(true, rel=0.1)
 
 
+@pytest.mark.slow
 def test_cogging_is_where_the_joint_is_and_not_where_a_late_encoder_has_it(carriage):
     """The cogging acts before the delay, whichever came in first: beside it the delay was not found."""
     recording, late = axis(limit=10.0, noise=0.1), 20e-3

@@ -127,6 +127,7 @@ def test_a_spring_that_hardens_is_no_cylinder(at):
     assert not found(5.0 * (q + 1.0) ** 3)
 
 
+@pytest.mark.slow
 def test_links_that_are_heavier_are_no_counterbalance(at):
     efforts = weighing(at, 1, 1.15, 1, 1.5, 1, 1)
     model = efforts.start_with_nuisances()

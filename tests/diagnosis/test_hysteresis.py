@@ -124,6 +124,7 @@ def test_what_scatters_in_one_joint_alone_is_no_noise_of_a_sensor():
     assert unknown.location == JOINT
 
 
+@pytest.mark.slow
 def test_a_sensor_that_scatters_more_than_it_says_in_all_directions_does():
     diagnosis = diagnose(*cycles(3.0))
     assert diagnosis.verdict == "explained"  # by weight

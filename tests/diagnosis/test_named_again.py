@@ -103,6 +103,7 @@ def test_a_fault_is_named_at_its_place(name, fault):
         assert high - low < 5e-5 if value == 0 else high - low < 0.5 * abs(value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("physics", "aspect", "values", "places"),
     [

@@ -91,7 +91,6 @@ def test_play_explains_what_is_more_than_noise_only_at_the_edge_of_its_gap(lift,
     assert found.noise.force == pytest.approx(FORCE, rel=0.35)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("gap", [4e-4, pytest.param(2e-3, marks=pytest.mark.slow)])
 def test_declared_noise_reaches_the_poses_through_the_gap_that_was_found(lift, gap):
     declared = Noise(position=POSITION, force=FORCE, moment=MOMENT)

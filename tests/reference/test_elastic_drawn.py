@@ -254,6 +254,7 @@ def test_where_everything_is_off_the_truth_tells_it_joint_by_joint_and_a_faultle
     assert max(clean["truth"]["left_by_the_file"][1:3]) < 0.2  # where weight is most of it
 
 
+@pytest.mark.slow
 def test_a_textbook_fit_that_knows_masses_and_lateness_finds_the_friction_and_rotors_of_the_truth():
     """Atkeson, An and Hollerbach 1986, joint by joint, both sides low-passed at 8 Hz: from the log as it is written."""
     drawn = draw_elastic(5, "ur5", "everywhere", 16.0)
