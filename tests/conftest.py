@@ -4,6 +4,7 @@ Workers wait for each other by a lock on a file, as POSIX has it: the tests do n
 """
 
 import fcntl
+import gc
 import hashlib
 import os
 import pickle
@@ -12,6 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+
+def pytest_collection_finish(session):
+    """Thousands of collected tests stay to the end: the collector of garbage need not look at them again and again."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 20)
 
 
 @dataclass(frozen=True)

@@ -185,7 +185,10 @@ def poor(columns):
 
 @pytest.mark.parametrize(
     ("change", "remarks"),
-    [(one_pose, ["one pose only"]), (poor, ["no rotation was measured", "p.y", "repeat an earlier row"])],
+    [
+        pytest.param(one_pose, ["one pose only"], marks=pytest.mark.slow),
+        (poor, ["no rotation was measured", "p.y", "repeat an earlier row"]),
+    ],
 )
 def test_poor_recordings_are_diagnosed_with_a_remark(clean_bench, run, tmp_path, change, remarks):
     path = changed(clean_bench, tmp_path, change)
@@ -198,6 +201,7 @@ def test_poor_recordings_are_diagnosed_with_a_remark(clean_bench, run, tmp_path,
         assert remark in " ".join(done.stdout.split())
 
 
+@pytest.mark.slow
 def test_without_load_nothing_is_missing(run, tmp_path, clean_bench):
     """Poses measured by a good robot that nobody loads."""
     import prup_pin
@@ -326,6 +330,7 @@ def test_a_log_in_another_convention_is_read_so_and_told_first(
         np.testing.assert_allclose(measured, wanted, atol=2e-3 * np.ptp(measured))  # five times the noise
 
 
+@pytest.mark.slow
 def test_a_convention_that_is_typed_is_told_no_more(clean_bench, run, tmp_path):
     path = changed(clean_bench, tmp_path, times("w.", -1.0))
     out = tmp_path / "out"
@@ -333,6 +338,10 @@ def test_a_convention_that_is_typed_is_told_no_more(clean_bench, run, tmp_path):
     assert done.exit_code == 0, done.output
     assert read_json(out / "diagnosis.json")["verdict"] == "nothing_missing"
     assert read_json(out / "corrected_model.json")["conventions"] == {"wrench": "reaction"}
+
+
+def test_a_convention_that_is_misspelt_is_refused_with_the_nearest(clean_bench, run, tmp_path):
+    path = clean_bench.path
     refused(
         run("diagnose", path, "--out", tmp_path / "no", "--convention", "wrench=reacton"),
         tmp_path / "no",
@@ -341,6 +350,7 @@ def test_a_convention_that_is_typed_is_told_no_more(clean_bench, run, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_check_tells_how_a_log_is_written(clean_bench, run, tmp_path):
     path = changed(clean_bench, tmp_path, times("w.", -1.0))
     done = run("check", path)

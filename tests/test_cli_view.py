@@ -43,6 +43,7 @@ def test_view_writes_a_page_named_like_the_robot(run, tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["3prup.html", "3prup_report.html"]
 
 
+@pytest.mark.slow
 def test_view_shows_a_robot_without_any_compliance(run):
     done = run("view", "panda", "--tool", "panda_hand", "--html", "panda.html")
     assert done.exit_code == 0, done.output

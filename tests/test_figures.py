@@ -103,7 +103,7 @@ def test_title_states_pose_load_and_scale(robot, compliance):
     ("wrench", "narrow"),
     [
         (None, True),
-        (WRENCH, False),
+        pytest.param(WRENCH, False, marks=pytest.mark.slow),
         pytest.param([0, 0, 500, 0, 0, 0], True, marks=pytest.mark.slow),
         pytest.param([0, 0, 0, 20, 0, 0], False, marks=pytest.mark.slow),
     ],
@@ -130,7 +130,11 @@ def test_gravity_points_down(robot):
 
 
 @pytest.mark.parametrize(
-    "name", ["ur5", pytest.param("panda", marks=pytest.mark.slow), "double_pendulum", "double_pendulum_continuous"]
+    "name",
+    [
+        "double_pendulum",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("ur5", "panda", "double_pendulum_continuous")),
+    ],
 )
 def test_other_robots(name):
     robot = prup_pin.load(name, joint_stiffness=1e4)
@@ -161,6 +165,7 @@ def test_shares_are_bars_in_order(compliance):
         assert word in said
 
 
+@pytest.mark.slow
 def test_pictures_for_a_phone_say_the_same(robot, compliance):
     """All words, in letters that can be read where 5.2 inches are 390 pixels wide, none cut off."""
     for draw in (

@@ -316,6 +316,7 @@ def test_the_example_package_brings_what_it_says_and_passes_its_own_tests(exampl
     assert "5 passed" in done.stdout, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_a_diagnosis_names_the_law_of_the_example_package_and_draws_it_as_its_readme_says(example, tmp_path):
     text = (example / "README.md").read_text(encoding="utf-8")
     write, commands, told = re.findall(r"```(?:python|bash|text)\n(.*?)```", text, re.DOTALL)

@@ -62,6 +62,7 @@ def test_first_order_of_markers_is_the_simulations_slope(robot, physics, place, 
             assert np.abs(part - expected)[:, columns].max() < 5e-3 * np.abs(expected[:, columns]).max() + 1e-10
 
 
+@pytest.mark.slow
 def test_markers_alone_tell_where_the_play_is(robot):
     """No pose of the tool, no orientation: three points on the star's branches."""
     recording = with_markers(planned(robot, 4, (0.0, 1.0, 0.5, 0.0, -1.0)))

@@ -77,7 +77,7 @@ def test_what_was_simulated_leaves_no_residual(arm):
     assert np.abs(stack.residual(run)).max() < 1e-12
 
 
-@pytest.mark.parametrize(("factor", "turned"), [(1.0, False), (0.6, True)])
+@pytest.mark.parametrize(("factor", "turned"), [(1.0, False), pytest.param(0.6, True, marks=pytest.mark.slow)])
 def test_markers_alone_diagnose_an_arm_under_its_own_weight(arm, factor, turned):
     """No pose of the tool and no load but its own weight; the drive of its second joint is soft, or nothing is."""
     soft = effect_named("stiffness_changed", "joint2/drive", "", {"factor": factor}, arm.mechanism)
@@ -135,6 +135,7 @@ def test_each_marker_has_a_target_of_its_own(arm):
     np.testing.assert_allclose(stack.residual(run) - after, np.where(stack.exists, change, 0), atol=3e-8)
 
 
+@pytest.mark.slow
 def test_markers_beside_their_frames_are_calibrated(arm):
     """Three targets set by hand: without a tolerance for them the tracker's frame could not be told."""
     tolerances = Tolerances(stiffness=0.1, target_position=3e-4, target_rotation=1e-3)
@@ -153,6 +154,7 @@ def test_markers_beside_their_frames_are_calibrated(arm):
         assert abs(known[name].x - x[names.index(name)]) < 4 * known[name].share
 
 
+@pytest.mark.slow
 def test_a_marker_beside_its_frame_is_named(arm, tmp_path):
     """Without a tolerance: the tool's target is where it should be, the marker's is not."""
     values = {"x": 5e-4, "y": 0.0, "z": -3e-4, "rx": 0.0, "ry": 2e-3, "rz": 0.0}
@@ -217,6 +219,7 @@ def test_a_marker_that_no_frame_has_is_not_used_or_not_found(arm):
         prup_pin.simulate(arm, standing(arm, 2), markers=["link55"])
 
 
+@pytest.mark.slow
 def test_part_of_a_markers_orientation_is_not_used(arm):
     recording = measured(arm, standing(arm, 5), [weight(arm)])
     partly = {**recording.marker_rotations, "link3": recording.marker_rotations["link3"] * [1, 1, np.nan]}

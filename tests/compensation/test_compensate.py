@@ -105,8 +105,12 @@ HOLDING = [("friction", True), pytest.param("creep", True, marks=pytest.mark.slo
 @pytest.mark.parametrize(
     ("name", "holds"),
     [
-        *((name, False) for name in LAWS_ALONG if name not in ("creep", "friction")),
-        pytest.param("friction", False, marks=pytest.mark.slow),
+        *((name, False) for name in ("play", "weight", "encoder")),
+        *(
+            pytest.param(name, False, marks=pytest.mark.slow)
+            for name in LAWS_ALONG
+            if name not in ("creep", "play", "weight", "encoder")
+        ),
         *HOLDING,
     ],
 )

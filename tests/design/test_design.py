@@ -63,6 +63,7 @@ def test_one_diameter_is_that_of_a_bisection():
     assert found.mass == pytest.approx(mass(at), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_two_diameters_are_the_lightest_of_all_that_do():
     """For each rod the thinnest branches that do: none of these pairs is lighter."""
     found = ROBOT.design({"translation": 1e-5}, [ROD, BRANCH], bounds=BOUNDS, poses=POSES)
@@ -81,6 +82,7 @@ def test_two_diameters_are_the_lightest_of_all_that_do():
     assert not found.binding
 
 
+@pytest.mark.slow
 def test_legs_may_differ():
     free = [f"leg{leg}/linear_rod.diameter" for leg in (1, 2, 3)]
     poses = [{"z": 0.3, "theta": 0.3, "phi": 0.1}]
@@ -213,6 +215,7 @@ def test_a_target_that_no_design_meets_says_how_near_one_comes():
         assert text in str(error)
 
 
+@pytest.mark.slow
 def test_an_answer_is_a_function_of_its_question():
     one, other = (ROBOT.design({"translation": 1e-5}, [BRANCH], **GRID) for _ in range(2))
     assert one.values == other.values

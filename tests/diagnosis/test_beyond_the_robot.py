@@ -80,6 +80,7 @@ def told(found):
     return [(law.physics, law.location, law.effect.place.aspect) for law in found.findings]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [6e-4, pytest.param(-3e-3, marks=pytest.mark.slow)])
 def test_the_scale_of_a_pose_sensor_is_one_number_and_no_lengths(error):
     found = diagnose(arm(), bench(arm(), postures(), scaled(1 + error), size=(30.0, 5.0)))
@@ -92,6 +93,7 @@ def test_the_scale_of_a_pose_sensor_is_one_number_and_no_lengths(error):
     assert ("too long" if error > 0 else "too short") in law.statement
 
 
+@pytest.mark.slow
 def test_a_scale_as_all_sensors_have_it_is_told_only_where_it_exceeds_the_noise():
     """No length and no encoder of a sound robot comes to stand for it, either."""
     small = bench(arm(), postures(14), scaled(1 + 3e-6), size=(30.0, 5.0))
@@ -104,6 +106,7 @@ def test_a_scale_as_all_sensors_have_it_is_told_only_where_it_exceeds_the_noise(
     assert told(found) == [("pose_sensor_scale", "pose_sensor", "")]
 
 
+@pytest.mark.slow
 def test_a_scale_shows_wherever_the_sensor_stands_and_all_is_a_little_off():
     """A tracker that nobody placed, about whose own origin all is stretched; the drawing is off by its tolerances."""
     at_sensor = np.eye(4)
@@ -121,9 +124,13 @@ def test_a_scale_shows_wherever_the_sensor_stands_and_all_is_a_little_off():
 @pytest.mark.parametrize(
     ("way", "turning", "before", "aspect"),
     [
-        pytest.param([2e-7] * 3, [1e-5] * 3, [0, 0, 0], "", id="alike"),
+        pytest.param([2e-7] * 3, [1e-5] * 3, [0, 0, 0], "", id="alike", marks=pytest.mark.slow),
         pytest.param([1e-6, 0, 1e-6], [0, 0, 0], [0, 0, 0], "by axis", id="a finger"),
-        pytest.param([3e-8, 3e-8, 0], [1e-5, 1e-5, 0], [0, 0, -0.15], "by axis, about a point", id="a stem"),
+        pytest.param(
+            *([3e-8, 3e-8, 0], [1e-5, 1e-5, 0], [0, 0, -0.15], "by axis, about a point"),
+            id="a stem",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_what_holds_a_tool_gives_way_and_no_joint_is_accused(way, turning, before, aspect):
@@ -144,7 +151,8 @@ def test_what_holds_a_tool_gives_way_and_no_joint_is_accused(way, turning, befor
         np.testing.assert_allclose([values[axis] for axis in "xyz"], before, atol=0.02)
 
 
-@pytest.mark.parametrize("gain", [pytest.param(1.06, marks=pytest.mark.slow), 1 / 1.06])
+@pytest.mark.slow
+@pytest.mark.parametrize("gain", [1.06, 1 / 1.06])
 def test_a_load_cell_that_reports_too_much_or_too_little_is_told_as_that(gain):
     """Beside the platform's weight, which it does not feel: softer or stiffer drives would make that another one."""
     platform = prup_pin.load(ROBOTS / "six_ups" / "six_ups.urdf")
@@ -169,6 +177,7 @@ def test_a_load_cell_that_reports_too_much_or_too_little_is_told_as_that(gain):
     assert high - low < 0.03
 
 
+@pytest.mark.slow
 def test_a_tool_and_a_base_that_loads_cannot_tell_apart_are_told_together():
     """A delta does not turn its tool: what either moves by a force is the same, and no moment is put on."""
     delta = prup_pin.load(ROBOTS / "clavel_delta" / "clavel_delta.urdf")

@@ -40,6 +40,7 @@ def wrist(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_a_gap_that_no_load_closes_is_not_told_beside_the_spring_that_it_is(wrist):
     """A gap that some load closed would have shown; another law of another part is told."""
     tree = PosedTree(wrist, about={"bend": 0.02, "roll": 1e-4})
@@ -70,6 +71,7 @@ def told(path, *recordings: Recording):
     return {(item.physics, str(item.effect.place)): item for item in found.findings if item.physics != "self_weight"}
 
 
+@pytest.mark.slow
 def test_a_tracker_that_wanders_is_named_and_says_nothing_of_another_day(wrist):
     speed = np.array([2e-6, 0.0, -1e-6])
     found = told(wrist, seen(wrist, 1, speed))
@@ -99,6 +101,7 @@ def test_a_tracker_that_was_set_up_anew_each_day_is_found_wherever_it_stood(wris
     assert not found
 
 
+@pytest.mark.slow
 def test_of_two_days_the_one_is_named_on_which_a_tracker_wandered(wrist):
     found = told(wrist, seen(wrist, 1), seen(wrist, 2, speed=(3e-6, 0.0, 0.0)))
     assert set(found) == {("pose_sensor_drift", "pose_sensor (drift in day2.csv)")}

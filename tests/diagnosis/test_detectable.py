@@ -77,6 +77,7 @@ def test_what_a_stuck_joint_cannot_show_is_told_with_no_size(simulator):
         assert chi2_of(problem, candidate, candidate.quantities[0].upper) < threshold
 
 
+@pytest.mark.slow
 def test_no_size_is_told_that_the_law_cannot_have(simulator):
     for noise in (2e-6, 2e-4, 2e-2, 1e6):
         _, library, found = hidden(simulator, noise)

@@ -45,6 +45,7 @@ def log(rate=1000.0, noise=0.0, counts=0.0, jitter=0.0, vibration=0.0, seconds=1
     return Recording(time=time, positions={"carriage": q}, efforts={"carriage": tau})
 
 
+@pytest.mark.slow
 def test_what_is_told_before_a_diagnosis_is_the_band_that_it_will_use(carriage):
     """Of a motor that vibrates: the frequency, and the words."""
     shaken = log(vibration=3.0)

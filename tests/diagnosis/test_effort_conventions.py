@@ -126,13 +126,13 @@ OPPOSITE = "wrist_3_joint,wrist_2_joint,wrist_1_joint,elbow_joint,shoulder_lift_
         (f"tau=order:{EXCHANGED}",),
         pytest.param((f"q=order:{OPPOSITE}",), marks=pytest.mark.slow),
         ("q=order:elbow_joint,shoulder_lift_joint,shoulder_pan_joint",),  # of three joints
-        ("q.elbow_joint=plus:shoulder_lift_joint",),
+        pytest.param(("q.elbow_joint=plus:shoulder_lift_joint",), marks=pytest.mark.slow),
         ("q.elbow_joint=plus:shoulder_lift_joint", "tau.shoulder_lift_joint=minus:elbow_joint"),
-        ("q.elbow_joint=quarter_turns:1",),
+        pytest.param(("q.elbow_joint=quarter_turns:1",), marks=pytest.mark.slow),
         ("q.shoulder_lift_joint=quarter_turns:1", "q.elbow_joint=quarter_turns:3"),
         ("tau=N_mm",),
         pytest.param(("tau=kgf_m",), marks=pytest.mark.slow),
-        ("q=gear:100", "tau=gear:100"),
+        pytest.param(("q=gear:100", "tau=gear:100"), marks=pytest.mark.slow),
         pytest.param(("time=ms",), marks=pytest.mark.slow),
         ("time=ms", "q=deg"),
         pytest.param(
@@ -156,6 +156,7 @@ def test_where_joints_count_from_is_told_beside_a_wrist_that_nothing_explains(ur
     assert told(ur5, written(log, *said)) == list(said)
 
 
+@pytest.mark.slow
 def test_gears_are_told_of_efforts_of_which_they_leave_no_more_than_the_noise(arm, arm_log):
     motion = motion_of(arm_log, arm)
     exact = dict(zip(arm.actuated, InMotion.of(arm, motion).rigid.T, strict=True))
@@ -163,6 +164,7 @@ def test_gears_are_told_of_efforts_of_which_they_leave_no_more_than_the_noise(ar
     assert told(arm, replace(log, noise=replace(log.noise, effort=0.3))) == ["q=gear:100", "tau=gear:100"]
 
 
+@pytest.mark.slow
 def test_what_a_motor_of_two_joints_leaves_at_both_is_no_sum_of_efforts(ur5, recording):
     """Its friction cancels in the sum, and with it what no friction of the model explains."""
     motion = motion_of(recording, ur5)
@@ -226,6 +228,7 @@ def test_signs_are_told_of_a_robot_that_is_far_from_its_drawing(ur5, recording, 
     assert told(ur5, far_from_its_drawing(ur5, recording, turned)) == [f"tau.{name}=reversed" for name in turned]
 
 
+@pytest.mark.slow
 def test_signs_are_told_beside_a_unit_that_nobody_knows(ur5, recording):
     log = far_from_its_drawing(ur5, recording, ("elbow_joint",))
     amperes = {name: 7 * tau for name, tau in log.efforts.items()}
@@ -233,12 +236,14 @@ def test_signs_are_told_beside_a_unit_that_nobody_knows(ur5, recording):
     assert told(ur5, log) == ["tau.elbow_joint=reversed"]
 
 
+@pytest.mark.slow
 def test_of_a_wrist_that_rubs_and_little_else_both_signs_are_told(ur5, recording):
     found = conventions_of_efforts(ur5, far_from_its_drawing(ur5, recording, ("wrist_3_joint",)))
     readings = [[str(item) for item in reading] for reading in (found.conventions, *found.others)]
     assert sorted(readings) == [["q.wrist_3_joint=reversed"], ["tau.wrist_3_joint=reversed"]]
 
 
+@pytest.mark.slow
 def test_of_friction_alone_nobody_can_tell_whether_effort_or_position_is_turned_round(ur5):
     log = slow_log(ur5, "wrist_3_joint", friction=3.0)
     with pytest.raises(InputError, match="Two readings are as good") as told_so:
@@ -246,12 +251,14 @@ def test_of_friction_alone_nobody_can_tell_whether_effort_or_position_is_turned_
     assert all(f"--convention {group}.wrist_3_joint=reversed" in str(told_so.value) for group in ("q", "tau"))
 
 
-@pytest.mark.parametrize("turned", [None, pytest.param("elbow_joint", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("turned", [None, "elbow_joint"])
 def test_noise_of_positions_is_not_less_motion_in_another_unit(ur5, turned):
     """In degrees a joint would need next to nothing, and what positions scatter by would be no effort."""
     assert told(ur5, slow_log(ur5, turned, friction=1.0)) == ([f"tau.{turned}=reversed"] if turned else [])
 
 
+@pytest.mark.slow
 def test_nearly_equal_gains_of_all_drives_are_a_unit_that_is_told_once(arm, arm_log):
     """A gain that was read as exact was told again as six other ones, and neither was what the log reports."""
     log = written(arm_log, "tau=gain:0.09")
@@ -265,6 +272,7 @@ def test_nearly_equal_gains_of_all_drives_are_a_unit_that_is_told_once(arm, arm_
     assert gains_of(InMotion.of(arm, motion_of(log, arm)), {}).gains[:3] == pytest.approx(np.full(3, 0.09), rel=0.05)
 
 
+@pytest.mark.slow
 def test_what_else_is_read_otherwise_is_told_without_the_gain_beside_it(arm, arm_log):
     log = written(arm_log, "tau=gain:0.09", "tau.elbow_joint=reversed")
     readings = EffortReadings.of(arm, log)
@@ -299,6 +307,7 @@ def test_what_is_declared_is_told_no_more(recording):
     np.testing.assert_allclose(logs.recordings[0].efforts["elbow_joint"], recording.efforts["elbow_joint"])
 
 
+@pytest.mark.slow
 def test_a_robot_that_hangs_from_the_ceiling_has_no_sign_turned_round(ur5, recording):
     """Its weight pulls at the shoulder and the elbow as if both efforts were told the other way round."""
     known = InMotion.of(ur5, motion_of(recording, ur5))
@@ -330,6 +339,7 @@ def test_a_sign_is_told_of_drives_in_units_of_their_own(ur5, recording):
     assert "tau.elbow_joint=reversed" in told(ur5, turned)
 
 
+@pytest.mark.slow
 def test_signs_of_motor_currents_are_told_where_wrists_report_next_to_nothing(ur5, recording):
     """Amperes by constants of either sign; two drives report little but their resolution."""
     constants = dict(zip(ur5.actuated, [0.07, 0.05, -0.11, -0.1, 0.001, 0.001], strict=True))
@@ -359,6 +369,7 @@ def test_a_unit_of_all_positions_is_told_beside_a_spring_that_hides_how_little_i
     assert told(ur5, changed(sprung, "positions", dict.fromkeys(ur5.actuated, 0.5 / np.pi))) == ["q=revolutions"]
 
 
+@pytest.mark.slow
 def test_positions_of_motors_are_told_by_the_limits_of_the_joints(arm, arm_log):
     names = list(arm_log.positions)
     wrong = changed(arm_log, "positions", dict(zip(names, (77.0, 141.0, 53.0), strict=True)))
@@ -405,7 +416,8 @@ def loaded_log(ur5, recording):
     return replace(recording.select(known.motion.rows), efforts=dict(zip(ur5.actuated, tau.T, strict=True)))
 
 
-@pytest.mark.parametrize("joint", [pytest.param("shoulder_lift_joint", marks=pytest.mark.slow), "elbow_joint"])
+@pytest.mark.slow  # daily without a load
+@pytest.mark.parametrize("joint", ["shoulder_lift_joint", "elbow_joint"])
 def test_a_joint_that_counts_the_other_way_round_is_found_under_a_load(ur5, loaded_log, joint):
     """The load leaves most of the wrists' efforts whichever way columns are read."""
     turned = {f"q.{joint}=reversed", f"tau.{joint}=reversed"}
@@ -429,11 +441,15 @@ def test_a_load_in_the_tool_is_no_other_unit_of_all_efforts(ur5, loaded_log):
     rows, motion, efforts_there = sampled(at)
     assert np.median(list(gains_of_efforts(motion, efforts_there, at.rigid[rows]).values())) > 1.6
     assert tool_load_would_do(at, dict.fromkeys(ur5.actuated, 1.8))
-    assert told(ur5, loaded_log) == []
     assert checked(ur5, loaded_log) == []
     other = written(loaded_log, "tau=gain:0.1")
     at = InMotion.of(ur5, motion_of(other, ur5))
     assert not tool_load_would_do(at, dict.fromkeys(ur5.actuated, 0.15))
+
+
+@pytest.mark.slow
+def test_nothing_is_told_of_a_log_with_a_load_in_the_tool(ur5, loaded_log):
+    assert told(ur5, loaded_log) == []
 
 
 @pytest.mark.parametrize("gain", [0.03, 0.105, 1.0, 2.0, 1000.0])
@@ -499,7 +515,7 @@ def five_bar(once):
 @pytest.mark.parametrize(
     "said",
     [
-        (),
+        pytest.param((), marks=pytest.mark.slow),
         pytest.param(("q=deg",), marks=pytest.mark.slow),
         pytest.param(("q=gear:50",), marks=pytest.mark.slow),
         pytest.param(("q=order:{1},{0}", "tau=order:{1},{0}"), marks=pytest.mark.slow),

@@ -139,6 +139,7 @@ def heavy(tmp_path_factory):
     return load(AXIS), load(path)
 
 
+@pytest.mark.slow
 def test_no_robot_file_and_no_misfit_changes_the_noise(heavy):
     recording = recorded(0.5 * np.random.default_rng(1).normal(size=4000), n=4000)
     right, wrong = (diagnose(robot, recording).efforts for robot in heavy)
@@ -165,6 +166,7 @@ def test_what_no_law_takes_away_is_never_peace_and_noise_as_large_is(heavy):
     assert "unknown" not in {finding.physics for finding in found.findings}
 
 
+@pytest.mark.slow
 def test_shares_stand_beside_multiples(heavy):
     robot, _ = heavy
     recording = recorded(0.5 * np.random.default_rng(1).normal(size=3000), n=3000)

@@ -232,6 +232,7 @@ def test_a_law_is_needless_that_may_be_nothing_by_its_own_uncertainty():
     assert final.needless is offset
 
 
+@pytest.mark.slow
 def test_one_law_stands_for_several_that_do_not_earn_what_they_have_more(tmp_path):
     """Efforts of all drives that are late alike are one lag of the log, and none of each drive."""
     recording, _ = device(tmp_path, 7708, "ur5", [])
@@ -306,6 +307,7 @@ def one_way(seed):
     ]
 
 
+@pytest.mark.slow
 def test_friction_of_which_no_joint_is_sure_alone_foretells_the_next_motion():
     """Nothing is surely there of any drive by itself: the drawing alone leaves 27 % of the next motion."""
     robot, (slow, following) = load("ur5"), one_way(1)
@@ -327,13 +329,15 @@ def scaled(log, times):
     return replace(log, efforts=efforts)
 
 
+@pytest.mark.slow
 def test_two_joints_that_carry_the_arm_tell_the_unit_of_all_its_efforts():
     """Of a slow motion no other joint tells any: turned signs and other zeros were found that leave a fifth."""
     first = read_logs(load("ur5"), scaled(one_way(3)[1], 1 / 7)).findings()[0]
     assert "tau so many times the effort: A, per cent of a rating (0.128)" in first.statement
 
 
-@pytest.mark.parametrize("times", [pytest.param(1, marks=pytest.mark.slow), 3])
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [1, 3])
 def test_a_robot_much_heavier_than_its_drawing_may_be_a_log_in_another_unit(times):
     """Masses of all links that are three times as large are said to be what a unit looks like, where none is asked."""
     log = as_written(scaled(one_way(2)[1], times), "q tau")

@@ -44,6 +44,7 @@ def test_a_blow_is_told_by_its_time_and_left_out_of_all_else(carriage):
     assert f"To do first: find out what happened {unknown.when}, or record again without it." in summary_text(found)
 
 
+@pytest.mark.slow
 def test_blows_all_along_are_the_robots_own(carriage):
     blows = [(1.2 * k, 1.2 * k + 0.2, 150.0) for k in range(1, 8)]
     found = diagnose(carriage, struck(axis(2500), *blows))
@@ -60,6 +61,7 @@ def test_too_little_between_two_stretches_goes_with_them(carriage):
     assert np.diff(motion.rows)[np.diff(motion.piece) == 0].max() < 100
 
 
+@pytest.mark.slow
 def test_nothing_is_judged_by_the_ends_of_a_recording(carriage):
     """There a filter has no other side, and what a late signal was before is unknown."""
     recording = replace(axis(2000), noise=Noise(effort=0.5))
@@ -83,7 +85,11 @@ def test_a_stretch_that_settled_laws_describe_is_none():
     assert not is_outlying(stretch, rows, left, good)
 
 
-@pytest.mark.parametrize(("hold", "verdict"), [(20.0, "explained"), (60.0, "unexplained")])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("hold", "verdict"),
+    [(20.0, "explained"), pytest.param(60.0, "unexplained", marks=[pytest.mark.slow])],
+)
 def test_what_friction_may_hold_where_a_joint_hardly_moves_is_no_event(carriage, hold, verdict):
     """It rubs with 20 N; for half a second it creeps, and is held by as much or by more."""
     rng, time = np.random.default_rng(1), np.arange(6000) * 0.004

@@ -72,7 +72,10 @@ def test_an_axis_as_drawn_misses_nothing(carriage):
     assert "Nothing is missing" in diagnosis_html(found, carriage, axis())
 
 
-@pytest.mark.parametrize(("physics", "named_here"), [("viscous_friction", "damping"), ("coulomb_friction", "limit")])
+@pytest.mark.parametrize(
+    ("physics", "named_here"),
+    [pytest.param("viscous_friction", "damping", marks=pytest.mark.slow), ("coulomb_friction", "limit")],
+)
 def test_where_nothing_is_missing_it_says_what_would_have_been_seen(carriage, physics, named_here):
     """The size that is told is the border: a third of it stays unseen, three times as much is found."""
     (size,) = [item.smallest for item in diagnose(carriage, axis()).seen if item.physics == physics]
@@ -129,6 +132,7 @@ def test_friction_is_known_no_better_than_the_gain_of_its_drive_within_its_toler
     assert off == pytest.approx(6, abs=1)
 
 
+@pytest.mark.slow
 def test_friction_many_times_the_noise_is_settled_so_far_that_nothing_imitates_what_is_left(carriage):
     """A speed or a way between those that are scanned would leave what looks like a delay."""
     found = diagnose(carriage, axis(4000, limit=60.0, slow=150.0, noise=0.2))
@@ -152,6 +156,7 @@ def by_position(recording, effort):
     return recording.with_measurements(efforts={"carriage": tau})
 
 
+@pytest.mark.slow
 def test_a_wave_longer_than_the_travel_is_told_by_its_shape_and_predicted_beyond(carriage):
     """The axis sees 0.7 of a period; the same motion 1.6 times as wide sees more than one."""
 
@@ -169,6 +174,7 @@ def test_a_wave_longer_than_the_travel_is_told_by_its_shape_and_predicted_beyond
     assert added[100:-100] == pytest.approx(wave(q)[100:-100], abs=0.5)
 
 
+@pytest.mark.slow
 def test_a_spring_that_leaves_structure_is_held_where_the_joint_was_not_seen(carriage):
     """Drag by the square of the speed is no law of the library: beside it what is known of a spring ends with the
     travel."""
@@ -185,6 +191,7 @@ def test_a_spring_that_leaves_structure_is_held_where_the_joint_was_not_seen(car
     assert any("continued as a constant beyond the travel" in remark for remark in found.remarks)
 
 
+@pytest.mark.slow
 def test_a_hump_at_one_place_beside_a_spring_is_no_wave(carriage):
     """A spring that hardens and a wave together are any shape."""
     found = diagnose(carriage, by_position(axis(3000), lambda q: 900 * q + 15 * np.exp(-(((q - 0.04) / 0.03) ** 2))))
@@ -193,6 +200,7 @@ def test_a_hump_at_one_place_beside_a_spring_is_no_wave(carriage):
     assert "follows the joint's position" in unknown.statement
 
 
+@pytest.mark.slow
 def test_a_spring_that_hardens_is_told_with_how_much(carriage):
     found = diagnose(carriage, by_position(axis(3000), lambda q: 300 * q + 9000 * q**3))
     assert found.verdict == "explained"
@@ -220,6 +228,7 @@ LINK = """<joint name="joint_{i}" type="revolute"><parent link="{parent}"/><chil
 </link>"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", [True, False])
 def test_masses_that_no_body_has_are_not_named(tmp_path, body):
     """Two links move as if the outer one carried a kilogram half a metre out; or the moment of that, and no inertia."""
@@ -266,6 +275,7 @@ def test_a_body_has_a_moment_of_inertia_about_every_axis_that_its_mass_is_off():
     assert is_impossible("forearm_link", -1.01 * drawn, exactly, robot.mechanism)
 
 
+@pytest.mark.slow
 def test_a_spring_and_a_wave_of_which_little_is_seen_are_told_beside_each_other(carriage):
     found = diagnose(carriage, by_position(axis(3000, noise=2.0), lambda q: 12 * np.sin(2 * np.pi * q / 0.9 + 0.4)))
     (finding,) = found.findings
@@ -273,6 +283,7 @@ def test_a_spring_and_a_wave_of_which_little_is_seen_are_told_beside_each_other(
     assert "cogging at carriage" in finding.alternatives
 
 
+@pytest.mark.slow
 def test_a_cable_that_drags_along_is_unknown_and_followed(carriage):
     """Two springs that slip, after 20 and 60 mm: no friction of the library turns round on so long a way."""
 
@@ -310,7 +321,11 @@ def test_a_drag_that_no_law_has_is_unknown_and_named_nowhere(carriage):
     assert np.std(left[100:-100]) < 1.3  # noise, and straight lines between the knots
 
 
-def test_a_gap_in_a_drive_and_a_gear_that_warms_up_are_named(carriage):
+@pytest.mark.parametrize(
+    ("word", "name", "true"),
+    [("backlash", "gap", 5e-4), pytest.param("coulomb_friction", "time", 8.0, marks=pytest.mark.slow)],
+)
+def test_a_gap_in_a_drive_and_a_gear_that_warms_up_are_named(carriage, word, name, true):
     recording = axis(limit=10.0)
     time, q = recording.time, recording.positions["carriage"]
     speed = np.gradient(q, time)
@@ -320,15 +335,15 @@ def test_a_gap_in_a_drive_and_a_gear_that_warms_up_are_named(carriage):
         loose[row] = abs(here - middle) < 0.249e-3
     lost = -loose * 95 * np.gradient(speed, time)
     cold = 10.0 * np.exp(-time / 8) * np.sign(speed)
-    for added, word, name, true in ((lost, "backlash", "gap", 5e-4), (cold, "coulomb_friction", "time", 8.0)):
-        efforts = {"carriage": recording.efforts["carriage"] + added}
-        found = diagnose(carriage, recording.with_measurements(efforts=efforts))
-        assert found.verdict == "explained"
-        assert {finding.physics for finding in found.findings} == {"coulomb_friction", word}
-        (finding,) = (finding for finding in found.findings if finding.physics == word)
-        assert finding.parameters[name].value == pytest.approx(true, rel=0.1)
+    added = {"backlash": lost, "coulomb_friction": cold}[word]
+    found = diagnose(carriage, recording.with_measurements(efforts={"carriage": recording.efforts["carriage"] + added}))
+    assert found.verdict == "explained"
+    assert {finding.physics for finding in found.findings} == {"coulomb_friction", word}
+    (finding,) = (finding for finding in found.findings if finding.physics == word)
+    assert finding.parameters[name].value == pytest.approx(true, rel=0.1)
 
 
+@pytest.mark.slow
 def test_grease_that_gets_thinner_is_no_dry_friction_that_warms_up(carriage):
     """It was told as such, with a dry friction of half its size beside a damping that stays."""
     recording = axis(limit=10.0)
@@ -345,7 +360,7 @@ def test_grease_that_gets_thinner_is_no_dry_friction_that_warms_up(carriage):
     assert values["viscous_friction"]["time"].value == pytest.approx(8.0, rel=0.15)
 
 
-@pytest.mark.parametrize("word", ["effort_gain", "viscous_friction"])
+@pytest.mark.parametrize("word", ["effort_gain", pytest.param("viscous_friction", marks=pytest.mark.slow)])
 def test_what_follows_the_temperature_is_told_by_it(carriage, word):
     """Before, a torque constant that falls as motors get warm was a payload, a rotor and an offset."""
     recording = axis(limit=10.0, damping=60.0)
@@ -364,6 +379,7 @@ def test_what_follows_the_temperature_is_told_by_it(carriage, word):
     assert finding.parameters[name].value == pytest.approx(true, rel=0.1)
 
 
+@pytest.mark.slow
 def test_cogging_is_where_the_joint_is_and_not_where_a_late_encoder_has_it(carriage):
     """The cogging acts before the delay, whichever came in first: beside it the delay was not found."""
     recording, late = axis(limit=10.0, noise=0.1), 20e-3
@@ -408,6 +424,7 @@ def test_friction_that_comes_and_goes_is_no_noise_where_none_was_declared(carria
     assert "no noise was declared that could account for it" in found.findings[0].statement
 
 
+@pytest.mark.slow
 def test_a_late_encoder_is_told_where_its_joint_rubs_hard(carriage):
     """Friction turns round before the encoder says so: without that, a rotor's inertia would stand for the delay."""
     whole, late = axis(3000, limit=60.0, damping=400.0), 2
@@ -517,6 +534,7 @@ def swung(seconds=12):
     return Recording(time=time, positions=dict(zip(names, q.T, strict=True)), efforts=efforts)
 
 
+@pytest.mark.slow
 def test_a_drive_without_a_column_of_efforts_is_left_out():
     """Its friction reaches no effort that was recorded: columns of nothing must not enter a fit."""
     robot, whole = load("ur5"), as_written(swung(), "q tau")
@@ -529,6 +547,7 @@ def test_a_drive_without_a_column_of_efforts_is_left_out():
             asked(robot, blind)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("value", [0.0, pytest.param(1.7, marks=pytest.mark.slow)])
 @pytest.mark.usefixtures("without_pictures")
@@ -550,6 +569,7 @@ def test_one_row_of_efforts_is_refused_in_words():
         diagnose(load("ur5"), swung().select(np.arange(1)))
 
 
+@pytest.mark.slow
 def test_an_effort_that_stays_at_nothing_but_for_blips_was_not_measured():
     """So do the wrists of a real robot whose drivers log their current only while it is large."""
     robot, whole = load("ur5"), as_written(swung(), "q tau")
@@ -571,6 +591,7 @@ def bumped(robot_log, joint, force=5.0, at=0.7, width=0.03):
     return replace(robot_log, efforts=robot_log.efforts | {joint: robot_log.efforts[joint] + more})
 
 
+@pytest.mark.slow
 def test_what_pinches_at_one_place_of_one_joint_is_not_explained():
     """Its joint is left at a few times its noise, with little of its effort, and all joints at hardly more than one."""
     robot, whole = load("ur5"), as_written(swung(30), "q tau")
@@ -610,6 +631,7 @@ def test_ten_samples_are_too_little_to_compare_and_no_law_is_blamed():
         diagnose(robot, whole.select(np.arange(10)))
 
 
+@pytest.mark.slow
 def test_a_drift_and_a_drive_at_its_limit_are_told_where_something_is_unknown():
     robot, whole, joint = load("ur5"), as_written(swung(20), "q tau"), "elbow_joint"
     drifting = np.asarray(whole.efforts[joint]) + np.linspace(0, 8, len(whole))
@@ -624,6 +646,7 @@ def test_a_drift_and_a_drive_at_its_limit_are_told_where_something_is_unknown():
     assert "the effort is clipped where the drive is at its limit" in unknown.statement
 
 
+@pytest.mark.slow
 def test_a_way_below_what_the_encoder_shows_is_no_number(carriage):
     found = diagnose(carriage, axis(4000, limit=20.0))
     (finding,) = found.findings

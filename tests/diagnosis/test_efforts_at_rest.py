@@ -68,6 +68,7 @@ def test_a_robot_as_drawn_misses_nothing_in_either_channel(ur5, bench):
     assert not [name for name in found.unused_columns if name.startswith("tau.")]
 
 
+@pytest.mark.slow
 def test_a_body_that_no_pose_shows_is_found_by_what_drives_hold(ur5, bench):
     law, (place,) = HeldBody(), HeldBody().places(ur5.mechanism)
     values = {q.name: 0.0 for q in law.quantities} | {"mass": 1.5, "z": 0.05}
@@ -132,6 +133,7 @@ def test_a_target_seen_without_rotations_is_not_said_to_be_turned(ur5, bench):
     assert [finding.parameters[axis].value for axis in "xyz"] == pytest.approx(SHIFT, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_postures_measured_once_tell_a_gain_from_a_zero_point_though_no_noise_is_known(ur5):
     """Each of eighty postures is on its own, as a stretch of a motion is: a few of these could not tell chance."""
     rng, count = np.random.default_rng(3), 80

@@ -24,7 +24,7 @@ from prup_pin.simulation.moving_efforts import efforts_in_motion
 from prup_pin.views.text.diagnosis_words import noise_text, parameter_texts
 
 from ..as_written import as_written
-from .test_efforts import device
+from .test_efforts import AXIS, axis, device
 
 GAINS = np.array([0.08, 0.09, 0.11, 2.0, 2.4, 1.7])
 
@@ -83,6 +83,7 @@ def test_other_masses_and_one_gain_alone_are_no_other_units(moving):
     assert gains_of(moving.measuring(moving.motion.efforts * [1, 1, 1.4, 1, 1, 1]), {}) is None
 
 
+@pytest.mark.slow
 def test_friction_by_direction_asks_for_no_other_units(tmp_path):
     """A light arm whose fifth joint resists much more backwards than forwards."""
     recording, _ = device(tmp_path, 7404, "kinova", ["viscous_friction"], (20.0, 40.0))
@@ -154,6 +155,18 @@ def test_a_gain_is_told_in_one_form_and_no_effort_of_a_drive_in_its_own_unit_in_
     assert np.std(rigid) == pytest.approx(np.std(measured), rel=0.5)
 
 
+def test_of_one_drive_a_prediction_says_of_its_own_log_what_the_diagnosis_does():
+    slide, recording = load(AXIS), axis(damping=200.0, limit=20.0)
+    found = diagnose(slide, recording)
+    efforts, _ = efforts_in_motion(slide, recording, found.effects, found.efforts.band)
+    nowhere = np.empty((len(recording), 0))
+    predicted = Prediction(recording.time, nowhere, nowhere, efforts)
+    (said,) = compare(recording, predicted, mechanism=slide.mechanism, band=found.efforts.band)
+    assert said.channel == "effort carriage"
+    assert said.share == pytest.approx(found.efforts.shares["carriage"]["fit"], rel=0.1)
+
+
+@pytest.mark.slow
 def test_a_prediction_says_of_its_own_log_what_the_diagnosis_does(robot, logged):
     recording, found = logged
     nowhere = np.empty((len(recording), 0))
@@ -170,6 +183,7 @@ def test_a_prediction_says_of_its_own_log_what_the_diagnosis_does(robot, logged)
     assert row_by_row[weak] > 2 * said[weak]  # noise above the band counted as if it were left
 
 
+@pytest.mark.slow
 def test_what_is_fitted_stands_beside_what_the_robot_file_has(logged):
     _, found = logged
     (masses,) = (finding for finding in found.findings if finding.physics == "inertial_parameters")
@@ -177,6 +191,7 @@ def test_what_is_fitted_stands_beside_what_the_robot_file_has(logged):
     assert " instead of " not in parameter_texts({"x": FittedParameter(1.0, "m", (0.9, 1.1), 1.0)})[0][1]
 
 
+@pytest.mark.slow
 def test_masses_are_known_no_better_than_all_gains_together(logged):
     """All masses twice as large and all gains half as large are the same efforts."""
     _, found = logged

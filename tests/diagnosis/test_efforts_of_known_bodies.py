@@ -39,6 +39,7 @@ def loaded(robot, seed=80, seconds=20.0, rate=100.0):
     return Recording(time=time, **groups)
 
 
+@pytest.mark.slow
 def test_an_encoder_is_off_by_what_the_weight_of_a_held_body_says(ur5):
     recording = loaded(ur5)
     found = prup_pin.diagnose(ur5, recording)

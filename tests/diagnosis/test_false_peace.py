@@ -75,6 +75,7 @@ def the_unknown(diagnosis):
     return finding
 
 
+@pytest.mark.slow
 def test_what_no_module_can_do_is_unknown_at_the_robot(raised):
     _, diagnosis = raised
     assert diagnosis.after["fit"] > 20
@@ -90,6 +91,7 @@ def test_what_no_module_can_do_is_unknown_at_the_robot(raised):
     assert finding.heldout_gain == 0
 
 
+@pytest.mark.slow
 def test_where_it_turns_without_a_reason_the_rotation_is_named(rigid):
     recording = as_written(bench_of(rigid, loads=(0.0, 0.0, 0.0)))
     tilt = 0.01 * np.sin(7 * recording.positions["elbow_joint"])
@@ -127,6 +129,7 @@ def test_what_nobody_can_check_is_not_taken_for_noise(rigid):
     assert the_unknown(diagnosis).location == "robot"
 
 
+@pytest.mark.slow
 def test_sixty_poses_tell_coarse_noise_from_structure(rigid):
     """Measured once each: what follows no pose is noise, and larger than was declared."""
     recording = bench_of(rigid, 60, (0.0,))
@@ -196,6 +199,7 @@ def test_it_can_be_written_and_read(rigid, sprung, raised, tmp_path):
 # -- columns without a use ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_columns_without_a_use_are_named(clean_bench, diagnosed_clean, tmp_path):
     """Those that the format does not know too; the verdict does not depend on them."""
     with clean_bench.path.open(encoding="utf-8") as stream:
@@ -225,6 +229,7 @@ def test_speeds_of_all_actuators_are_used(rigid):
 # -- no verdict contradicts its numbers --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_no_finding_makes_it_worse():
     """An arm that yields in every joint: some joint takes part of it, and no law beside that may add to the rest."""
     robot = prup_pin.load("ur5", joint_stiffness=1e4)

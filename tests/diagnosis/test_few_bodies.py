@@ -39,6 +39,7 @@ def bodies(model):
     return {term.place.name: float(x[model.slice_of(term)][0]) for term in model.terms if term.law.of_bodies}
 
 
+@pytest.mark.slow
 def test_two_links_that_are_heavier_are_told_apart_from_a_third_one_that_takes_nearly_as_much_away(at):
     """The forearm alone took 97 % of the squares away, and was the one that was to be weighed."""
     model = scaled(at, 1, 1.15, 1, 1.5, 1, 1)
@@ -61,6 +62,7 @@ def test_links_that_are_all_others_stay_all(at):
     assert with_few_bodies(model) is model
 
 
+@pytest.mark.slow
 def test_no_body_does_a_share_of_what_all_links_do_not(at):
     """Where the links weigh what they are drawn with, free ones may foretell worse: nothing overflows."""
     model = scaled(at, *np.ones(6))
@@ -86,6 +88,7 @@ def at_shoulder(model):
     return [(term.law, term.values, x[model.slice_of(term)]) for term in there]
 
 
+@pytest.mark.slow
 def test_a_counterbalance_takes_the_place_of_masses_of_all_links(at):
     """Friction that is held at nothing without it hid that it leaves less than all links: 12 times as much."""
     q = at.position(SHOULDER)
@@ -97,6 +100,7 @@ def test_a_counterbalance_takes_the_place_of_masses_of_all_links(at):
     assert x == pytest.approx([150, 60], rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_cylinder_between_two_links_is_told_with_its_dead_centre(at):
     q = at.position(SHOULDER)
     length = np.sqrt(1.0 - 0.8 * np.cos(q + 2.0))
@@ -123,6 +127,7 @@ def test_a_spring_that_hardens_is_no_cylinder(at):
     assert not found(5.0 * (q + 1.0) ** 3)
 
 
+@pytest.mark.slow
 def test_links_that_are_heavier_are_no_counterbalance(at):
     efforts = weighing(at, 1, 1.15, 1, 1.5, 1, 1)
     model = efforts.start_with_nuisances()

@@ -45,6 +45,7 @@ def log_of(robot, path, own):
     return read_recording(path)
 
 
+@pytest.mark.slow
 def test_a_log_that_hardly_fits_the_drawing_is_told_before(robot, tmp_path):
     told = [
         text for text in prospects(robot, log_of(robot, tmp_path / "x.csv", False)).remarks if "hardly fits" in text
@@ -56,6 +57,7 @@ def test_a_log_that_hardly_fits_the_drawing_is_told_before(robot, tmp_path):
     assert not any("hardly fits" in text for text in own)
 
 
+@pytest.mark.slow
 def test_a_log_of_which_half_the_drives_follow_is_that_of_the_robot(robot, tmp_path):
     log = log_of(robot, tmp_path / "z.csv", True)
     balanced = log.efforts | {"j1": 0.01 * log.efforts["j1"]}

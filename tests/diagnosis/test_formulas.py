@@ -102,7 +102,9 @@ def test_its_file_keeps_the_contract_and_explains_the_recording(found, carriage,
         pytest.param(bumped, "confirmed", marks=pytest.mark.slow),  # as the command says
         (lambda q, v, t: 0.0 * q, "refuted"),
         (lambda q, v, t: 0.7 * bumped(q, v, t), "refuted"),
-        (lambda q, v, t: 0.5 * bumped(q, v, t) + 0.5 * bumped(q + 0.08, v, t), "refuted"),
+        pytest.param(
+            lambda q, v, t: 0.5 * bumped(q, v, t) + 0.5 * bumped(q + 0.08, v, t), "refuted", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_a_second_recording_confirms_or_refutes_it(found, carriage, tmp_path, effort, word):
@@ -115,6 +117,7 @@ def test_a_second_recording_confirms_or_refutes_it(found, carriage, tmp_path, ef
     assert str(told).startswith(f"{name} is {word}: ")
 
 
+@pytest.mark.slow
 def test_a_motion_that_does_not_tell_it_from_an_offset_neither_confirms_nor_refutes_it(found, carriage, tmp_path):
     ((name, text),) = proposed_files(found.proposals, [tmp_path / "bench.csv"])
     path = tmp_path / f"{name}.py"
@@ -124,7 +127,7 @@ def test_a_motion_that_does_not_tell_it_from_an_offset_neither_confirms_nor_refu
     assert told.word == "neither"
 
 
-@pytest.mark.parametrize("there", [True, False])
+@pytest.mark.parametrize("there", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_motion_in_which_more_is_left_beside_it_refutes_it_however_little_is_told_of_its_size(
     found, carriage, tmp_path, there
 ):
@@ -141,6 +144,7 @@ def test_a_motion_in_which_more_is_left_beside_it_refutes_it_however_little_is_t
     assert "beside it more is left" in told.why
 
 
+@pytest.mark.slow
 def test_friction_along_a_rail_turns_round_on_the_way_that_it_does(carriage):
     waved = recorded(lambda q, v, time: 15.0 * (1 + 0.9 * np.sin(40.0 * q)) * turning(q, 3e-4))
     (proposal,) = diagnose(carriage, waved, propose=True).proposals
@@ -167,12 +171,14 @@ def test_a_formula_has_the_place_of_a_law_that_imitates_it_and_brings_its_own_of
     assert fitted["rest"] == pytest.approx(-0.3, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_law_of_the_library_keeps_its_place(carriage):
     found = diagnose(carriage, recorded(lambda q, v, t: 400.0 * (q - 0.02)), propose=True)
     assert {item.physics for item in found.findings} == {"counterbalance", "viscous_friction"}
     assert not found.proposals
 
 
+@pytest.mark.slow
 def test_a_step_is_found_wherever_it_stands(carriage):
     (proposal,) = diagnose(
         carriage, recorded(lambda q, v, t: np.where(q > 0.033, 8.0 + 300.0 * (q - 0.033), 0.0)), propose=True
@@ -220,6 +226,7 @@ def test_what_the_shape_of_a_formula_leaves_is_a_curve_beside_it_and_in_its_file
     assert again.verdict == "explained"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 2))])
 def test_of_noise_nothing_is_proposed_and_terms_are_never_fitted_beside_each_other(carriage, monkeypatch, seed):
     recording, sizes, add = recorded(lambda q, v, t: 0.0 * q, n=1500, seed=seed), [], DesignMatrix.add

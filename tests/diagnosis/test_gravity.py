@@ -89,6 +89,7 @@ def test_equilibrium_takes_a_gravity(arm, tmp_path):
         arm.equilibrium(arm.pose_from_actuators(angles), wrench, gravity=[0, 1])
 
 
+@pytest.mark.slow
 def test_a_robot_turned_with_gravity_answers_the_same(arm, tmp_path):
     """Base and gravity are turned together: the same finding, its value, and poses turned along."""
     angles_of_mount = (0.7, -0.4, 1.1)
@@ -146,6 +147,7 @@ def test_first_order_of_weight_is_the_simulations_slope(aspect, heavy):
 # -- diagnosis ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_one_pose_on_a_tilting_base_shows_a_soft_drive(arm):
     """Nothing but weight, and the actuators stand still: only gravity goes about."""
     directions = np.random.default_rng(4).normal(size=(40, 3))
@@ -172,6 +174,7 @@ def test_weight_is_a_load(arm):
     assert "no load was applied: nothing can be said about stiffness, play or friction" in remarks
 
 
+@pytest.mark.slow
 def test_weight_is_calibrated_within_tolerances(arm):
     """Stiffness and mass of each link, from weight alone, on a base that is tilted three ways."""
     angles = np.random.default_rng(2).uniform(-1.2, 1.2, (45, 6))

@@ -42,6 +42,7 @@ def test_the_stage_with_play_is_named(stage, seed):
         assert wide < 0.4 * value
 
 
+@pytest.mark.slow
 def test_play_is_found_beside_joints_that_yield():
     soft = {"lift": 2e-5, "bend": 3e-5}
     found = found_of(5, guides={"rise": (1e-3, 1.1, 8.0)}, about=soft, across={"rise": 1e-5})
@@ -51,6 +52,7 @@ def test_play_is_found_beside_joints_that_yield():
     assert found.after["heldout"] < 1.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "scattered"), [pytest.param(2, False, marks=pytest.mark.slow), (3, True)])
 def test_a_column_that_yields_is_not_said_to_have_play(seed, scattered):
     draw = np.random.default_rng(seed)

@@ -160,6 +160,7 @@ def test_a_bowed_guide_is_named_and_measured(robot):
     held(found, bow_x=4e-3, bow_z=1e-3, rx=0.0, rz=0.0)
 
 
+@pytest.mark.slow
 def test_a_twisted_guide_is_named_and_measured(robot):
     found = diagnose(robot, Gantry(curvature={"X": (3e-3, 0.0, 0.0)}).recording(2)[0])
     assert found.verdict == "explained"
@@ -168,6 +169,7 @@ def test_a_twisted_guide_is_named_and_measured(robot):
     held(found, twist=3e-3, roll=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("channel", "of", "share", "seed"),
     [("fx", "fz", 0.1, 3), pytest.param("fy", "fx", -0.1, 4, marks=pytest.mark.slow)],
@@ -182,6 +184,7 @@ def test_a_load_cell_that_talks_across_is_named(robot, channel, of, share, seed)
     held(found, share=share)
 
 
+@pytest.mark.slow
 def test_a_sound_gantry_is_accused_of_nothing(robot):
     found = diagnose(robot, Gantry().recording(5)[0])
     assert found.verdict == "nothing_missing"

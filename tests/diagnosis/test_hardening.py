@@ -49,6 +49,7 @@ def test_it_bends_as_another_simulator_says(robot):
     assert np.abs(moved).max() > 1e-4
 
 
+@pytest.mark.slow
 def test_a_drive_that_hardens_is_named(robot, tmp_path):
     truth, (finding,) = found_in(2, "hardening", robot, tmp_path, (10, 1))
     assert (finding.physics, finding.location) == ("hardening", truth["location"])

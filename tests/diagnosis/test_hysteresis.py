@@ -45,6 +45,7 @@ def found():
     return short_of(lambda elbow: 5e-4 * (1 + np.sin(6 * elbow)))
 
 
+@pytest.mark.slow
 def test_what_a_drive_lacks_by_the_same_amount_on_either_side_is_its_play():
     (play,) = (item for item in short_of(lambda elbow: 5e-4).findings if item.physics != "self_weight")
     assert (play.physics, play.location) == ("backlash", JOINT)
@@ -114,6 +115,7 @@ def cycles(scatter, off=0.0):
     return robot, replace(recording, position=position, rotation=rotation)
 
 
+@pytest.mark.slow
 def test_what_scatters_in_one_joint_alone_is_no_noise_of_a_sensor():
     diagnosis = diagnose(*cycles(1.0, off=1e-4))
     assert diagnosis.verdict == "unexplained"
@@ -122,6 +124,7 @@ def test_what_scatters_in_one_joint_alone_is_no_noise_of_a_sensor():
     assert unknown.location == JOINT
 
 
+@pytest.mark.slow
 def test_a_sensor_that_scatters_more_than_it_says_in_all_directions_does():
     diagnosis = diagnose(*cycles(3.0))
     assert diagnosis.verdict == "explained"  # by weight

@@ -50,6 +50,7 @@ def test_the_joint_that_yields_is_named(joint, aspect):
     assert any(item.physics == "self_weight" for item in found.findings)
 
 
+@pytest.mark.slow
 def test_a_rigid_torso_lacks_nothing_and_says_what_it_could_not_show():
     found = diagnose(prup_pin.load(TORSO), bench(PosedTree(TORSO)))
     assert found.verdict == "nothing_missing"
@@ -87,6 +88,7 @@ def test_zeros_within_their_tolerance_are_none_of_the_findings():
     assert found.after["fit"] < 1.1
 
 
+@pytest.mark.slow
 def test_a_robot_that_was_weighed_out_does_not_weigh():
     tree = PosedTree(TORSO, about={"bend": 4e-4}, weighs=False)
     q = tree.postures(JOINTS, 60, 3)
@@ -153,6 +155,7 @@ def bearing(path: Path, turned: float) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_joint_that_tilts_one_way_is_the_same_however_its_frame_is_drawn(tmp_path):
     drawn, redrawn = bearing(tmp_path / "drawn.urdf", 0.0), bearing(tmp_path / "redrawn.urdf", 0.9)
     tilts = 4e-4 * np.outer((np.cos(0.5), np.sin(0.5), 0.0), (np.cos(0.5), np.sin(0.5), 0.0))

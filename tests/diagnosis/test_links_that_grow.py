@@ -70,6 +70,7 @@ def test_a_link_grows_as_the_machine_built_anew_does(robot, link):
         assert least <= np.abs(run.position - [point for point, _ in places]).max() < most
 
 
+@pytest.mark.slow
 def test_a_link_that_grows_is_named_and_measured(robot):
     found = diagnose(robot, recorded(11, expansion={"Y_part": 2.4e-5}))
     assert found.verdict == "explained"
@@ -86,6 +87,7 @@ def test_without_a_column_temperature_no_link_is_said_to_grow(robot):
     assert not (found.verdict == "nothing_missing" and not found.premises)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", [pytest.param({}, marks=pytest.mark.slow), {"stiffer": {"C": 0.8}}])
 def test_a_machine_that_warms_up_without_growing_has_no_such_link(robot, fault):
     found = diagnose(robot, recorded(12, **fault))

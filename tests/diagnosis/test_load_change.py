@@ -34,7 +34,7 @@ def changes(at, mass, drift=0.0):
     return sorted((term.values["moment"], term.values["until"], x[model.slice_of(term)][0]) for term in own)
 
 
-@pytest.mark.parametrize("mass", [2.0, -0.3])
+@pytest.mark.parametrize("mass", [2.0, pytest.param(-0.3, marks=pytest.mark.slow)])
 def test_a_load_that_is_taken_up_or_put_down_is_told_with_its_moment(at, mass):
     ((moment, until, more),) = changes(at, np.where(at.motion.time < 7.0, 0.0, mass))
     assert moment == pytest.approx(7.0, abs=0.05)
@@ -42,6 +42,7 @@ def test_a_load_that_is_taken_up_or_put_down_is_told_with_its_moment(at, mass):
     assert more == pytest.approx(mass, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_part_that_is_taken_up_and_put_down_again(at):
     time = at.motion.time
     ((moment, until, more),) = changes(at, np.where((time > 3.0) & (time < 8.0), 2.0, 0.0))
@@ -49,6 +50,7 @@ def test_a_part_that_is_taken_up_and_put_down_again(at):
     assert more == pytest.approx(2.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_load_that_stays_and_a_drift_are_no_change_of_load(at):
     assert not changes(at, np.full(len(at), 2.0))
     assert not changes(at, np.zeros(len(at)), drift=0.5)

@@ -66,7 +66,10 @@ def recorded(name, *faults, poses=8, cycle=(0.0, 1.0, -1.0), seed=3):
             *("six_ups", ("geometric_offset", "leg1_s3", "seat", {"x": 5e-5, "y": -4e-5, "z": 6e-5})),
             marks=pytest.mark.slow,
         ),
-        ("six_ups", ("base_compliance", "base", "", {"translation": 3e-8, "rotation": 5e-8})),
+        pytest.param(  # daily of an arm in test_base_point.py
+            *("six_ups", ("base_compliance", "base", "", {"translation": 3e-8, "rotation": 5e-8})),
+            marks=pytest.mark.slow,
+        ),
         pytest.param(  # daily of the hexapod in test_two_faults.py
             *("six_ups", ("external_spring", "environment", "", {"stiffness": 4e3, "x": 0.1, "y": -0.1, "z": 0.8})),
             marks=pytest.mark.slow,
@@ -100,6 +103,7 @@ def test_a_fault_is_named_at_its_place(name, fault):
         assert high - low < 5e-5 if value == 0 else high - low < 0.5 * abs(value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("physics", "aspect", "values", "places"),
     [
@@ -139,6 +143,7 @@ def test_a_planar_robot_is_displaced_in_its_plane_only():
         effect_named("geometric_offset", "right_elbow", "position", values, robot("five_bar").mechanism)
 
 
+@pytest.mark.slow
 def test_a_tolerance_without_effect_is_told():
     recording = recorded("six_ups", poses=5)
     object.__setattr__(recording, "tolerances", Tolerances(stiffness=0.1, inertia=0.1))
@@ -147,6 +152,7 @@ def test_a_tolerance_without_effect_is_told():
     assert [text for text in found.remarks if "the tolerance inertia changes nothing here" in text]
 
 
+@pytest.mark.slow
 def test_a_base_that_was_measured_before_the_robot_stood_on_it_carries_all_of_its_weight():
     """Whether a base's frame is where it stands loaded or bare nobody knows: no payload stands for the difference."""
     soft = {"translation": 3e-8, "rotation": 3e-6, "settled": 0.0}
@@ -156,6 +162,7 @@ def test_a_base_that_was_measured_before_the_robot_stood_on_it_carries_all_of_it
     assert found.findings[0].parameters["settled"].value < 0.3
 
 
+@pytest.mark.slow
 def test_a_spring_on_ground_that_gives_way_along_it_is_told_with_the_ground(tmp_path):
     """Loads along a lone slide cannot tell its spring from what it stands on."""
     file = RobotFile()

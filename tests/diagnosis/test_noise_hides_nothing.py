@@ -32,6 +32,7 @@ def asked(robot, recording):
         )
 
 
+@pytest.mark.slow
 def test_steps_that_lead_astray_are_shortened(tmp_path):
     device, robot, recording = drawn(tmp_path, 1, "ur5", rows=500, late=0.01, yields=False, speeds=False)
     given = asked(robot, recording)
@@ -53,6 +54,7 @@ def test_what_no_sensor_scatters_is_no_noise(robot, tmp_path):
     assert found.noise.position > GAIN * np.max(moved)
 
 
+@pytest.mark.slow
 def test_an_arm_at_rest_of_which_nothing_was_told_is_explained(tmp_path):
     device, robot, recording = drawn(tmp_path, 32, "ur5", moving=False, rows=60)
     found = diagnose(robot, as_written(recording))

@@ -71,6 +71,7 @@ def measured(seed, gap, joint=1, poses=6, loads=40):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "joint", "poses", "loads"),
     [
@@ -101,6 +102,7 @@ def test_declared_noise_reaches_the_poses_through_the_gap_that_was_found(lift, g
     assert 0.9 < found.after["fit"] < 1.15
 
 
+@pytest.mark.slow
 def test_a_faultless_lift_has_no_sensor_of_another_gain(lift):
     """What moments the sensor reports are its noise: poses are better foretold without them."""
     found = diagnose(lift, measured(2, 0.0, poses=12, loads=12))

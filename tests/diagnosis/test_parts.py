@@ -357,6 +357,7 @@ def test_noise_alone_points_nowhere(simulator):
 # -- the next experiment -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_beside_something_unknown_no_experiment_separates_laws_that_nobody_found(simulator, library):
     """Such laws are pieces of what is missing: a test shows more of that, and parts only what was found beside it."""
     ours = term(library, "stiffness_changed at leg3/linear_rod", 0.7)

@@ -89,7 +89,8 @@ def standing_on(robot, turning, moving):
     )
 
 
-@pytest.mark.parametrize("turning", [pytest.param(1e4, marks=pytest.mark.slow), 3e3])
+@pytest.mark.slow
+@pytest.mark.parametrize("turning", [1e4, 3e3])
 def test_pounds_force_are_told_beside_a_base_that_yields_and_only_where_they_are(robot, turning):
     log = standing_on(robot, turning, 300 * turning)
     assert conventions_of_loads(robot, log) is None
@@ -164,13 +165,13 @@ def test_what_is_declared_to_be_as_written_is_read_in_no_other_way(robot, bench,
         "yaw, pitch, roll in deg",
         "vector part of a quaternion",
         "all joints in mm",
-        "two joints exchanged",
-        pytest.param("reaction", marks=pytest.mark.slow),  # as of recordings that are written alike
+        pytest.param("two joints exchanged", marks=pytest.mark.slow),  # as of two legs turned round
+        pytest.param("reaction", marks=pytest.mark.slow),  # as in test_cli_diagnose.py
         pytest.param("wrench in the tool's axes", marks=pytest.mark.slow),  # as of a reaction in them
         pytest.param("moments about the base's origin", marks=pytest.mark.slow),  # as about a sensor's point
         pytest.param("forces in kN", marks=pytest.mark.slow),  # as beside other units
         pytest.param("moments in N mm", marks=pytest.mark.slow),  # moments that no robot bears take long to follow
-        "reaction in the tool's axes",
+        pytest.param("reaction in the tool's axes", marks=pytest.mark.slow),  # as of an arm with a soft elbow
         pytest.param("mm, and inverse rotation", marks=pytest.mark.slow),  # each of them alone
     ],
 )
@@ -265,7 +266,7 @@ def test_two_misreadings_of_an_arm_are_both_told(said):
     assert sorted(map(str, logs.conventions[0])) == sorted(said)
 
 
-@pytest.mark.parametrize("turned_round", [SLIDES[:2], SLIDES[1:]])
+@pytest.mark.parametrize("turned_round", [SLIDES[:2], pytest.param(SLIDES[1:], marks=pytest.mark.slow)])
 def test_two_legs_that_count_the_other_way_round_are_told(robot, bench, turned_round):
     true = read_recording(bench)
     way = [Convention(f"q.{name}", "reversed") for name in turned_round]
@@ -274,7 +275,7 @@ def test_two_legs_that_count_the_other_way_round_are_told(robot, bench, turned_r
         np.testing.assert_allclose(logs.recordings[0].positions[name], true.positions[name], atol=1e-12)
 
 
-@pytest.mark.parametrize("order", [SLIDES, SLIDES[::-1]])
+@pytest.mark.parametrize("order", [pytest.param(SLIDES, marks=pytest.mark.slow), SLIDES[::-1]])
 def test_a_unit_and_a_leg_turned_round_are_told_whatever_the_order_of_columns(robot, bench, order):
     true = read_recording(bench)
     true = replace(true, positions={name: true.positions[name] for name in order})
@@ -306,6 +307,7 @@ def test_exchanged_columns_are_no_mirror(tmp_path):
     np.testing.assert_array_equal(logs.recordings[0].positions["x"], x)
 
 
+@pytest.mark.slow
 def test_loads_tell_a_mirrored_tracker_from_exchanged_legs(tmp_path):
     """A Delta is its own mirror image, but the loads on it are not."""
     build.delta(
@@ -367,11 +369,11 @@ def test_loads_are_asked_once_of_each_reading(robot, bench, tmp_path, monkeypatc
 
 
 def test_recordings_that_are_written_alike_are_told_once(robot, bench, tmp_path):
-    log = rewritten(bench, tmp_path, "reaction")
+    log = rewritten(bench, tmp_path, "positions in mm")
     half = len(log) // 2
     logs = read_logs(robot, [log.select(slice(0, half)), replace(log.select(slice(half, None)), path="b.csv")])
     assert len(logs.findings()) == 1
-    assert [str(item) for own in logs.conventions for item in own] == ["wrench=reaction", "wrench=reaction"]
+    assert [str(item) for own in logs.conventions for item in own] == ["p=mm", "p=mm"]
 
 
 def test_a_robot_that_cannot_stand_as_the_log_has_it_is_told_no_distance(robot, bench, tmp_path):
@@ -393,6 +395,7 @@ def test_what_nobody_recorded_of_one_joint_is_no_unit_of_the_others():
     assert read_logs(arm, log).conventions == ((),)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("near", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["base", "tracker"])
 def test_zeros_of_another_table_are_told_in_quarter_turns(near):
     """Two joints of an arm count as its table of Denavit and Hartenberg does, one of them the other way round."""
@@ -455,6 +458,7 @@ def test_a_planar_bench_that_measured_no_z_is_read_as_it_is_meant(said, turn):
     assert read_logs(bars, true).conventions == ((),)
 
 
+@pytest.mark.slow
 def test_what_no_reading_brings_near_is_refused_where_z_was_not_measured():
     bars, log = planar()
     with pytest.raises(InputError, match=r"positions of the tool are .* m apart.*p\.x p\.y \(expected") as caught:
@@ -462,9 +466,8 @@ def test_what_no_reading_brings_near_is_refused_where_z_was_not_measured():
     assert "nan" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "missing", [*(pytest.param(k, marks=pytest.mark.slow) for k in (0, 1)), 2], ids=["x", "y", "z"]
-)
+@pytest.mark.slow  # daily of a planar bench
+@pytest.mark.parametrize("missing", [0, 1, 2], ids=["x", "y", "z"])
 def test_two_components_of_a_robot_in_space_tell_their_unit(robot, bench, missing):
     """Wherever the tracker stands, which is told from what was measured too."""
     log = read_recording(bench)

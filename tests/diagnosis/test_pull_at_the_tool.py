@@ -39,6 +39,7 @@ def pulled(robot, force=None, held=0.0):
     return log.with_measurements(efforts=efforts)
 
 
+@pytest.mark.slow
 def test_an_even_pull_is_one_force(ur5):
     force = np.array([30.0, -18.0, 10.0])
     told = prup_pin.diagnose(ur5, pulled(ur5, lambda there: force))
@@ -48,6 +49,7 @@ def test_an_even_pull_is_one_force(ur5):
     assert [values[name] for name in ("fx", "fy", "fz")] == pytest.approx(force, abs=0.5)
 
 
+@pytest.mark.slow
 def test_a_hose_is_a_force_with_where_the_tool_is(ur5):
     anchor = np.array([0.4, -0.6, 1.2])
     told = prup_pin.diagnose(ur5, pulled(ur5, lambda there: 20.0 * (anchor - there)))
@@ -58,6 +60,7 @@ def test_a_hose_is_a_force_with_where_the_tool_is(ur5):
     assert [values[name] for name in ("kxy", "kxz", "kyz")] == pytest.approx([0.0] * 3, abs=1.0)
 
 
+@pytest.mark.slow
 def test_what_the_tool_holds_pulls_at_nothing(ur5):
     told = prup_pin.diagnose(ur5, pulled(ur5, held=2.0))
     assert [item.physics for item in told.findings] == ["payload"]

@@ -43,6 +43,7 @@ def test_a_link_that_is_drawn_too_long_is_no_other_unit(tmp_path):
     assert read_logs(arm_with(tmp_path, 0.45), log).conventions == ((),)
 
 
+@pytest.mark.slow
 def test_two_readings_as_good_of_a_log_without_efforts_are_both_named(tmp_path):
     """An arm in a plane whose first joint counts the other way is one whose second does, seen in a mirror."""
     log = seen_from_elsewhere(bench(1, poses=10))

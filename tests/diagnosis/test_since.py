@@ -62,6 +62,7 @@ def named(diagnosis):
     return [item for item in diagnosis.findings if item.parameters]
 
 
+@pytest.mark.slow
 def test_play_that_grew_is_told_from_what_it_was_and_nothing_else(found, grown):
     (finding,) = named(found)
     assert (finding.physics, finding.location) == ("backlash", grown.truth["places"][0])
@@ -77,6 +78,7 @@ def test_play_that_grew_is_told_from_what_it_was_and_nothing_else(found, grown):
     assert verdict_text(found).startswith("Changed since the earlier test: backlash at")
 
 
+@pytest.mark.slow
 def test_the_model_of_the_second_test_is_that_of_the_first_with_what_changed(found, grown, arm, tmp_path):
     model = corrected_model(found, arm, [grown.now], str(ARM))
     write_model(model, tmp_path / "model.json")
@@ -92,6 +94,7 @@ def test_the_model_of_the_second_test_is_that_of_the_first_with_what_changed(fou
     assert sum(sizes[1][name] < 1.1 * sizes[0][name] for name in calibrated) == len(calibrated)
 
 
+@pytest.mark.slow
 def test_what_is_told_stands_in_the_json(found):
     document = diagnosis_as_json(found, None)["since"]
     assert set(document) == {"notes", "explained", "set_up", "values", "seen"}

@@ -58,7 +58,7 @@ def scaled(recording, gain):
     return replace(recording, efforts={"hinge": gain * recording.efforts["hinge"]}, tolerances=UNKNOWN_UNIT)
 
 
-@pytest.mark.parametrize("gain", [-5.0, 5.0])
+@pytest.mark.parametrize("gain", [pytest.param(-5.0, marks=pytest.mark.slow), 5.0])
 def test_which_way_a_drive_counts_is_told_in_whatever_unit(bar, gain):
     """Where most of the effort is something else the drawing alone tells too little, and friction tells the rest."""
     recording = swung(bar, friction=0.2, damping=0.15, shaken=2.5)
@@ -107,6 +107,7 @@ def test_efforts_are_compared_below_where_nothing_but_steps_of_the_encoder_is_pr
     assert rough < 0.8 * fine
 
 
+@pytest.mark.slow
 def test_masses_of_which_a_short_log_is_not_sure_are_predicted_and_not_told(bar):
     found = diagnose(bar, coarse(swung(bar, heavier=1.14, friction=0.08, damping=0.004, lasting=1.6), 0.006))
     assert "inertial_parameters" not in {finding.physics for finding in found.findings}

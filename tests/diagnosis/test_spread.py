@@ -159,6 +159,7 @@ def test_what_comes_towards_its_load_does_not_yield():
     assert not spread._gives_way(fit, labels, "position")
 
 
+@pytest.mark.slow
 def test_a_few_places_are_left_to_laws():
     tree = PosedTree(TORSO, about={"bend": 4e-4}, offsets={"left_elbow": 0.03}, tracker=SOMEWHERE)
     recording = replace(bench(tree, 45), noise=Noise())

@@ -77,6 +77,7 @@ def test_stations_are_found_where_they_are(apart):
     assert not [item for item in given.library if item.law.sensor == "pose_sensor"]
 
 
+@pytest.mark.slow
 def test_one_tracker_for_all_runs_is_left_where_it_is():
     recording = stationed(bench(drawn(), RUNS * EACH), 0.0)
     given, alone = asked(recording), asked(replace(recording, run=None, run_names=("",)))
@@ -84,6 +85,7 @@ def test_one_tracker_for_all_runs_is_left_where_it_is():
     assert given.spread.kinds == alone.spread.kinds
 
 
+@pytest.mark.slow
 def test_columns_g_beside_a_declared_noise_stop_nothing():
     recording = replace(bench(drawn(), 45), noise=Noise(position=NOISE))
     plain, tilted = asked(recording), asked(replace(recording, gravity=np.tile([0.0, 0.0, -9.81], (45, 1))))

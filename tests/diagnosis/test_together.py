@@ -185,6 +185,7 @@ def set_up_twice(arm):
     return made, off
 
 
+@pytest.mark.slow
 def test_a_recording_may_have_sensors_of_its_own(arm, set_up_twice):
     made, off = set_up_twice
     found = prup_pin.diagnose(arm, made)
@@ -228,6 +229,7 @@ def test_own_encoders_are_zeroed_anew(arm):
     np.testing.assert_allclose(setup.travel, expected, atol=1e-18)
 
 
+@pytest.mark.slow
 def test_a_fault_of_a_sensor_is_that_of_its_recording(arm):
     """Without tolerances the tracker's frame is right as declared, but for the recording where it is not."""
     values = {"rx": 1e-3, "ry": 0.0, "rz": -5e-4, "tx": 2e-4, "ty": 0.0, "tz": 0.0}

@@ -47,6 +47,7 @@ def bench_of(robot, *effects):
     return replace(recording, position=position, rotation=rotation)
 
 
+@pytest.mark.slow
 def test_weight_is_told_beside_a_hose_that_could_take_its_place(hexapod):
     hose = {"stiffness": 4000.0, "x": 0.4, "y": 0.2, "z": 0.5}
     found = diagnose(hexapod, bench_of(hexapod, ("external_spring", "environment", "", hose)))
@@ -60,6 +61,7 @@ def test_weight_is_told_beside_a_hose_that_could_take_its_place(hexapod):
     assert 0.9 < low < 1.0 < high < 1.1
 
 
+@pytest.mark.slow
 def test_two_single_faults_are_told_by_their_names(hexapod):
     legs = list(hexapod.mechanism.actuated)
     drives = [module.name for module in hexapod.mechanism.modules if "drive" in module.name]
@@ -79,6 +81,7 @@ def test_two_single_faults_are_told_by_their_names(hexapod):
     assert not any("everything is off at once" in remark for remark in found.remarks)
 
 
+@pytest.mark.slow
 def test_a_lead_that_is_right_in_the_middle_of_the_travel_is_told(hexapod):
     leg = hexapod.mechanism.actuated[1]
     homed = float(hexapod.home.joints[leg])
@@ -119,7 +122,7 @@ def test_what_moves_by_rounding_alone_is_none_of_what_yields():
     assert load_conventions._scale(columns, 2.0 * np.sqrt(6)) == pytest.approx([2.0 * np.sqrt(6), np.inf, np.inf])
 
 
-@pytest.mark.parametrize("rows", [[0], pytest.param([0, 1], marks=pytest.mark.slow), [0, 5, 10]])
+@pytest.mark.parametrize("rows", [[0], *(pytest.param(rows, marks=pytest.mark.slow) for rows in ([0, 1], [0, 5, 10]))])
 def test_of_too_few_samples_nothing_is_told(hexapod, rows):
     recording = bench_of(hexapod, ("encoder_offset", hexapod.mechanism.actuated[0], "", {"offset": 1e-3}))
     found = diagnose(hexapod, recording.select(np.array(rows)))

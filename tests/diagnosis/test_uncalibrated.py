@@ -52,6 +52,7 @@ def left(drawn, robot, heldout, effects) -> float:
     return float(np.sqrt(np.mean(np.square(apart(drawn["heldout"], record, drawn["noise"], drawn["turns"])))))
 
 
+@pytest.mark.slow
 def test_a_hexapod_that_nobody_has_calibrated(tmp_path):
     drawn = draw_uncalibrated(2, "six_ups")
     robot, recording, heldout = read(drawn, tmp_path)
@@ -67,6 +68,7 @@ def test_a_hexapod_that_nobody_has_calibrated(tmp_path):
     assert left(drawn, robot, heldout, effects) < 1.3 < 1000 < left(drawn, robot, heldout, [])
 
 
+@pytest.mark.slow
 def test_what_is_off_all_over_shows_under_loads(tmp_path):
     drawn = draw_uncalibrated(10, "six_ups")
     assert drawn["loaded"]

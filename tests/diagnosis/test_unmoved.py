@@ -52,10 +52,10 @@ def held_still(log, at=0.0):
 @pytest.mark.parametrize(
     ("noise", "at", "still"),
     [
-        (Noise(), 0.0, True),
+        pytest.param(Noise(), 0.0, True, marks=pytest.mark.slow),
         (Noise(effort=1.5), 0.1, True),  # which filters leave as it is but for rounding
         (Noise(), 0.0, False),
-        (Noise(effort=1.5), 0.0, False),
+        pytest.param(Noise(effort=1.5), 0.0, False, marks=pytest.mark.slow),
     ],
 )
 def test_a_joint_that_moved_but_whose_column_was_held_still_is_unknown(robot, still, at, noise):
@@ -75,6 +75,7 @@ def test_a_joint_that_stands_and_holds_its_load_is_none(robot):
     assert diagnose(robot, log).verdict == "explained"
 
 
+@pytest.mark.slow
 def test_friction_at_rest_may_hold_all_that_the_load_changes_by(tmp_path):
     """Both joints turn about level axes, the first is braked: its drive gives the same however the second moves."""
     path = tmp_path / "arm.urdf"
@@ -90,6 +91,7 @@ def test_friction_at_rest_may_hold_all_that_the_load_changes_by(tmp_path):
     assert not [finding for finding in found.findings if "never changes" in finding.statement]
 
 
+@pytest.mark.slow
 def test_what_is_left_of_efforts_is_told_as_a_share_where_no_noise_was_declared(robot):
     told = verdict_text(diagnose(robot, held_still(log_of(0.15))))
     assert told.startswith("Explained: with coulomb friction at hinge the residual of the efforts falls from ")

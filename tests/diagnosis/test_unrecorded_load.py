@@ -59,7 +59,8 @@ def test_a_load_that_nobody_recorded_is_asked_for(rotation):
     assert "gross" not in told
 
 
-@pytest.mark.parametrize("rotation", [False, WITH_ROTATION])
+@pytest.mark.slow  # daily of an encoder
+@pytest.mark.parametrize("rotation", [False, True])
 def test_a_tracker_that_slips_has_gross_errors(rotation):
     (told,) = remarks(0.0, 2e-3, rotation)
     assert f"{OFF} gross errors" in told
@@ -69,8 +70,10 @@ def test_a_tracker_that_slips_has_gross_errors(rotation):
     ("rotation", "joint"),
     [
         (False, 1),
-        (True, 4),
-        *(pytest.param(*each, marks=pytest.mark.slow) for each in ((False, 2), (False, 4), (True, 1), (True, 2))),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in ((False, 2), (False, 4), (True, 1), (True, 2), (True, 4))
+        ),
     ],
 )
 def test_an_encoder_that_slips_is_no_load(rotation, joint):
@@ -79,7 +82,8 @@ def test_an_encoder_that_slips_is_no_load(rotation, joint):
 
 
 @pytest.mark.parametrize(
-    ("pushed", "noise", "slipped"), [(30.0, 1, 0.0), (0.0, 30, 0.0), pytest.param(0.0, 1, 1e-3, marks=pytest.mark.slow)]
+    ("pushed", "noise", "slipped"),
+    [(30.0, 1, 0.0), *(pytest.param(*each, marks=pytest.mark.slow) for each in ((0.0, 30, 0.0), (0.0, 1, 1e-3)))],
 )
 def test_a_load_in_every_sample_is_no_noise(pushed, noise, slipped):
     """What is left where all are pushed is as white as a noise that was declared too small, or as encoders' own."""

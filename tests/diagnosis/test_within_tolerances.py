@@ -57,6 +57,7 @@ def run(*arguments):
     return done.output
 
 
+@pytest.mark.slow
 def test_a_faultless_robot_has_nothing_but_its_weight(robot):
     found = diagnose(robot, bench(robot, 21, poses=6))
     assert found.verdict == "explained"

@@ -72,6 +72,7 @@ def test_its_bodies_can_exist(without_masses, told):
         assert np.linalg.eigvalsh(pseudo_inertia(body)).min() > -1e-6
 
 
+@pytest.mark.slow
 def test_efforts_declared_to_be_as_written_are_in_no_unit_of_their_own(ur5):
     log = logged(ur5, shuffled=False, faulty=False)
     heavier = log.with_measurements(efforts={name: 5.3 * values for name, values in log.efforts.items()})

@@ -72,8 +72,14 @@ def cases():
                 yield name, law, places
 
 
-EVERY_ROBOT = pytest.mark.parametrize(
-    ("name", "law", "places"), [pytest.param(*case, id=f"{case[0]}-{title(case[1])}") for case in cases()]
+def param(name, law, places, slow=False):
+    return pytest.param(name, law, places, id=f"{name}-{title(law)}", marks=[pytest.mark.slow] if slow else [])
+
+
+EVERY_ROBOT = pytest.mark.parametrize(("name", "law", "places"), [param(*case) for case in cases()])
+#: Daily on the robot that is simulated in the least time, on all others among the slow tests.
+ONE_ROBOT_DAILY = pytest.mark.parametrize(
+    ("name", "law", "places"), [param(*case, slow=case[0] != first_of(QUICK, case[1])) for case in cases()]
 )
 
 
@@ -92,15 +98,19 @@ def test_a_wrong_lead_is_told_as_a_scale():
     assert said.startswith("set the scale of the encoder at leg1/ball_screw to 1/1.0003 ")
 
 
-def at_each_place(test):
+def at_each_place(test, robots=EVERY_ROBOT):
     """Ask a test of a law at a place on every robot, at all places that are unlike each other, one after the other."""
 
-    @EVERY_ROBOT
+    @robots
     def asked(name, law, places):
         for place in unlike(places, robot(name).mechanism):
             test(name, law, place)
 
     return asked
+
+
+def at_each_place_of_one_robot_daily(test):
+    return at_each_place(test, ONE_ROBOT_DAILY)
 
 
 EVERY_LAW = pytest.mark.parametrize("law", LAWS, ids=title)
@@ -134,18 +144,18 @@ def test_is_found_again_by_its_places(name, law, places):
         assert place in law_at(law.physics, place).places(mechanism)
 
 
-@at_each_place
+@at_each_place_of_one_robot_daily
 def test_neutral_values_change_nothing(name, law, place):
     check_neutral(bench(name, law), law, place)
 
 
-@at_each_place
+@at_each_place_of_one_robot_daily
 def test_start_values_change_the_pose(name, law, place):
     if not idle(name, law):
         check_shows(bench(name, law), law, place, shown(name, law))
 
 
-@at_each_place
+@at_each_place_of_one_robot_daily
 def test_acting_leaves_the_callers_inputs_alone(name, law, place):
     check_leaves_alone(bench(name, law), law, place)
 
@@ -155,6 +165,7 @@ def test_strains_are_what_their_derivatives_say(name, law, place):
     check_derivatives(bench(name, law), law, place)
 
 
+@pytest.mark.slow  # daily each law is fitted for its intervals, which hold the truth
 @EVERY_LAW
 def test_what_is_simulated_is_fitted_again(law):
     if not isinstance(law, HIDDEN):
@@ -174,10 +185,8 @@ def shown(name, law):
 
 @pytest.mark.parametrize(
     ("name", "law", "places"),
-    [
-        pytest.param(name, law, places, id=f"{name}-{title(law)}")
-        for name, law, places in cases()
-        if name in (first_of(QUICK, law), first_of(NAMES, law))  # the slow test that follows has all of them
+    [  # the slow test that follows has all of them
+        param(*case) for case in cases() if case[0] == first_of(QUICK, case[1])
     ],
 )
 def test_the_truth_lies_in_the_intervals_of_what_is_fitted(name, law, places):

@@ -145,7 +145,7 @@ def each(*without):
 
 @pytest.mark.parametrize(
     ("name", "every"),
-    [*((name, 3 if name == "three_prup_locked" else 1) for name in MACHINES if name != "three_prup"),
+    [*((name, 7 if name == "three_prup_locked" else 1) for name in MACHINES if name != "three_prup"),
      *(pytest.param(name, 1, marks=pytest.mark.slow) for name in ("three_prup", "three_prup_locked"))],
 )  # fmt: skip
 def test_every_joint_moved_every_way(name, every):

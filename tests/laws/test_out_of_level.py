@@ -113,8 +113,8 @@ def test_a_robot_file_can_hold_it():
     ("degrees", "mass"),
     [
         (2.0, 0.0),
-        (2.0, 3.0),
-        (0.0, 3.0),
+        pytest.param(2.0, 3.0, marks=pytest.mark.slow),
+        pytest.param(0.0, 3.0, marks=pytest.mark.slow),
         (25.0, 0.0),
     ],
 )

@@ -82,6 +82,7 @@ def bench(seed, held=False, reversal=False, staged=False, poses=8, forces=(0, 30
     )
 
 
+@pytest.mark.slow
 def test_play_that_stays_where_it_was_pushed_is_named_and_foretells_another_test(arm):
     found = diagnose(arm, bench(1, held=True))
     (law,) = (item for item in found.findings if item.physics not in ("finite_deflection", "self_weight"))
@@ -104,6 +105,7 @@ def test_a_drive_that_loses_motion_as_it_turns_back_is_named(arm):
     assert "from either side" in law.statement
 
 
+@pytest.mark.slow
 def test_a_gear_of_two_stages_is_no_play(arm):
     found = diagnose(arm, bench(4, staged=True))
     (law,) = (item for item in found.findings if item.physics not in ("finite_deflection", "self_weight"))
@@ -126,6 +128,7 @@ def test_a_tracker_that_was_pushed_is_told_with_its_moment_and_nothing_else(arm)
     assert not any("pose_sensor" in effect.place.name and effect.values.get("tx") for effect in kept)
 
 
+@pytest.mark.slow
 def test_a_target_that_was_hit_is_told_with_its_moment_and_nothing_else(arm):
     """A sound shoulder was an unknown part, and a drift and an eccentric encoder took most of it."""
     still = bench(5, poses=12)

@@ -32,7 +32,15 @@ class Fleet:
         self.paths = write(drawn, folder, folder / "sealed", str(ARM))
         self.truth, self.folder = drawn["truth"], folder / "fleet"
         self.devices = devices_of([read_recording(path) for path in self.paths])
-        self.found = fleet(self.devices, self.folder, robot_name=str(ARM))
+        self.said, asked = {}, fleets._asked
+
+        def kept(device, *others):
+            self.said[device.name] = asked(device, *others)
+            return self.said[device.name]
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(fleets, "_asked", kept)
+            self.found = fleet(self.devices, self.folder, robot_name=str(ARM))
 
 
 @pytest.fixture(scope="module")
@@ -61,10 +69,7 @@ def test_what_a_device_says_of_its_parameters_holds_the_true_ones(arms):
 
 
 def test_a_worker_that_is_lost_costs_its_device_only_and_no_bit(arms, tmp_path, monkeypatch):
-    said = {
-        item.name: fleets._asked(item, str(ARM), fleets.Reading(), tmp_path / "x.json") for item in arms.devices[:1]
-    }
-    here = []
+    said, here = arms.said, []
 
     def asked(device, *others):
         here.append(device.name)
@@ -87,8 +92,6 @@ def test_a_worker_that_is_lost_costs_its_device_only_and_no_bit(arms, tmp_path, 
                 future.set_result(said[arguments[0].name])
             return future
 
-    for item in arms.devices[1:]:
-        said[item.name] = said[arms.devices[0].name]
     monkeypatch.setattr(fleets, "_asked", asked)
     alone = fleet(arms.devices, tmp_path / "alone", robot_name=str(ARM))
     assert here == ["device01", "device02", "device03"]

@@ -28,7 +28,9 @@ def test_energy_balances_on_every_machine(tmp_path, build):
     assert abs(energy.balance) < 1e-8 * energy.work
 
 
-@pytest.mark.parametrize("kind", EXAMPLES)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=[pytest.mark.slow] if "_beam" in kind else []) for kind in EXAMPLES]
+)
 def test_energy_balances_for_every_kind(tmp_path, kind):
     robot, pose = single_module(tmp_path, kind, EXAMPLES[kind][0])
     energy = robot.equilibrium(pose, LARGE, gravity=True).energy(steps=6)

@@ -37,6 +37,7 @@ def test_a_column_beyond_its_critical_load(tmp_path, share):
     assert error.reached == pytest.approx(1 / share, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_crooked_column_bends_aside(tmp_path):
     robot, pose = cantilever(tmp_path)
     loaded = robot.equilibrium(pose, 1.5 * EULER * np.array([-1.0, 0, 0.01, 0, 0, 0]))
@@ -139,6 +140,7 @@ def test_the_3prup_gives_way():
     assert failure.value.reached == pytest.approx(1 / 1.1, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_what_fails_does_not_disturb_its_neighbours():
     robot = prup_pin.load("3prup")
     poses = random_poses(robot, BOX, 3, seed=5)

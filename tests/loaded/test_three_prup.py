@@ -38,8 +38,14 @@ def opensees() -> None:
         pytest.skip(f"openseespy does not load here (on Debian it needs libblas3 and liblapack3): {error}")
 
 
-@pytest.mark.parametrize("wrench", WRENCHES)
-@pytest.mark.parametrize("pose", POSES)
+@pytest.mark.parametrize(
+    ("pose", "wrench"),
+    [
+        pytest.param(pose, wrench, marks=[] if i == j else [pytest.mark.slow])
+        for i, pose in enumerate(POSES)
+        for j, wrench in enumerate(WRENCHES)
+    ],
+)
 def test_against_rods_integrated_along_their_arc(robot, pose, wrench):
     z, theta, phi = pose
     expected = np.concatenate(loaded_three_prup_rods(loop_geometry(*pose), np.array(wrench)))
@@ -53,6 +59,7 @@ def test_against_rods_integrated_along_their_arc(robot, pose, wrench):
     )
 
 
+@pytest.mark.slow
 def test_a_tenth_of_the_load_leaves_a_hundredth_of_the_difference(robot):
     wrench = 0.1 * np.array(WRENCHES[0])
     for z, theta, phi in POSES:

@@ -62,6 +62,7 @@ def ur5():
     return prup_pin.load("ur5")
 
 
+@pytest.mark.slow
 def test_efforts_of_the_robots_own_pinocchio_model_miss_nothing(ur5):
     rng, model, names = np.random.default_rng(1), ur5.model, ur5.mechanism.actuated
     time, rates = np.arange(4000) / 125, 2 * np.pi * np.array([0.05, 0.11, 0.17, 0.29, 0.41])

@@ -113,6 +113,7 @@ def test_noise_has_its_size_and_lasts():
     assert alike == pytest.approx(0.6 * np.exp(-1.0), abs=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["ur5", pytest.param("five_bar", marks=pytest.mark.slow)])
 def test_an_effect_has_its_size_beside_noise_and_tolerances(robot):
     drawn = draw_efforts(5, robot, ["inertial_parameters"], (5.0, 8.0))
@@ -129,6 +130,7 @@ def test_a_seed_decides_everything():
     assert first["truth"]["scatter"] != other["truth"]["scatter"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "robot", [name if name in ("ur5", "five_bar") else pytest.param(name, marks=pytest.mark.slow) for name in KINDS]
 )

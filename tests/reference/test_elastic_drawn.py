@@ -223,6 +223,7 @@ def test_groups_are_drawn_in_their_shares():
     assert shares == pytest.approx([0.25, 0.40, 0.35], abs=0.06)
 
 
+@pytest.mark.slow
 def test_where_everything_is_off_the_truth_tells_it_joint_by_joint_and_a_faultless_arm_is_as_drawn(tmp_path):
     drawn = draw_elastic(5, "ur5", "everywhere", 3.0)
     truth, own = drawn["truth"], drawn["arm"].drives
@@ -253,6 +254,7 @@ def test_where_everything_is_off_the_truth_tells_it_joint_by_joint_and_a_faultle
     assert max(clean["truth"]["left_by_the_file"][1:3]) < 0.2  # where weight is most of it
 
 
+@pytest.mark.slow
 def test_a_textbook_fit_that_knows_masses_and_lateness_finds_the_friction_and_rotors_of_the_truth():
     """Atkeson, An and Hollerbach 1986, joint by joint, both sides low-passed at 8 Hz: from the log as it is written."""
     drawn = draw_elastic(5, "ur5", "everywhere", 16.0)
@@ -275,6 +277,7 @@ def test_a_textbook_fit_that_knows_masses_and_lateness_finds_the_friction_and_ro
         assert offset == pytest.approx(true["effort_offset"], abs=0.05 * np.abs(y).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("physics", SINGLE)
 def test_a_single_effect_is_in_the_device_and_has_its_size(physics):
     drawn = draw_elastic(8, "ur5", physics, 2.0)

@@ -50,17 +50,17 @@ def work_on(path, seen):
 GAP = {"physics": "backlash", "location": "leg3/drive", "half_gap": 2e-5, "smooth": 20.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("joint", "limit", "way", "gap"),
     [
         ("slide", 60.0, 2e-6, [GAP]),
-        ("u1", 40.0, 2e-5, []),
-        ("u2", 40.0, 2e-5, []),
         *(
-            pytest.param(*each, marks=pytest.mark.slow)
-            for each in (("slide", 60.0, 2e-6, []), ("u1", 40.0, 2e-5, [GAP]))
+            pytest.param(joint, 40.0, 2e-5, gap, marks=pytest.mark.slow)
+            for joint in ("u1", "u2")
+            for gap in ([], [GAP])
         ),
-        pytest.param("u2", 40.0, 2e-5, [GAP], marks=pytest.mark.slow),
+        pytest.param("slide", 60.0, 2e-6, [], marks=pytest.mark.slow),
     ],
 )
 def test_a_cycle_of_the_load_does_the_work_that_friction_takes(joint, limit, way, gap):

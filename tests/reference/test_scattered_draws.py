@@ -11,6 +11,7 @@ from prup_pin.recordings import read_recording
 from tests.reference.concealed.scattered import KINDS, draw_scattered, write
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("robot", "physics"),
     [

@@ -96,7 +96,14 @@ def test_a_branch_that_is_heavier_moves_the_centre_of_the_star():
     assert apart(scatter, deeds(scatter), branches="distributed") < 0.1
 
 
-@pytest.mark.parametrize("name", [name for name in PARAMETERS if name.startswith(("leg1", "wrench", "target", "pose"))])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if index % 3 == 0 else [pytest.mark.slow])
+        for index, name in enumerate(PARAMETERS)
+        if name.startswith(("leg1", "wrench", "target", "pose"))
+    ],
+)
 def test_one_parameter_that_is_off(name):
     scatter = {name: 5 * ORDINARY[PARAMETERS[name]]}
     assert apart(scatter, deeds(scatter)) < 0.25
@@ -133,6 +140,7 @@ def _play(force, gap, load):
     return gap * closed, gap / load * (1 - closed**2)
 
 
+@pytest.mark.slow
 def test_what_a_tolerance_can_imitate_does_not_count():
     """A bearing that is soft within reason is small beside tolerances, and nothing else is made larger by them."""
     run = programme(np.random.default_rng(6), 2, 100.0, directions=1)

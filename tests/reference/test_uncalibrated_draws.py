@@ -31,6 +31,7 @@ def test_a_seed_decides_everything():
     assert first["truth"]["scatter"] != other["truth"]["scatter"]
 
 
+@pytest.mark.slow
 def test_a_fault_has_its_size_beside_all_that_is_off():
     drawn = draw_uncalibrated(4, "six_ups", ["backlash"], (10.0, 14.0))
     (effect,) = drawn["truth"]["effects"]
@@ -38,6 +39,7 @@ def test_a_fault_has_its_size_beside_all_that_is_off():
     assert drawn["loaded"]
 
 
+@pytest.mark.slow
 def test_one_who_knows_what_is_off_predicts_as_well_as_the_sensor_measures():
     drawn = draw_uncalibrated(2, "six_ups")
     oracle = Oracle(drawn)

@@ -46,7 +46,7 @@ MACHINE = pytest.mark.parametrize("name", MACHINES)
 LEGS = pytest.mark.parametrize(
     ("name", "apart", "every"),
     [
-        *((name, ("leg1", "leg3"), 5) if name == "three_prup" else (name, (), 1) for name in MACHINES),
+        *((name, ("leg1", "leg3"), 11) if name == "three_prup" else (name, (), 1) for name in MACHINES),
         pytest.param("three_prup", (), 1, marks=pytest.mark.slow),
     ],
 )

@@ -42,6 +42,7 @@ def effect(robot, physics, place, aspect="", **values):
     return effect_named(physics, place, aspect, values, robot.mechanism)
 
 
+@pytest.mark.slow
 def test_inertia_bends_gears_that_yield(arm):
     robot, recording, effects = arm
     told = simulate(robot, recording, effects).position
@@ -50,6 +51,7 @@ def test_inertia_bends_gears_that_yield(arm):
     assert np.abs(simulate(robot, slowly, effects[:1] + effects[7:]).position - told)[INSIDE].max() > 1e-4
 
 
+@pytest.mark.slow
 def test_inertia_is_that_of_all_rows_be_they_thinned(arm):
     robot, recording, effects = arm
     whole = inputs_of(recording, robot, trajectory_of(recording, robot))
@@ -81,6 +83,7 @@ def test_a_payload_bears_what_it_is_accelerated_by(arm):
     assert np.abs(second[INSIDE]).max() > 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("deed", [pytest.param(Weight(1e-3), marks=pytest.mark.slow), ScaledMass("forearm_link", 1.01)])
 def test_the_first_order_of_weight_and_masses_is_that_of_inertia_too(arm, deed):
     robot, recording, effects = arm

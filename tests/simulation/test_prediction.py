@@ -222,6 +222,7 @@ def test_failing_rows_are_told_and_the_run_goes_on(robot, broken):
     assert "1 unreachable" in repr(found)
 
 
+@pytest.mark.slow
 def test_failing_rows_do_not_disturb_laws_that_remember(robot, broken):
     rub = effect(robot, "coulomb_friction", "leg1/R_theta_P", limit=0.5, presliding_stiffness=800.0)
     slow = effect(robot, "creep", "leg1/ball_nut", share=0.5, time_constant=2.0)
@@ -334,6 +335,7 @@ def test_a_robot_that_cannot_be_sent_is_computed_in_one_process(robot, bench, mo
     np.testing.assert_array_equal(found.position, simulate(robot, bench, [known]).position)
 
 
+@pytest.mark.slow
 def test_processes_that_die_are_replaced_and_it_is_said(robot, bench, monkeypatch):
     monkeypatch.setattr(parts, "SAMPLES", 2)
     monkeypatch.setattr(parts, "_packed", lambda wanted: b"not a pickle")

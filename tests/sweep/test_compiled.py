@@ -24,7 +24,10 @@ ASKED = {
 }
 
 
-@pytest.fixture(scope="module", params=ASKED)
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(name, marks=[pytest.mark.slow] if name == "six_ups" else []) for name in ASKED],
+)
 def compared(request):
     robot, ends = loaded(request.param)
     rows = drawn(ends, 1003, seed=5)

@@ -155,6 +155,7 @@ def test_what_an_index_needs_is_said(robot, asked, said):
         robot.sweep(**AT, **asked)
 
 
+@pytest.mark.slow
 def test_indices_are_compiled_with_the_rest(robot):
     names = ["translational", "homogenised", "directional", "softest"]
     how = {"quantities": names, "direction": "tool z"}

@@ -229,6 +229,7 @@ def test_a_killed_worker_of_a_pool_loses_nothing(robot, whole):
     assert_same(s, whole)
 
 
+@pytest.mark.slow
 def test_dask_with_a_killed_worker_gives_the_same_bits(robot, whole):
     """A scheduler and two workers, each a process of its own; one is killed while it works."""
     pytest.importorskip("distributed")

@@ -102,6 +102,7 @@ PARTS = {
 }
 
 
+@pytest.mark.slow
 def test_every_part_is_seen_and_can_be_switched_off(browser, page):
     hide_words(browser)
     drawn = browser.picture()
@@ -166,6 +167,7 @@ def test_up_is_up(browser, page):
     assert bottom[1] > top[1] + 100
 
 
+@pytest.mark.slow
 def test_everything_is_in_sight_at_any_size(browser, page):
     """Where the page is opened, and where its window changes."""
     _, path = page
@@ -220,6 +222,7 @@ def test_live_server(browser, three_prup):
         shown.close()
 
 
+@pytest.mark.slow
 def test_names_from_robot_files_are_only_text(browser, tmp_path):
     text = (prup_pin.robots.packaged_folder() / "3prup.urdf").read_text(encoding="utf-8")
     evil = "&lt;/script&gt;&lt;img src=x onerror=hacked=1&gt;"
@@ -237,6 +240,7 @@ def test_names_from_robot_files_are_only_text(browser, tmp_path):
     assert only_here(browser, page.as_uri()) == []
 
 
+@pytest.mark.slow
 def test_a_motion_plays_what_its_frames_say(browser, three_prup, tmp_path):
     robot, pose = three_prup
     shown = view(robot, pose, WRENCH, motion="load")

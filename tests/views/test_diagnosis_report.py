@@ -258,6 +258,7 @@ def test_whitened_residuals_agree_with_the_verdict(diagnosed):
     assert np.sqrt(np.mean(found.before[found.exists] ** 2)) == pytest.approx(diagnosis.before["fit"], rel=0.02)
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_what_no_law_explains_is_shown_without_one(diagnosed_strange):
     robot, recording, diagnosis = diagnosed_strange
     page = diagnosis_html(diagnosis, robot, recording)
@@ -267,6 +268,7 @@ def test_what_no_law_explains_is_shown_without_one(diagnosed_strange):
     assert len(page) < 3_000_000
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_no_name_leaves_its_place(diagnosed):
     robot, recording, diagnosis = diagnosed
     finding = dataclasses.replace(diagnosis.findings[0], statement=EVIL, candidates=(EVIL,), alternatives=(EVIL,))
@@ -317,16 +319,16 @@ def test_the_next_experiment_declares_the_same_tolerances(diagnosed, tmp_path):
 
 
 @needs_chromium
-def test_a_browser_shows_it_without_a_network(page, tmp_path, chromium):
+@pytest.mark.parametrize("width", [1150, pytest.param(400, marks=pytest.mark.slow)])
+def test_a_browser_shows_it_without_a_network(page, tmp_path, chromium, width):
     file = tmp_path / "report.html"
     file.write_text(page, encoding="utf-8")
     with chromium.tab() as tab:
-        for width in (1150, 400):
-            shows(tab, file, (width, 900))
-            pixels = tab.screenshot()
-            assert pixels.shape[1] == width
-            assert (np.ptp(pixels, axis=-1) > 60).sum() > 200, "no colours"
-            assert all(address.startswith((file.as_uri(), "data:", "about:", "blob:")) for address in tab.requests)
+        shows(tab, file, (width, 900))
+        pixels = tab.screenshot()
+        assert pixels.shape[1] == width
+        assert (np.ptp(pixels, axis=-1) > 60).sum() > 200, "no colours"
+        assert all(address.startswith((file.as_uri(), "data:", "about:", "blob:")) for address in tab.requests)
 
 
 def shows(tab, file, size):
@@ -420,6 +422,7 @@ def test_a_dashed_ring_is_explained_where_one_is_drawn_however_many_findings_the
         assert "…" in said
 
 
+@pytest.mark.slow
 def test_a_flat_robots_picture_on_a_phone_is_no_higher_than_it_needs(diagnosed):
     _, _, diagnosis = diagnosed
     none = replace(diagnosis, findings=(), final=None)

@@ -169,7 +169,9 @@ def test_a_joint_at_no_part_of_a_turn_is_refused_with_its_bound():
             ask({**values, "wrist_1_joint": -1.01e6})
 
 
-@pytest.mark.parametrize("name", ["ur5", pytest.param("panda", marks=pytest.mark.slow), "double_pendulum"])
+@pytest.mark.parametrize(
+    "name", [*(pytest.param(name, marks=pytest.mark.slow) for name in ("ur5", "panda")), "double_pendulum"]
+)
 def test_trees_have_a_slider_for_each_joint(name):
     rigid = Explorer(prup_pin.load(name, tool="panda_hand" if name == "panda" else None))
     assert [control.name for control in rigid.poses] == list(rigid.robot.task_coordinates)

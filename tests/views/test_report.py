@@ -243,6 +243,7 @@ def test_a_heavy_scene_leaves_the_deflection_out_or_is_left_out(robot, pose, pag
     assert "script-src 'none'" in html.unescape(without)
 
 
+@pytest.mark.slow
 def test_a_real_arm_with_meshes_fits():
     robot = prup_pin.load("ur5", joint_stiffness=1e4)
     page = report_html(robot, robot.home, {"fz": -50})
@@ -360,13 +361,13 @@ def test_the_record_knows_what_a_sealed_frame_asks(asked, tmp_path):
 
 
 @needs_chromium
-def test_a_browser_shows_it_and_asks_no_other_host(page, asked, tmp_path):
+@pytest.mark.parametrize("width", [pytest.param(1280, marks=pytest.mark.slow), 400])
+def test_a_browser_shows_it_and_asks_no_other_host(page, asked, tmp_path, width):
     file = tmp_path / "report.html"
     file.write_text(page, encoding="utf-8")
     tab = Tab(str(tmp_path / "profile"), (1280, 1100))
     try:
-        for width in (1280, 400):
-            shows(tab, file, width)
+        shows(tab, file, width)
     finally:
         tab.close()
     assert asked() == []
@@ -399,6 +400,7 @@ def shows(tab, file, width):
     assert all(address.startswith((file.as_uri(), "data:", "about:", "blob:")) for address in tab.requests)
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_a_hostile_robot_runs_nothing(hostile_page, tmp_path, chromium):
     file = tmp_path / "report.html"

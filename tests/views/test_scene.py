@@ -563,7 +563,7 @@ def test_a_coarser_mesh_keeps_its_shape():
     assert len(tiny.faces) == 0
 
 
-@pytest.mark.parametrize("name", ["panda", "ur5"])
+@pytest.mark.parametrize("name", [pytest.param("panda", marks=pytest.mark.slow), "ur5"])
 def test_a_page_with_heavy_meshes_stays_below_5_mb(name, monkeypatch):
     """Drawn with and without load; and the robot is as large as its files say."""
     robot = prup_pin.load(name, joint_stiffness=1e4, tool="panda_hand" if name == "panda" else None)
