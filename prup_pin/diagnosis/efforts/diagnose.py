@@ -209,7 +209,7 @@ def _in_own_units(
 
     Every drive's gain stays free beside laws and masses, which else would make up for what the gains are off by; where
     it is another one then, efforts are divided by that, and laws are searched again beside the bodies that are known
-    now. A gain times a body is linear for small steps alone: beside bodies that are known gains may change by a little
+    now. Gains by which the robot weighs next to nothing are none. A gain times a body is linear for small steps alone: beside bodies that are known gains may change by a little
     at a time, else twice those bodies less the drawn ones were as good as these. All masses and all gains together are
     one unknown: the gains' part of it is free while most masses are as drawn; once those of all links are free, it is
     what the drawn ones make likeliest. None: most drives are in one unit.
@@ -234,6 +234,8 @@ def _in_own_units(
         gains = replace(gains, gains=gains.gains * np.exp(steps))
         if masses:
             gains = gains.by_masses(gains.gains)
+            if gains.masses < FAR_LESS:
+                return None, efforts, model
         known = [term for term in model.terms if term.is_body and not model.is_nuisance(term)]
         at = in_newtons(prepared.at, gains.gains).knowing(bodies, np.zeros_like(bodies), bodies)
     if not (gains.alike or in_any_unit(tolerances) or are_apart(np.log(gains.gains), covariance)):

@@ -68,7 +68,8 @@ class Gains:
 
     def by_masses(self, gains: Array) -> Gains:
         """Return gains (k,) so many times as large, all alike, that the robot file's masses are the likeliest beside
-        them, whatever the tool holds.
+        them, whatever the tool holds. Bodies of no mass at all are as far from the drawing as they can be, and beside
+        these gains would be without end: they are as many times as large as before, or much.
         """
 
         def cost(log: float) -> float:
@@ -76,8 +77,14 @@ class Gains:
             x, _ = self.equations.likeliest(self.drawn, 1.0, own)
             return float(self.equations.left(x, own).sum() + ((x - self.drawn) ** 2).sum())
 
-        found = minimize_scalar(cost, bracket=(-LITTLE, LITTLE))
+        found = minimize_scalar(cost, bounds=(-np.log(MUCH), np.log(MUCH)), method="bounded")
         return replace(self, gains=float(np.exp(found.x)) * gains)
+
+    @property
+    def masses(self) -> float:
+        """How many times as heavy as drawn the robot's bodies are by these gains."""
+        x, _ = self.equations.likeliest(self.drawn, 1.0, self.gains)
+        return float(x @ self.drawn) / float(self.drawn @ self.drawn)
 
 
 def precision_of_gains(of_each: float, of_all: float, count: int) -> Array:
