@@ -479,8 +479,8 @@ def _path_at_rows(position: Array, speed: Array, clock: EvenClock, parts: np.nda
     if clock.exact:
         return Path(position, speed, clock.time, parts, sampling)
     at_rows, nearest = _at_rows(np.hstack((position, speed)), clock)
-    sampling = replace(sampling, between=clock.between)
-    return Path(*np.hsplit(at_rows, 2), clock.row_time, parts[nearest], sampling)
+    position, speed = np.hsplit(at_rows, 2)
+    return Path(position, speed, clock.row_time, parts[nearest], replace(sampling, between=clock.between))
 
 
 def _at_rows(values: Array, clock: EvenClock) -> tuple[Array, np.ndarray]:

@@ -27,9 +27,9 @@ _MOVING = 0.1
 class Sampling:
     """How samples (N,) are made of what is logged at rows (M,): on an even clock, filtered, of which some are taken.
 
-    at (N,): the place of each sample on the clock, whose places are in pieces (E,) without a break; low_pass: the filter
-    before they are taken; between: the row (E,) before each place of the clock, and the share (E,) of the one after it;
-    None: the rows are the places.
+    at (N,): the place of each sample on the clock, whose places are in pieces (E,) without a break; low_pass: the
+    filter before they are taken; between: the row (E,) before each place of the clock, and the share (E,) of the one
+    after it; None: the rows are the places.
     """
 
     at: np.ndarray
@@ -96,8 +96,8 @@ class Travel:
 
         acts: how much of it acts at a speed (M,) [m/s or rad/s]; None: all of it.
 
-        An effort is logged as it is at that moment, which is no mean of the time about it. It may turn round between two
-        rows.
+        An effort is logged as it is at that moment, which is no mean of the time about it. It may turn round between
+        two rows.
         """
         if len(self.position) < 2:
             return np.zeros(len(self.sampling.at))
@@ -137,7 +137,7 @@ class Travel:
 
     @cached_property
     def _steps(self) -> Array:
-        """The time from each row to the next of its piece (M,) [s], that from the one before it at the end of a piece."""
+        """The time from each row to the next of its piece (M,) [s]; at the end of a piece that from the one before."""
         steps = np.diff(self.time, append=self.time[-1:])
         ends = np.flatnonzero(self._last == np.arange(len(steps)))
         steps[ends] = steps[np.maximum(ends - 1, self._first[ends])]

@@ -209,10 +209,11 @@ def _in_own_units(
 
     Every drive's gain stays free beside laws and masses, which else would make up for what the gains are off by; where
     it is another one then, efforts are divided by that, and laws are searched again beside the bodies that are known
-    now. Gains by which the robot weighs next to nothing are none. A gain times a body is linear for small steps alone: beside bodies that are known gains may change by a little
-    at a time, else twice those bodies less the drawn ones were as good as these. All masses and all gains together are
-    one unknown: the gains' part of it is free while most masses are as drawn; once those of all links are free, it is
-    what the drawn ones make likeliest. None: most drives are in one unit.
+    now. Gains by which the robot weighs next to nothing are none. A gain times a body is linear for small steps alone:
+    beside bodies that are known gains may change by a little at a time, else twice those bodies less the drawn ones
+    were as good as these. All masses and all gains together are one unknown: the gains' part of it is free while most
+    masses are as drawn; once those of all links are free, it is what the drawn ones make likeliest. None: most drives
+    are in one unit.
     """
     at, physics = in_newtons(prepared.at, gains.gains), law_of_gains().physics
     of_gains, middle = (EFFORT_GAINS, EFFORT_GAINS), np.full(len(gains.gains), np.log(gains.gains).mean())

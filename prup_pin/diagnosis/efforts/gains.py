@@ -109,7 +109,7 @@ def scatter_of_gains(normal: Array, moment: Array, of_all: float, middle: Array)
         cost = float(change @ (normal @ change - 2 * moment) + apart @ prior @ apart)
         return cost - float(np.linalg.slogdet(prior)[1] + np.linalg.slogdet(covariance)[1])
 
-    # gains that scatter by too little to be what they are may be likeliest at nothing, and the least is not the only one
+    # held to scatter by far too little, gains would be likeliest at nothing: the first least value may be that
     tried = np.linspace(np.log(UNSEEN), np.log(EFFORT_GAINS), int(MUCH))
     best = int(np.argmin([unlikely(log) for log in tried]))
     bounds = float(tried[max(best - 1, 0)]), float(tried[min(best + 1, len(tried) - 1)])
