@@ -179,6 +179,28 @@ def _simpler(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
     return model
 
 
+def in_plainest_form(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
+    """Return the model with the plainer law of a family in the place of a richer one that has nothing of what it has
+    more: a friction that is no larger when slow is dry friction.
+    """
+    for term, own in [(term, fit(model)[0][model.slice_of(term)]) for term in model.terms]:
+        there = {name for name, value in zip(term.law.linear, own, strict=True) if value > 0}
+        plainer = [
+            candidate
+            for candidate in model.problem.candidates
+            if candidate.is_family_of(term) and there <= set(candidate.law.linear) < set(term.law.linear)
+        ]
+        if not (term.law.one_sided and there and plainer):
+            continue
+        least = min(plainer, key=lambda candidate: candidate.size)
+        values = {name: term.values.get(name, value) for name, value in least.values.items()}
+        wider, (other,) = efforts.extended(
+            model.problem, [efforts.columns_at(least.law, least.place, values, efforts.at)]
+        )
+        model = model.in_problem(wider.only(model.problem.candidates)).replaced(model.terms.index(term), other)
+    return model
+
+
 def _simplifications(model: EffortModel) -> Iterator[tuple[tuple[EffortCandidate, ...], list[EffortCandidate]]]:
     """Yield terms, and candidates with fewer columns of which one may stand for all of these.
 
