@@ -66,7 +66,9 @@ def curve_against(
     """
     if np.ptp(variable) < NOTHING:
         return None
-    knots = np.unique(np.quantile(variable, np.linspace(0, 1, KNOTS)))
+    # half as they lie, half evenly: most loads may be next to nothing, and a curve bends where they are large
+    shares = np.linspace(0, 1, KNOTS)
+    knots = np.unique((np.quantile(variable, shares) + variable.min() + shares * np.ptp(variable)) / 2)
     if knots[0] < 0 < knots[-1]:
         knots[np.argmin(np.abs(knots))] = 0.0
     knots = np.unique(knots)
