@@ -116,7 +116,8 @@ class FirstOrderFit:
         does = bare - self.left(begin)[: len(bare)]
         size = float(does @ does)
         times = max(float(bare @ does) / size, 1e-9) if size else 1.0
-        value = self.candidate.law.magnified(float(np.exp(begin[0])), times)
+        # what gives way in proportion would do so by more than all it has: it is at its bound then
+        value = max(self.candidate.law.magnified(float(np.exp(begin[0])), times), float(np.exp(self.bounds[0][0])))
         return np.clip(np.concatenate(([np.log(value)], begin[1:])), *self.bounds)
 
     def usual(self) -> float:
