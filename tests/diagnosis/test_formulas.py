@@ -157,18 +157,22 @@ def test_friction_along_a_rail_turns_round_on_the_way_that_it_does(carriage):
 
 
 @pytest.mark.slow
-def test_a_formula_has_the_place_of_a_law_that_imitates_it_and_brings_its_own_offset(carriage):
-    found = diagnose(carriage, recorded(lambda q, v, t: 900.0 * (q + 0.3) ** 2), propose=True)
-    assert {item.physics for item in found.findings} & {"counterbalance", "effort_offset"}
+def test_a_formula_has_the_place_of_a_law_beside_which_it_is_found_and_says_so(carriage):
+    found = diagnose(carriage, recorded(lambda q, v, t: 300.0 * np.abs(q + 0.02)), propose=True)
+    assert "viscous_friction" in {item.physics for item in found.findings}
     (proposal,) = found.proposals
     assert [term.factor.name for term in proposal.law.terms] == ["position"]
-    assert "in the place of counterbalance" in proposal.instead
+    assert "in the place of viscous friction" in proposal.instead
     assert proposal.instead in proposal_lines(proposal)
-    laws = [proposal.law, *(other.law for other in proposal.equals)]
-    (square,) = (law for law in laws if [term.shape for term in law.terms] == ["square_about"])
-    fitted = {q.name: q.default for q in square.quantities}
-    assert fitted["coefficient"] == pytest.approx(900.0, rel=0.05)
-    assert fitted["rest"] == pytest.approx(-0.3, abs=0.02)
+
+
+@pytest.mark.slow
+def test_of_what_a_law_explains_no_formula_is_proposed(carriage):
+    """A square about a place on the way is a spring whose stiffness changes along it."""
+    found = diagnose(carriage, recorded(lambda q, v, t: 900.0 * (q + 0.3) ** 2), propose=True)
+    assert found.verdict == "explained"
+    assert "counterbalance" in {item.physics for item in found.findings}
+    assert not found.proposals
 
 
 @pytest.mark.slow
@@ -254,7 +258,7 @@ def test_of_a_joint_that_never_moved_nothing_is_proposed(carriage):
 
 @pytest.mark.slow
 def test_friction_that_gives_energy_to_the_motion_is_told(carriage):
-    pushes = recorded(lambda q, v, t: -100.0 * v - 300.0 * v * np.abs(v))
+    pushes = recorded(lambda q, v, t: -40.0 * v - 150.0 * v * np.abs(v))
     (proposal,) = diagnose(carriage, pushes, propose=["carriage"]).proposals
     assert any("gives energy to the motion" in text for text in proposal.doubts)
 
