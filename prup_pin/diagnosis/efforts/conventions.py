@@ -335,6 +335,8 @@ class EffortReadings:
                 price = _price(ahead) + _price(reading)
                 margin = SURELY * (1 + bool(ahead))
                 wins = score.nats + price < unlikely.nats - margin and self._makes_sense(both, other)
+                # what leaves most of a log, and of each of its efforts, reads nothing of it
+                wins &= _left_of_most(score.shares) < MOST or bool((score.shares < LITTLE * unlikely.shares).any())
                 tried.append(Tried(score.nats + price + _price(taken), both, other, score, wins=wins))
         return tried
 
