@@ -23,6 +23,19 @@ _REPEATS = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
+class Between:
+    """Samples on straight lines between rows: the row before each (N,), and the share (N,) of the next one in it."""
+
+    before: np.ndarray
+    share: Array
+
+    def __call__(self, values: Array) -> Array:
+        """Return the samples (N, ...) of values at rows (M, ...)."""
+        share = self.share.reshape(-1, *[1] * (values.ndim - 1))
+        return values[self.before] * (1 - share) + values[self.before + 1] * share
+
+
+@dataclass(frozen=True, eq=False)
 class EvenClock:
     """How the rows of a table become samples on an even clock.
 
@@ -58,13 +71,11 @@ class EvenClock:
         kept = values[self.rows]
         if self.exact:
             return kept
-        before, share = self.between
-        share = share.reshape(-1, *[1] * (kept.ndim - 1))
-        return kept[before] * (1 - share) + kept[before + 1] * share
+        return self.between(kept)
 
     @cached_property
-    def between(self) -> tuple[np.ndarray, Array]:
-        """The row that counts before each sample (N,), and the share (N,) of the next one in it."""
+    def between(self) -> Between:
+        """The lines between the rows that count on which the samples lie."""
         before, share = np.empty(len(self.time), int), np.empty(len(self.time))
         for piece in np.unique(self.piece):
             here, given = self.piece == piece, np.flatnonzero(self.row_piece == piece)
@@ -72,7 +83,7 @@ class EvenClock:
             at = np.clip(np.searchsorted(time, self.time[here]) - 1, 0, len(given) - 2)
             before[here] = given[at]
             share[here] = np.clip((self.time[here] - time[at]) / (time[at + 1] - time[at]), 0.0, 1.0)
-        return before, share
+        return Between(before, share)
 
 
 def even_clock(time: Array, columns: Array, run: np.ndarray) -> EvenClock:

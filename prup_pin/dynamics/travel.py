@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from ..spatial import Array
+from .clock import Between
 from .smoothing import LowPass
 
 #: Parts of a step in which a motion turns round, and the share of its usual speed below which it only rests.
@@ -28,14 +29,13 @@ class Sampling:
     """How samples (N,) are made of what is logged at rows (M,): on an even clock, filtered, of which some are taken.
 
     at (N,): the place of each sample on the clock, whose places are in pieces (E,) without a break; low_pass: the
-    filter before they are taken; between: the row (E,) before each place of the clock, and the share (E,) of the one
-    after it; None: the rows are the places.
+    filter before they are taken; between: the lines between rows on which places lie; None: the rows are the places.
     """
 
     at: np.ndarray
     piece: np.ndarray
     low_pass: LowPass | None = None
-    between: tuple[np.ndarray, Array] | None = None
+    between: Between | None = None
 
     @classmethod
     def each(cls, piece: np.ndarray) -> Sampling:
@@ -45,8 +45,7 @@ class Sampling:
     def __call__(self, values: Array) -> Array:
         """Return the samples (N,) of what was logged at the rows (M,)."""
         if self.between is not None:
-            before, share = self.between
-            values = values[before] * (1 - share) + values[np.minimum(before + 1, len(values) - 1)] * share
+            values = self.between(values)
         if self.low_pass is not None:
             values = self.low_pass(values, self.piece)
         return values[self.at]
@@ -91,18 +90,17 @@ class Travel:
     piece: np.ndarray
     sampling: Sampling
 
-    def direction(self, way: float, acts: Callable[[Array], Array] | None = None) -> Array:
+    def direction(self, way: float, acts: Callable[[Array], Array] = np.ones_like) -> Array:
         """Return the direction z of dry friction (N,): dz = (sign(dq) - z) |dq| / way. A way of nothing is the sign.
 
-        acts: how much of it acts at a speed (M,) [m/s or rad/s]; None: all of it.
+        acts: how much of it acts at a speed (M,) [m/s or rad/s].
 
         An effort is logged as it is at that moment, which is no mean of the time about it. It may turn round between
         two rows.
         """
         if len(self.position) < 2:
             return np.zeros(len(self.sampling.at))
-        state = self._at_rows(way)
-        return self.sampling(state if acts is None else state * acts(self.speed))
+        return self.sampling(self._at_rows(way) * acts(self.speed))
 
     def _at_rows(self, way: float) -> Array:
         """Return z at each row (M,), where stretches of one direction meet between rows or in one."""

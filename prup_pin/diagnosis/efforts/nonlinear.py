@@ -164,8 +164,20 @@ def _replaced(
     efforts: PreparedEfforts, model: EffortModel, index: int, values: Mapping[str, float], at: InMotion
 ) -> EffortModel:
     """Return the model with new columns of one term, by other values in a motion of which more may be known."""
-    term, problem = model.terms[index], model.problem
-    wider, (other,) = efforts.extended(problem, [efforts.columns_at(term.law, term.place, values, at)])
+    return with_form(efforts, model, index, model.terms[index], values, at)
+
+
+def with_form(
+    efforts: PreparedEfforts,
+    model: EffortModel,
+    index: int,
+    form: EffortCandidate,
+    values: Mapping[str, float],
+    at: InMotion,
+) -> EffortModel:
+    """Return the model with the law of a candidate, by some values in a motion, in the place of one term."""
+    problem = model.problem
+    wider, (other,) = efforts.extended(problem, [efforts.columns_at(form.law, form.place, values, at)])
     return model.in_problem(wider.only(problem.candidates)).replaced(index, other)
 
 

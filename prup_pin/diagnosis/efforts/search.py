@@ -18,7 +18,7 @@ import numpy as np
 from ...spatial import Array
 from ..criteria import AS_GOOD, FEWEST_OF_KIND, GAIN, MOST, MOST_FITS, NO_MATTER, SURE, TRIED, beyond_tolerance
 from .evidence import CrossValidation, Score, held_out, no_worse, relative_gain, savings, scores, standard_error
-from .nonlinear import optimised_in_either_form, refined
+from .nonlinear import optimised_in_either_form, refined, with_form
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
 
@@ -183,8 +183,9 @@ def in_plainest_form(efforts: PreparedEfforts, model: EffortModel) -> EffortMode
     """Return the model with the plainer law of a family in the place of a richer one that has nothing of what it has
     more: a friction that is no larger when slow is dry friction.
     """
-    for term, own in [(term, fit(model)[0][model.slice_of(term)]) for term in model.terms]:
-        there = {name for name, value in zip(term.law.linear, own, strict=True) if value > 0}
+    begun, x = model, fit(model)[0]
+    for index, term in enumerate(begun.terms):
+        there = {name for name, own in zip(term.law.linear, x[begun.slice_of(term)], strict=True) if own > 0}
         plainer = [
             candidate
             for candidate in model.problem.candidates
@@ -194,10 +195,7 @@ def in_plainest_form(efforts: PreparedEfforts, model: EffortModel) -> EffortMode
             continue
         least = min(plainer, key=lambda candidate: candidate.size)
         values = {name: term.values.get(name, value) for name, value in least.values.items()}
-        wider, (other,) = efforts.extended(
-            model.problem, [efforts.columns_at(least.law, least.place, values, efforts.at)]
-        )
-        model = model.in_problem(wider.only(model.problem.candidates)).replaced(model.terms.index(term), other)
+        model = with_form(efforts, model, index, least, values, efforts.at)
     return model
 
 
