@@ -139,6 +139,8 @@ def _diagnosed(
         return _told(refused, tell)
     if drawn.is_loaded:
         found = _under_loads(drawn, tell)
+        if not found.is_clean:
+            found = _without_gross_errors(drawn, found, tell)
     else:  # nothing but weight loads it: what is off all over is asked first
         found = searched(_all_over(drawn, tell, drawn.spread) or without_laws(drawn.prepared(drawn.spread), tell), tell)
     spread = found.prepared.spread
@@ -236,6 +238,12 @@ def _beside(drawn: AsDrawn, begun: Account, tell: Tell) -> Account | None:
             return None
     prepared = drawn.prepared(spread.all_over(), effects)
     return beside_laws(prepared, terms, tell) if prepared.kinds else None
+
+
+def _without_gross_errors(drawn: AsDrawn, found: Account, tell: Tell) -> Account:
+    """Return the account without what no sample but a few bears out beside the laws found, where that leaves noise."""
+    fewer = drawn.without_gross_errors(found.selection.last.effects)
+    return found if fewer is None else _cleaner(found, _under_loads(fewer, tell))
 
 
 def _with_outliers(drawn: AsDrawn, found: Account, spread: Spread, tell: Tell) -> Account:

@@ -7,16 +7,17 @@ machine's own ways.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..channels import Stack
-from ..numbers import quantity
+from ..numbers import counted, quantity
+from ..recordings import Together
 from ..spatial import Array
 from .chances import chi2_isf, chi2_median
-from .criteria import APART, FAR_LESS, LITTLE, OUTLIER
+from .criteria import APART, FAR_LESS, LITTLE, MOST_LISTED, OUTLIER
 from .problem import Problem
 from .variance_components import VarianceEstimate, of_groups
 
@@ -127,6 +128,41 @@ def without_outliers(exists: np.ndarray, outliers: Sequence[Outlier], stack: Sta
     for item in outliers:
         out[item.sample, where[item.channel]] = False
     return out
+
+
+def outliers_told(outliers: Sequence[Outlier], together: Together, load: str = "") -> Iterator[str]:
+    """Yield sentences for people on outliers that were left out; load: unrecorded, it
+    leaves them behind.
+    """
+    if not outliers:
+        return
+
+    def line(sample: int, more: str = "") -> str:
+        return together.told(together.sources[together.which[sample]], f"line {together.rows[sample] + 2}{more}")
+
+    def listed(lines: Sequence[str]) -> str:
+        return ", ".join(lines[:MOST_LISTED]) + (", …" if len(lines) > MOST_LISTED else "")
+
+    worst = sorted(outliers, key=lambda item: -item.distance)
+    there = listed([line(item.sample, f" ({item.channel}, {item.size} off)") for item in worst])
+    if load:
+        yield (
+            f"left out are {counted(len({item.sample for item in worst}), 'sample')} that lie where {load} at the tool "
+            "move the robot, and no load was recorded: give it in columns w.fx … w.mz, with 0 where there was none: "
+            f"{there}"
+        )
+    else:
+        yield (
+            f"left out {'are' if len(worst) > 1 else 'is'} {counted(len(worst), 'gross error')}, which all "
+            f"other samples contradict: {there}"
+        )
+    pairs = dict.fromkeys((item.channel, item.exchanged) for item in outliers if item.exchanged)
+    for one, other in (pair for pair in pairs if pair[0] < pair[1]):
+        here = [item.sample for item in outliers if (item.channel, item.exchanged) == (one, other)]
+        yield (
+            f"{one} and {other} are exchanged in {listed([line(sample) for sample in here])}: each has the other's "
+            "numbers there. Put them right, or leave them out"
+        )
 
 
 def _columns(stack: Stack) -> dict[str, slice]:

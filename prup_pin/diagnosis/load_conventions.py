@@ -24,6 +24,7 @@ from ..recordings.conventions import Evidence, may_be_read
 from ..robot import Robot
 from ..simulation import Simulator
 from ..spatial import Array, base_wrench_from_point, cross, rotation_exp, turn_between
+from .chances import chi2_median
 from .criteria import (
     ANYHOW,
     AS_GOOD,
@@ -37,12 +38,14 @@ from .criteria import (
     LITTLE,
     MOST,
     MUCH,
+    NOTHING,
     ROUNDING,
     ROUNDS,
     SURE,
     UNSEEN,
     trusted,
 )
+from .gross_errors import far_off
 from .readings import Columns, Reading, Tried, likeliest, readings
 from .rigid_fit import rigid_fit
 from .thinning import evenly_spaced
@@ -92,6 +95,7 @@ class _Loaded:
             moved=self.moved[rows], wrench=self.wrench[rows], tool=self.tool[rows],
             blocks=self.blocks[rows], free=_freed(self.blocks[rows]),
             noise=self.noise * len(self.wrench[rows]) / len(self.wrench),
+            at_rest=lambda: tuple(each[:, rows] for each in self.at_rest()),
         )  # fmt: skip
 
     def leaves(self, wrench: Array, least: float) -> bool:
@@ -216,7 +220,8 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     if good.sum() < FEWEST_IN_BLOCK:
         return None
     several = np.unique(blocks[good])
-    chosen = several[evenly_spaced(len(several), _BLOCKS)]
+    most = max(_BLOCKS, int(_SAMPLES * len(several) / good.sum()))
+    chosen = several[evenly_spaced(len(several), most)]
     rows = np.flatnonzero(good & np.isin(blocks, chosen))
     rows = rows[:: max(1, len(rows) // _SAMPLES)]
     inputs = Inputs(recording.time[rows], actuators[rows], recording.wrench[rows], blocks[rows])
@@ -258,12 +263,56 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
         parts, tuple(places), weight[:, :, None] * along, moved, wrench, tool, blocks[rows], _freed(blocks[rows]),
         noise, at_rest,
     )  # fmt: skip
+    kept = _borne_out(loaded)
+    loaded, bent, wrench = loaded.select(kept), bent[kept], wrench[kept]
     # what large deflections add to C w is much the same however the wrench is read, unless it is read far too large:
     # then it is more than all that moved
-    if (loaded.free(bent) ** 2).sum() > MOST * (loaded.free(moved) ** 2).sum():
+    if (loaded.free(bent) ** 2).sum() > MOST * (loaded.free(loaded.moved) ** 2).sum():
         return loaded
-    other = replace(loaded, moved=moved - bent)
+    other = replace(loaded, moved=loaded.moved - bent)
     return min(loaded, other, key=lambda item: _left(item, wrench).yielding)
+
+
+def _borne_out(loaded: _Loaded) -> np.ndarray:
+    """Return which samples are no gross errors, (n,): whatever yields to its loads, others bear them out.
+
+    The farthest in a posture is left out first, since the mean of that posture's samples has a part of it.
+    """
+    kept = np.ones(len(loaded.wrench), bool)
+    for _ in range(ROUNDS):
+        rows = np.flatnonzero(kept)
+        here = loaded.select(rows)
+        squares = _squares_of_any_softness(here)
+        if squares is None:
+            break
+        far = np.zeros(len(rows), bool)
+        for unit in squares.T:
+            worst = np.zeros(here.blocks.max() + 1)
+            np.maximum.at(worst, here.blocks, unit)
+            far |= far_off(unit)[0] & (unit == worst[here.blocks])
+        kept[rows[far]] = False
+        if not far.any():
+            break
+    return kept if (~kept).sum() <= LITTLE * len(kept) else np.ones(len(kept), bool)
+
+
+def _squares_of_any_softness(loaded: _Loaded) -> Array | None:
+    """Return what is left of each sample's shift and turn, squared (n, 2), whatever place yields to any of its loads.
+
+    What is far off weighs little. None where the samples are too few to say.
+    """
+    ways = [loaded.by_module(loaded.wrench)]
+    ways += [loaded.by_place(loaded.wrench, place) for place in range(len(loaded.places))]
+    columns, target = np.concatenate(ways, axis=1), loaded.free(loaded.moved).ravel()
+    if len(target) < 2 * columns.shape[1]:
+        return None
+    weights = np.ones((len(loaded.wrench), 2))
+    for _ in range(FEW_ROUNDS):
+        white = np.repeat(np.sqrt(weights), 3, axis=1).ravel()
+        found = np.linalg.lstsq(columns * white[:, None], target * white, rcond=ROUNDING)[0]
+        squares = ((target - columns @ found).reshape(-1, 2, 3) ** 2).sum(axis=2)
+        weights = trusted(squares * chi2_median(3) / np.maximum(np.median(squares, axis=0), NOTHING**2))
+    return squares
 
 
 def _weight(robot: Robot) -> list[Effect]:

@@ -34,12 +34,12 @@ from .criteria import (
     MUCH,
     NOTHING,
 )
-from .gross_errors import Outlier
+from .gross_errors import Outlier, outliers_told, without_outliers
 from .noise import estimate_noise, scatter_of_repeats
 from .problem import Problem
 from .registration import OWN_STATIONS, Registered, own_frames, registered, worlds_apart
 from .since import Earlier
-from .spread import Spread, spread_of
+from .spread import Spread, few_gross_errors, spread_of
 from .thinning import evenly_spaced
 from .toleranced import Toleranced, toleranced_of
 
@@ -56,7 +56,8 @@ class Prepared:
 
     raw_linear (n, K) [m, rad]: what is left of the simulation that a user starts from; raw_registered: the same with
     sensors where they stand. `placed`: what was measured, and where its sensors stand; `spread`: which kinds are off
-    everywhere, where that was asked; `noise_unknown`: only the residual tells the noise. `remarks` are added to later.
+    everywhere, where that was asked; few_outliers: gross errors that were left out before; `noise_unknown`: only the
+    residual tells the noise. `remarks` are added to later.
     `earlier`: what acts from the start.
     """
 
@@ -71,6 +72,7 @@ class Prepared:
     remarks: list[str]
     placed: Registered
     spread: Spread | None = None
+    few_outliers: tuple[Outlier, ...] = ()
     noise_unknown: bool = False
     earlier: Earlier | None = None
 
@@ -82,7 +84,7 @@ class Prepared:
     @property
     def outliers(self) -> tuple[Outlier, ...]:
         """Gross errors that were left out."""
-        return () if self.spread is None else self.spread.outliers
+        return (*self.few_outliers, *(() if self.spread is None else self.spread.outliers))
 
     def within_tolerances(self, problem: Problem, reach: float = np.inf) -> Problem:
         """Return a problem with the toleranced parameters calibrated, where there are any and anything to compare.
@@ -112,8 +114,8 @@ class Measured(NamedTuple):
 class AsDrawn:
     """Recordings beside the robot as its file has it, checked and thinned, before anything is said to be off.
 
-    problem: all that was measured, with the noise declared, seen in repeats or assumed; `seen`: inputs, and where
-    sensors stand.
+    problem: what was measured but for outliers, with the noise declared, seen in repeats or assumed; `seen`: inputs,
+    and where sensors stand.
     """
 
     together: Together
@@ -123,11 +125,23 @@ class AsDrawn:
     unused: tuple[str, ...]
     remarks: tuple[str, ...]
     earlier: Earlier | None
+    outliers: tuple[Outlier, ...] = ()
 
     @property
     def is_loaded(self) -> bool:
         """True where more than the robot's weight loads it."""
         return not self.seen.inputs.weight_alone
+
+    def without_gross_errors(self, effects: Sequence[Effect]) -> AsDrawn | None:
+        """Return the same without what no other sample bears out where effects act; None where nothing is so."""
+        problem = self.problem
+        outliers = few_gross_errors(problem, self.together, effects)
+        if not outliers:
+            return None
+        stack = problem.stack.of_those(without_outliers(problem.stack.exists, outliers, problem.stack))
+        problem = Problem.of(self.seen.simulator, stack, problem.noise, problem.nominal.run)
+        remarks = (*self.remarks, *outliers_told(outliers, self.together))
+        return replace(self, problem=problem, remarks=remarks, outliers=(*self.outliers, *outliers))
 
     @cached_property
     def spread(self) -> Spread | None:
@@ -188,6 +202,7 @@ class AsDrawn:
             remarks=remarks,
             placed=seen.placed,
             spread=spread,
+            few_outliers=self.outliers,
             noise_unknown=spread is not None and self.problem.noise.source == "assumed",
             earlier=self.earlier,
         )

@@ -17,7 +17,7 @@ from ..channels import Noise, Stack, Stations
 from ..kernel import NEGLIGIBLE
 from ..laws import Effect
 from ..laws.yielding import ACROSS, OWN, UNEVEN, way_told
-from ..numbers import counted, number, quantity
+from ..numbers import number, quantity
 from ..recordings import SENSORS, Together
 from ..simulation import Run
 from ..spatial import Array
@@ -28,8 +28,8 @@ from .criteria import (
     FAR_LESS,
     FOLDS,
     LITTLE,
-    MOST_LISTED,
     MOST_TERMS,
+    NO_MATTER,
     NOTHING,
     ROUNDS,
     trusted,
@@ -45,7 +45,7 @@ from .free_parameters import (
     by_stations,
     free_parameters,
 )
-from .gross_errors import Outlier, gross_errors, without_outliers
+from .gross_errors import Outlier, gross_errors, outliers_told, without_outliers
 from .influence import Influence
 from .problem import Problem, shortened
 from .unrecorded_load import UnrecordedLoad, reaches, unrecorded_load
@@ -141,39 +141,7 @@ class Spread:
 
     def told(self, together: Together, noise: Noise) -> Iterator[str]:
         """Yield sentences for people; noise: as it was assumed."""
-        if self.outliers:
-            worst = sorted(self.outliers, key=lambda item: -item.distance)
-            listed = [
-                together.told(
-                    together.sources[together.which[item.sample]],
-                    f"line {together.rows[item.sample] + 2} ({item.channel}, {item.size} off)",
-                )
-                for item in worst[:MOST_LISTED]
-            ]
-            more = ", …" if len(worst) > MOST_LISTED else ""
-            there = f"{', '.join(listed)}{more}"
-            if self.load is not None:
-                yield (
-                    f"left out are {counted(len({item.sample for item in worst}), 'sample')} that lie where "
-                    f"{self.load} at the tool move the robot, and no load was recorded: give it in "
-                    f"columns w.fx … w.mz, with 0 where there was none: {there}"
-                )
-            else:
-                yield (
-                    f"left out {'are' if len(worst) > 1 else 'is'} {counted(len(worst), 'gross error')}, which all "
-                    f"other samples contradict: {there}"
-                )
-        pairs = dict.fromkeys((item.channel, item.exchanged) for item in self.outliers if item.exchanged)
-        for one, other in (pair for pair in pairs if pair[0] < pair[1]):
-            here = [item.sample for item in self.outliers if (item.channel, item.exchanged) == (one, other)]
-            lines = [
-                together.told(together.sources[together.which[at]], f"line {together.rows[at] + 2}") for at in here
-            ]
-            more = ", …" if len(lines) > MOST_LISTED else ""
-            yield (
-                f"{one} and {other} are exchanged in {', '.join(lines[:MOST_LISTED])}{more}: each has the other's "
-                "numbers there. Put them right, or leave them out"
-            )
+        yield from outliers_told(self.outliers, together, "" if self.load is None else str(self.load))
         if noise.source == "assumed":
             found = self.noise(noise)
             yield (
@@ -197,19 +165,12 @@ def spread_of(
     explains too little: most robots under load lack a law or two. problem: at the robot file; weights: ways in which it
     may act; stations: the pose sensor may have been set up anew for each run.
     """
-    simulator = problem.simulator
-    groups = together.with_runs_of("pose_sensor").groups if stations else together.groups
-    moves = simulator.inputs.moves
-    loaded = any(weights) or not simulator.inputs.weight_alone
-    parameters = free_parameters(together.recording, simulator.robot.mechanism, groups, loaded, moves)
-    if stations:
-        parameters = parameters.with_stations(together.recording.run)
-    exists, least = problem.stack.exists, 0.0 if problem.noise.source == "assumed" else 1.0
-    seen = _VarianceProblem(problem, parameters, tuple(weights[0]), least).told_by(exists)
+    exists, weight_alone = problem.stack.exists, problem.simulator.inputs.weight_alone
+    seen = _asked(problem, together, weights[0], any(weights) or not weight_alone, stations)
     if seen is None:
         return None
     ways = [replace(seen, weight=tuple(weight)) for weight in weights]
-    seen = ways[0] if simulator.inputs.weight_alone else _promising(ways, exists)
+    seen = ways[0] if weight_alone else _promising(ways, exists)
     if seen is None:
         return None
     labels = seen.parameters.kinds
@@ -248,6 +209,35 @@ def spread_of(
     scale = position, rotation
     spread = Spread(kinds, yielding, silent, scale, tuple(outliers), exists, found, load=load, count=counts)
     return replace(spread, kinds={}, of_few=kinds) if kinds and _are_few(data, fit, seen) else spread
+
+
+def few_gross_errors(problem: Problem, together: Together, effects: Sequence[Effect]) -> list[Outlier]:
+    """Return gross errors of a loaded robot on which effects act, whatever else may be off; none where many are far.
+
+    Many samples that one law would explain are no gross errors.
+    """
+    exists = problem.stack.exists
+    seen = _asked(problem, together, effects, True, False)
+    settled = None if seen is None else seen.settled(np.zeros(len(seen.floors)), exists, True)
+    if settled is None:
+        return []
+    found = gross_errors(problem, settled.distances, settled.rest, settled.fit)
+    rows = np.count_nonzero(exists.any(axis=1))
+    return found if len({item.sample for item in found}) <= NO_MATTER * rows else []
+
+
+def _asked(
+    problem: Problem, together: Together, weight: Sequence[Effect], loaded: bool, stations: bool
+) -> _VarianceProblem | None:
+    """Return what was measured as a question to all that may be off, as far as it can tell; None where it cannot."""
+    groups = together.with_runs_of("pose_sensor").groups if stations else together.groups
+    simulator = problem.simulator
+    moves = simulator.inputs.moves
+    parameters = free_parameters(together.recording, simulator.robot.mechanism, groups, loaded, moves)
+    if stations:
+        parameters = parameters.with_stations(together.recording.run)
+    least = 0.0 if problem.noise.source == "assumed" else 1.0
+    return _VarianceProblem(problem, parameters, tuple(weight), least).told_by(problem.stack.exists)
 
 
 def _promising(ways: Sequence[_VarianceProblem], exists: np.ndarray) -> _VarianceProblem | None:
