@@ -139,7 +139,7 @@ def _diagnosed(
         return _told(refused, tell)
     if drawn.is_loaded:
         found = _under_loads(drawn, tell)
-        if not found.is_clean:
+        if not (found.is_clean and found.problem.noise == drawn.problem.noise):
             found = _without_gross_errors(drawn, found, tell)
     else:  # nothing but weight loads it: what is off all over is asked first
         found = searched(_all_over(drawn, tell, drawn.spread) or without_laws(drawn.prepared(drawn.spread), tell), tell)
@@ -242,7 +242,7 @@ def _beside(drawn: AsDrawn, begun: Account, tell: Tell) -> Account | None:
 
 def _without_gross_errors(drawn: AsDrawn, found: Account, tell: Tell) -> Account:
     """Return the account without what no sample but a few bears out beside the laws found, where that leaves noise."""
-    fewer = drawn.without_gross_errors(found.selection.last.effects)
+    fewer = drawn.without_gross_errors(found.selection.last)
     return found if fewer is None else _cleaner(found, _under_loads(fewer, tell))
 
 

@@ -17,9 +17,9 @@ from ..numbers import counted, quantity
 from ..recordings import Together
 from ..spatial import Array
 from .chances import chi2_isf, chi2_median
-from .criteria import APART, FAR_LESS, LITTLE, MOST_LISTED, OUTLIER
-from .problem import Problem
-from .variance_components import VarianceEstimate, of_groups
+from .criteria import APART, FAR_LESS, LITTLE, MOST_LISTED, NO_MATTER, OUTLIER
+from .problem import Fit, Problem
+from .variance_components import UNITS, of_groups
 
 #: Neighbours in posture that share what is a machine's own.
 _NEIGHBOURS = 2
@@ -46,11 +46,14 @@ class Outlier:
         return quantity(self.by, self.unit)
 
 
-def gross_errors(problem: Problem, distances: Array, rest: Array, fit: VarianceEstimate) -> list[Outlier]:
-    """Return what lies too far off: distances (N, groups), squared, and what is left (N, K), by the noise."""
+def gross_errors(problem: Problem, distances: Array, rest: Array, variances: Array) -> list[Outlier]:
+    """Return what lies too far off: distances (N, groups), squared, and what is left (N, K), by the noise.
+
+    variances (u,): of that noise, by unit.
+    """
     found = []
     stack, noise = problem.stack, problem.noise
-    scatter = np.sqrt(of_groups(stack, fit.noise))
+    scatter = np.sqrt(of_groups(stack, variances))
     for index, group in enumerate(stack.groups()):
         here = distances[:, index]
         known = np.isfinite(here)
@@ -66,6 +69,18 @@ def gross_errors(problem: Problem, distances: Array, rest: Array, fit: VarianceE
             found.append(Outlier(int(sample), group.name, by / np.sqrt(size), by * unit, group.unit))
     sizes = [group.where.stop - group.where.start for group in stack.groups()]
     return _exchanged(found, rest / np.repeat(scatter, sizes), stack)
+
+
+def few_gross_errors(problem: Problem, fit: Fit) -> list[Outlier]:
+    """Return the gross errors that a fit leaves; none where they are more than a few, for laws may be missing there."""
+    stack, rows = problem.stack, fit.samples
+    seen = problem.compared(fit.run)
+    rest = np.full(stack.exists.shape, np.nan)
+    rest[rows] = np.where(seen, stack.residual(fit.run)[rows] / stack.deviation(problem.noise), np.nan)
+    distances = np.stack([(rest[:, group.where] ** 2).sum(axis=1) for group in stack.groups()], axis=1)
+    found = gross_errors(problem, distances, rest, np.ones(len(UNITS)))
+    few = len({item.sample for item in found}) <= NO_MATTER * np.count_nonzero(seen.any(axis=1))
+    return found if few else []
 
 
 def far_off(squares: Array) -> tuple[np.ndarray, float]:

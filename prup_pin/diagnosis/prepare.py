@@ -34,12 +34,12 @@ from .criteria import (
     MUCH,
     NOTHING,
 )
-from .gross_errors import Outlier, outliers_told, without_outliers
+from .gross_errors import Outlier, few_gross_errors, outliers_told, without_outliers
 from .noise import estimate_noise, scatter_of_repeats
-from .problem import Problem
+from .problem import Fit, Problem
 from .registration import OWN_STATIONS, Registered, own_frames, registered, worlds_apart
 from .since import Earlier
-from .spread import Spread, few_gross_errors, spread_of
+from .spread import Spread, spread_of
 from .thinning import evenly_spaced
 from .toleranced import Toleranced, toleranced_of
 
@@ -132,10 +132,10 @@ class AsDrawn:
         """True where more than the robot's weight loads it."""
         return not self.seen.inputs.weight_alone
 
-    def without_gross_errors(self, effects: Sequence[Effect]) -> AsDrawn | None:
-        """Return the same without what no other sample bears out where effects act; None where nothing is so."""
+    def without_gross_errors(self, fit: Fit) -> AsDrawn | None:
+        """Return the same without what is far off in a fit and no other sample bears out; None where nothing is so."""
         problem = self.problem
-        outliers = few_gross_errors(problem, self.together, effects)
+        outliers = few_gross_errors(problem, fit)
         if not outliers:
             return None
         stack = problem.stack.of_those(without_outliers(problem.stack.exists, outliers, problem.stack))

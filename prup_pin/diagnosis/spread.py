@@ -29,7 +29,6 @@ from .criteria import (
     FOLDS,
     LITTLE,
     MOST_TERMS,
-    NO_MATTER,
     NOTHING,
     ROUNDS,
     trusted,
@@ -165,12 +164,19 @@ def spread_of(
     explains too little: most robots under load lack a law or two. problem: at the robot file; weights: ways in which it
     may act; stations: the pose sensor may have been set up anew for each run.
     """
-    exists, weight_alone = problem.stack.exists, problem.simulator.inputs.weight_alone
-    seen = _asked(problem, together, weights[0], any(weights) or not weight_alone, stations)
+    simulator = problem.simulator
+    groups = together.with_runs_of("pose_sensor").groups if stations else together.groups
+    moves = simulator.inputs.moves
+    loaded = any(weights) or not simulator.inputs.weight_alone
+    parameters = free_parameters(together.recording, simulator.robot.mechanism, groups, loaded, moves)
+    if stations:
+        parameters = parameters.with_stations(together.recording.run)
+    exists, least = problem.stack.exists, 0.0 if problem.noise.source == "assumed" else 1.0
+    seen = _VarianceProblem(problem, parameters, tuple(weights[0]), least).told_by(exists)
     if seen is None:
         return None
     ways = [replace(seen, weight=tuple(weight)) for weight in weights]
-    seen = ways[0] if weight_alone else _promising(ways, exists)
+    seen = ways[0] if simulator.inputs.weight_alone else _promising(ways, exists)
     if seen is None:
         return None
     labels = seen.parameters.kinds
@@ -178,7 +184,7 @@ def spread_of(
     first = seen.settled(x, exists, True)
     if first is None:
         return None
-    outliers = gross_errors(problem, first.distances, first.rest, first.fit)
+    outliers = gross_errors(problem, first.distances, first.rest, first.fit.noise)
     load = _unrecorded_load(problem, outliers, first.rest)
     exists = without_outliers(exists, outliers, problem.stack)
     last = seen.settled(first.x, exists, False)
@@ -209,35 +215,6 @@ def spread_of(
     scale = position, rotation
     spread = Spread(kinds, yielding, silent, scale, tuple(outliers), exists, found, load=load, count=counts)
     return replace(spread, kinds={}, of_few=kinds) if kinds and _are_few(data, fit, seen) else spread
-
-
-def few_gross_errors(problem: Problem, together: Together, effects: Sequence[Effect]) -> list[Outlier]:
-    """Return gross errors of a loaded robot on which effects act, whatever else may be off; none where many are far.
-
-    Many samples that one law would explain are no gross errors.
-    """
-    exists = problem.stack.exists
-    seen = _asked(problem, together, effects, True, False)
-    settled = None if seen is None else seen.settled(np.zeros(len(seen.floors)), exists, True)
-    if settled is None:
-        return []
-    found = gross_errors(problem, settled.distances, settled.rest, settled.fit)
-    rows = np.count_nonzero(exists.any(axis=1))
-    return found if len({item.sample for item in found}) <= NO_MATTER * rows else []
-
-
-def _asked(
-    problem: Problem, together: Together, weight: Sequence[Effect], loaded: bool, stations: bool
-) -> _VarianceProblem | None:
-    """Return what was measured as a question to all that may be off, as far as it can tell; None where it cannot."""
-    groups = together.with_runs_of("pose_sensor").groups if stations else together.groups
-    simulator = problem.simulator
-    moves = simulator.inputs.moves
-    parameters = free_parameters(together.recording, simulator.robot.mechanism, groups, loaded, moves)
-    if stations:
-        parameters = parameters.with_stations(together.recording.run)
-    least = 0.0 if problem.noise.source == "assumed" else 1.0
-    return _VarianceProblem(problem, parameters, tuple(weight), least).told_by(problem.stack.exists)
 
 
 def _promising(ways: Sequence[_VarianceProblem], exists: np.ndarray) -> _VarianceProblem | None:

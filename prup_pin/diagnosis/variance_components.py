@@ -26,7 +26,7 @@ _AGREED = 1e-2
 
 
 #: Units that scatter each by a noise of its own; that squared from which its likeliest value is sought, and the least.
-_UNITS, LOUD, SILENT = ("m", "rad"), 1e6, 1e-100
+UNITS, LOUD, SILENT = ("m", "rad"), 1e6, 1e-100
 
 
 #: Logarithm of the factor by which kinds scatter about what is usual.
@@ -148,7 +148,7 @@ def equations_of(target: Array, columns: Array, white: Array, weights: Array | N
         for index, where in enumerate(_groups_of(stack)):
             scale[:, where] = np.sqrt(weights[:, index])[:, None]
     parts = []
-    for unit in _UNITS:
+    for unit in UNITS:
         told = white > 0  # the others are zero, and take time
         for group in stack.groups():
             told[:, group.where] &= group.unit == unit
@@ -190,4 +190,4 @@ def _groups_of(stack: Stack) -> list[slice]:
 
 def of_groups(stack: Stack, values: Array) -> Array:
     """Return what each group of columns has of values by their units, (u,)."""
-    return values[[_UNITS.index(group.unit) for group in stack.groups()]]
+    return values[[UNITS.index(group.unit) for group in stack.groups()]]
