@@ -84,7 +84,7 @@ def is_outlying(interval: OutlierInterval, rows: np.ndarray, residual: Array, go
 def outlier_intervals(
     problem: EffortProblem, x: Array, good: np.ndarray, at: InMotion, kept: np.ndarray
 ) -> list[OutlierInterval]:
-    """Return the outlier intervals in order of time; none where residuals are large all over.
+    """Return the outlier intervals in order of time; none where residuals are as large all over.
 
     problem: columns of all laws and curves, not whitened, and x (P,) their fit, at the samples `kept` (n,) of a motion;
     good (n, k): those that count.
@@ -97,9 +97,10 @@ def outlier_intervals(
         loud[[bool(rest.out[window].any()) for window in windows]] = 0.0
         if not loud.max(initial=0.0) > OUTLIER:
             break
-        rest = rest.without([windows[place] for place in np.flatnonzero(loud >= max(MOST * loud.max(), OUTLIER))])
-        if rest.out.mean() > LITTLE:
-            return []
+        fewer = rest.without([windows[place] for place in np.flatnonzero(loud >= max(MOST * loud.max(), OUTLIER))])
+        if fewer.out.mean() > LITTLE:
+            break  # what is as loud in so much of a log comes again
+        rest = fewer
     around = np.abs(rest.left / rest.noise).max(axis=1) > BEYOND
     loudest = max((rest.loudness(window) for window in windows if not rest.out[window].any()), default=0.0)
     found = []
