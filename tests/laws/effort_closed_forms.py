@@ -37,7 +37,14 @@ from prup_pin.laws.efforts.rotor_inertia import RotorInertia
 from prup_pin.laws.efforts.stribeck_friction import StribeckFriction
 from prup_pin.laws.efforts.transmission_coupling import TransmissionCoupling
 from prup_pin.laws.efforts.viscous_friction import Damping, DirectedViscousFriction
-from prup_pin.laws.efforts.warming_up import ColdDamping, ColdFriction, ThinnedDamping, ThinnedFriction
+from prup_pin.laws.efforts.warming_up import (
+    ColdDamping,
+    ColdFriction,
+    DriftingByTemperature,
+    DriftingZero,
+    ThinnedDamping,
+    ThinnedFriction,
+)
 
 
 @dataclass(frozen=True)
@@ -315,6 +322,8 @@ CLOSED_FORMS: dict[type, Form] = {
     ColdFriction: Form(own(lambda j, x: (x["limit"] + x["cold"] * np.exp(-(j.t - x["start"]) / x["time"])) * j.sign)),
     ThinnedDamping: Form(own(lambda j, x: (x["damping"] + x["cold"] * _thinned(j, x)) * j.v)),
     ThinnedFriction: Form(own(lambda j, x: (x["limit"] + x["cold"] * _thinned(j, x)) * j.sign)),
+    DriftingZero: Form(own(lambda j, x: x["cold"] * np.exp(-(j.t - x["start"]) / x["time"]))),
+    DriftingByTemperature: Form(own(lambda j, x: x["cold"] * _thinned(j, x))),
     StribeckFriction: Form(
         own(
             lambda j, x: (

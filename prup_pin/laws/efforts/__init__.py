@@ -25,7 +25,14 @@ from .rotor_inertia import RotorInertia
 from .stribeck_friction import StribeckFriction
 from .transmission_coupling import TransmissionCoupling
 from .viscous_friction import Damping, DirectedViscousFriction
-from .warming_up import ColdDamping, ColdFriction, ThinnedDamping, ThinnedFriction
+from .warming_up import (
+    ColdDamping,
+    ColdFriction,
+    DriftingByTemperature,
+    DriftingZero,
+    ThinnedDamping,
+    ThinnedFriction,
+)
 
 _OWN: tuple[EffortLaw, ...] = (
     Damping(),
@@ -55,6 +62,8 @@ _OWN: tuple[EffortLaw, ...] = (
     CounterbalanceStrut(),
     Mounting(),
     EffortOffset(),
+    DriftingZero(),
+    DriftingByTemperature(),
     EffortGain(),
     EffortUnit(),
     GainByTemperature(),

@@ -1,4 +1,4 @@
-"""Friction that falls while a gear warms up: that of its grease, and dry friction; by time, or by its temperature."""
+"""What falls while a drive warms up: friction by speed, dry friction, a sensor's zero; by time, or by temperature."""
 
 from __future__ import annotations
 
@@ -15,7 +15,15 @@ from ...parameters import Quantity
 from ...spatial import Array
 from ..inputs import LEAST_WARMING
 from ..law import Place
-from .effort_law import EFFORT, PRESLIDING, DryFriction, MovingEffortLaw, columns_along, usual_way
+from .effort_law import (
+    EFFORT,
+    PRESLIDING,
+    DrivenEffortLaw,
+    DryFriction,
+    MovingEffortLaw,
+    columns_along,
+    usual_way,
+)
 
 #: Shares of a recording, or of its range of temperatures, in which a gear warms up.
 _SHARES = (0.15, 0.4, 1.0)
@@ -25,24 +33,14 @@ _SOONEST = 5.0
 _TIME = Quantity("time", "s", "in which that falls to 37 %", 10.0, lower=_SOONEST, upper=1e6)
 _START = Quantity("start", "s", "when the recording that told it begins", 0.0, False, -1e12, 1e12)
 _KELVIN = Quantity("kelvin", "K", "in which that falls to 37 %", 20.0, upper=1e4)
+_BY_TEMPERATURE = "warm {place} up before it works, or feed its friction forward by its temperature"
 _REFERENCE = Quantity("reference", "°C", "temperature at the start of the recording", 20.0, False, -300.0, 1e4)
 
 
-class WarmingUp(MovingEffortLaw):
-    """Friction (f + c exp(-t / T)) times what `rubs`; t from the start of the recording."""
+class WarmingUp(DrivenEffortLaw):
+    """What falls as exp(-t / T), t from the start of the recording."""
 
     variant = f"{EFFORT} while it warms up"
-    remedy = "warm {place} up before it works, or feed its friction forward by how long it has run"
-    #: What its first parameter is, as a statement says it.
-    verb: ClassVar[str]
-
-    @abstractmethod
-    def rubs(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        """Return the effort (N,) of a warm gear per unit of its first parameter."""
-
-    def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
-        # a little more when slow is a little more at the start, where that was slow
-        return [(word, place.name) for word in ("coulomb_friction", "viscous_friction")]
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         begun, lasting = float(at.motion.time.min()), float(np.ptp(at.motion.time))
@@ -57,8 +55,28 @@ class WarmingUp(MovingEffortLaw):
         return super().plausible(place, values, mechanism) and values.get("time", np.inf) > _SOONEST
 
     def progress(self, values: Mapping[str, float], at: InMotion) -> Array:
-        """Return how far it has warmed up (N,): at 1 what it has beyond a warm gear has fallen to 37 %."""
+        """Return how far it has warmed up (N,): at 1 what it has beyond a warm drive has fallen to 37 %."""
         return np.asarray(np.maximum(at.motion.time - values["start"], 0.0) / values["time"])
+
+    def _cold(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        more = self.sized("cold", place, values, mechanism)
+        return f"{more} more at the start, as it warms up in {number(values['time'], 3)} s"
+
+
+class WarmingFriction(WarmingUp, MovingEffortLaw):
+    """Friction (f + c exp(-t / T)) times what `rubs`."""
+
+    remedy = "warm {place} up before it works, or feed its friction forward by how long it has run"
+    #: What its first parameter is, as a statement says it.
+    verb: ClassVar[str]
+
+    @abstractmethod
+    def rubs(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        """Return the effort (N,) of a warm gear per unit of its first parameter."""
+
+    def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
+        # a little more when slow is a little more at the start, where that was slow
+        return [(word, place.name) for word in ("coulomb_friction", "viscous_friction")]
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         warm = self.rubs(place, values, at)
@@ -67,12 +85,8 @@ class WarmingUp(MovingEffortLaw):
     def beyond_dynamics(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place.name} {self.verb} by {self._cold(place, values, mechanism)}"
 
-    def _cold(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        more = self.sized("cold", place, values, mechanism)
-        return f"{more} more at the start, as it warms up in {number(values['time'], 3)} s"
 
-
-class ColdFriction(WarmingUp, DryFriction):
+class ColdFriction(WarmingFriction, DryFriction):
     """tau = (f + c exp(-t / T)) z, z the direction."""
 
     physics = "coulomb_friction"
@@ -103,7 +117,7 @@ class ColdFriction(WarmingUp, DryFriction):
         return f"{place.name} rubs: it takes {limit} to slide, and {cold}"
 
 
-class ColdDamping(WarmingUp):
+class ColdDamping(WarmingFriction):
     """tau = (d + c exp(-t / T)) v: grease that gets thinner as it gets warm."""
 
     physics = "viscous_friction"
@@ -136,10 +150,9 @@ class ColdDamping(WarmingUp):
 
 
 class ByTemperature(WarmingUp):
-    """The same by the recorded temperature T: (f + c exp(-(T - T_0) / theta)) times what `rubs`, T_0 at the start."""
+    """The same by the recorded temperature T, as exp(-(T - T_0) / theta), T_0 at the start."""
 
     variant = f"{EFFORT} by temperature"
-    remedy = "warm {place} up before it works, or feed its friction forward by its temperature"
     needs = ("temperature",)
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
@@ -165,6 +178,7 @@ class ThinnedDamping(ColdDamping, ByTemperature):
     """tau = (d + c exp(-(T - T_0) / theta)) v."""
 
     summary = "friction by speed that falls as the temperature rises"
+    remedy = _BY_TEMPERATURE
     settled = ("kelvin",)
     quantities = (*ColdDamping.quantities[:2], _KELVIN, _REFERENCE)
 
@@ -173,5 +187,32 @@ class ThinnedFriction(ColdFriction, ByTemperature):
     """tau = (f + c exp(-(T - T_0) / theta)) z, z the direction."""
 
     summary = "dry friction that falls as the temperature rises"
+    remedy = _BY_TEMPERATURE
     settled = ("kelvin", "presliding")
     quantities = (*ColdFriction.quantities[:2], _KELVIN, _REFERENCE, PRESLIDING)
+
+
+class DriftingZero(WarmingUp):
+    """The reported effort is off by c exp(-t / T): a sensor's zero that drifts while its electronics warm up."""
+
+    physics = "effort_offset"
+    summary = "an offset of the reported effort that drifts as its sensor warms up"
+    called = "drift, zero drift"
+    remedy = "let {place} warm up before its effort is zeroed, or zero it again from time to time"
+    linear = ("cold",)
+    settled = ("time",)
+    quantities = (Quantity("cold", "N m", "offset at the start, less that when warm", 1.0, False, -1e6), _TIME, _START)
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        return columns_along(at, place.name, np.exp(-self.progress(values, at)))
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        return f"the effort reported for {place.name} is off by {self._cold(place, values, mechanism)}"
+
+
+class DriftingByTemperature(ByTemperature, DriftingZero):
+    """The reported effort is off by c exp(-(T - T_0) / theta)."""
+
+    summary = "an offset of the reported effort that drifts as the temperature rises"
+    settled = ("kelvin",)
+    quantities = (DriftingZero.quantities[0], _KELVIN, _REFERENCE)
