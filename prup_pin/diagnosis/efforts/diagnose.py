@@ -56,6 +56,7 @@ from .problem import EffortCandidate, EffortModel, fit
 from .propose import judged, places_of_laws, proposals
 from .residuals import rms_of
 from .search import (
+    by_what_was_recorded,
     cost_of,
     in_plainest_form,
     kinds_of_most_drives,
@@ -181,7 +182,8 @@ def _final_state(
     beside = with_law_for_bodies(efforts, plain, _part(partial(tell, _LAWS), 0.7, 0.75))
     model = with_likelier_bodies(with_few_bodies(beside))
     model = model.in_problem(problem) if beside is plain else model
-    model = in_plainest_form(efforts, optimised_in_either_form(efforts, model))
+    model = by_what_was_recorded(efforts, optimised_in_either_form(efforts, model))
+    model = in_plainest_form(efforts, model)
     scale = scale_of(gains, len(at.driven))
     sample, rounding = (of(noise, at.driven, scale) for of in (true_sizes, true_roundings))
     model, curves, imitating = _with_curves(efforts, model, sample, rounding)

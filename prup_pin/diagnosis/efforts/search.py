@@ -18,7 +18,7 @@ import numpy as np
 from ...spatial import Array
 from ..criteria import AS_GOOD, FEWEST_OF_KIND, GAIN, MOST, MOST_FITS, NO_MATTER, SURE, TRIED, beyond_tolerance
 from .evidence import CrossValidation, Score, held_out, no_worse, relative_gain, savings, scores, standard_error
-from .nonlinear import optimised_in_either_form, refined, with_form
+from .nonlinear import optimised, optimised_in_either_form, refined, with_form
 from .prepare import PreparedEfforts
 from .problem import EffortCandidate, EffortModel, fit
 
@@ -196,6 +196,22 @@ def in_plainest_form(efforts: PreparedEfforts, model: EffortModel) -> EffortMode
         least = min(plainer, key=lambda candidate: candidate.size)
         values = {name: term.values.get(name, value) for name, value in least.values.items()}
         model = with_form(efforts, model, index, least, values, efforts.at)
+    return model
+
+
+def by_what_was_recorded(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
+    """Return the model with laws by what was recorded in the place of those by what stands in for it, unless these
+    surely foretell better: time passes whatever warms up, and on another day differently.
+    """
+    for index, term in enumerate(model.terms):
+        of = term.law.stands_in_for
+        forms = [c for c in model.problem.candidates if c.name == term.name and c.law.variant == of != ""]
+        if forms:
+            left = CrossValidation(model.without(term)).with_each(forms).sum(axis=1)
+            best = forms[int(np.argmin(left))]
+            other = optimised(efforts, with_form(efforts, model, index, best, best.values, efforts.at), [index])
+            share, sure = relative_gain(held_out(other), held_out(model))
+            model = model if share > GAIN and sure > SURE else other
     return model
 
 

@@ -76,6 +76,8 @@ class EffortLaw(Law):
     body: ClassVar[Body | None] = None
     #: True of a curve through free knots, which stands for what no law explains.
     is_curve: ClassVar[bool] = False
+    #: The variant by what was recorded, where this one is by what only stands in for it, such as time.
+    stands_in_for: ClassVar[str] = ""
     #: True of a gain of the reported effort: gains of all drives together are asked for before laws compete.
     of_gain: ClassVar[bool] = False
     #: The one of `variables.VARIABLES` that drives it, against which it is drawn.

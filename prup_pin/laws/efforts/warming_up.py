@@ -25,6 +25,7 @@ from .effort_law import (
     usual_way,
 )
 
+_TEMPERATURE = f"{EFFORT} by temperature"
 #: Shares of a recording, or of its range of temperatures, in which a gear warms up.
 _SHARES = (0.15, 0.4, 1.0)
 _FACTORS = (0.3, 0.6, 0.8, 1.25, 1.6, 3.0)
@@ -41,6 +42,7 @@ class WarmingUp(DrivenEffortLaw):
     """What falls as exp(-t / T), t from the start of the recording."""
 
     variant = f"{EFFORT} while it warms up"
+    stands_in_for = _TEMPERATURE
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         begun, lasting = float(at.motion.time.min()), float(np.ptp(at.motion.time))
@@ -152,7 +154,7 @@ class ColdDamping(WarmingFriction):
 class ByTemperature(WarmingUp):
     """The same by the recorded temperature T, as exp(-(T - T_0) / theta), T_0 at the start."""
 
-    variant = f"{EFFORT} by temperature"
+    variant, stands_in_for = _TEMPERATURE, ""
     needs = ("temperature",)
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
