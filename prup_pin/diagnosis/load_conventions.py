@@ -183,6 +183,9 @@ def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
         told = next((item for item in tried if item.wins and item.score.yielding <= near), None)
         if told is None:
             return [item._replace(wins=False) for item in tried]
+        # of units that are as good that by which most modules are as soft as drawn: kgf and daN are 2 % apart
+        same = [item for item in tried if item.wins and item.score.yielding <= near and _of_unit(item, told)]
+        told = min(same, key=lambda item: round(item.score.off, 2), default=told)
         near = max(AS_GOOD**2 * told.score.yielding, alike)
         others = (item for item in tried if item.score.yielding <= near and not item.reading[0].argument)
         return [told._replace(cost=0.0), *(item._replace(cost=1.0, wins=True) for item in others if item is not told)]
@@ -201,6 +204,12 @@ def _better_read(loaded: _Loaded, recording: Recording) -> Evidence | None:
     before, after = (float(np.sqrt(item.yielding / size)) for item in (as_written, found.score))
     saved = 1 - read.yielding / written.yielding
     return Evidence(found.conventions, "what loads move", "", before, after, saved, found.others)
+
+
+def _of_unit(item: Tried[_Left], told: Tried[_Left]) -> bool:
+    """Return whether two readings are of units of the same columns."""
+    both = [[each for each in one.reading if each.meaning.factor] for one in (item, told)]
+    return all(both) and [each.columns for each in both[0]] == [each.columns for each in both[1]]
 
 
 def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
@@ -374,11 +383,12 @@ def _freed(blocks: np.ndarray) -> Callable[[Array], Array]:
 
 class _Left(NamedTuple):
     """Squares beyond noise that a wrench leaves: modules as soft as suits, and one place yielding besides, by a play or
-    in proportion alone."""
+    in proportion alone. off: the logarithm of how soft most modules would be."""
 
     softened: float
     yielding: float
     play: bool
+    off: float = 0.0
 
     def tells_against(self, other: _Left, steps: int = 1) -> bool:
         """Return whether another wrench leaves drastically more than this, and is not as good where a place yields.
@@ -403,9 +413,11 @@ def _left(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) -> _
     fit, judged = (loaded, loaded) if fitted is None else (loaded.select(fitted), loaded.select(~fitted))
     load, other = (wrench, wrench) if fitted is None else (wrench[fitted], wrench[~fitted])
     target = judged.free(judged.moved).ravel()
-    rests = [target - judged.motions(other, suits.place) @ suits.softness for suits in _likeliest(fit, load)]
+    both = _likeliest(fit, load)
+    rests = [target - judged.motions(other, suits.place) @ suits.softness for suits in both]
     squares = [max(float(rest @ rest) - judged.noise, 0.0) for rest in rests]
-    return _Left(squares[0], min(squares), bool(loaded.resting))
+    off = abs(float(np.log(np.median(both[0].softness[: len(loaded.parts)]))))
+    return _Left(squares[0], min(squares), bool(loaded.resting), off)
 
 
 @dataclass(frozen=True, eq=False)
