@@ -28,7 +28,8 @@ def check_advice(law, place, values):
 def check_statement(law, place, values, mechanism):
     """Its statement is a sentence for people: no braces, no names of the program, no full stop, no nan."""
     told = text = law.statement(place, values, mechanism)
-    for name in (str(place), place.name, *law.same_places(place, mechanism)):
+    of_the_robot = [joint.name for joint in mechanism.joints]
+    for name in (str(place), place.name, *law.same_places(place, mechanism), *of_the_robot):
         text = text.replace(name, "")
     holds = len(told) > 15 and not told.endswith(".") and "nan" not in told and not set("{}_\n") & set(text)
     require(holds, f"It says '{told}'.")

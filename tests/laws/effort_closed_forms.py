@@ -24,7 +24,14 @@ from prup_pin.laws.efforts.counterbalance import (
     CounterbalanceStrut,
 )
 from prup_pin.laws.efforts.effort_filter import EffortFilter, EffortsFilter
-from prup_pin.laws.efforts.effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
+from prup_pin.laws.efforts.effort_sensor import (
+    CrossTalk,
+    EffortDelay,
+    EffortGain,
+    EffortOffset,
+    EffortsDelay,
+    EffortUnit,
+)
 from prup_pin.laws.efforts.encoder import DelayedEncoder, DelayedEncoders, OffsetEncoder
 from prup_pin.laws.efforts.external_pull import ElasticPull, EvenPull
 from prup_pin.laws.efforts.gain_by_temperature import GainByTemperature
@@ -361,6 +368,11 @@ CLOSED_FORMS: dict[type, Form] = {
     CounterbalanceStrut: Form(own(_strut), values={"dead_centre": -2.0, "slenderness": 0.8}),
     Mounting: Form(of_body(_hung)),
     EffortOffset: Form(own(lambda j, x: np.full(len(j.q), x["offset"]))),
+    CrossTalk: Form(
+        lambda law, place, x, at: of_joint(
+            at, place.name, x["share"] * efforts_of(at)[:, at.driven.index(law.other(place))]
+        )
+    ),
     EffortGain: Form(lambda law, place, x, at: x["gain"] * single(place, at)),
     GainByTemperature: Form(_warm_gain),
     EffortUnit: Form(lambda law, place, x, at: x["gain"] * single(place, at)),

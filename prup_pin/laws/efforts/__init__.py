@@ -11,7 +11,7 @@ from .coulomb_friction import LoadedFriction, SlidingFriction
 from .counterbalance import Counterbalance, CounterbalanceHardening, CounterbalanceSpring, CounterbalanceStrut
 from .effort_filter import EffortFilter, EffortsFilter
 from .effort_law import EFFORT, Body, EffortLaw
-from .effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
+from .effort_sensor import CrossTalk, EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
 from .encoder import DelayedEncoder, DelayedEncoders, OffsetEncoder
 from .external_pull import ElasticPull, EvenPull
 from .free_curve import CURVES, FINE_CURVES, ROUGH_CURVES, curve_by_position
@@ -66,6 +66,7 @@ _OWN: tuple[EffortLaw, ...] = (
     DriftingByTemperature(),
     EffortGain(),
     EffortUnit(),
+    CrossTalk(),
     GainByTemperature(),
     EffortDelay(),
     EffortsDelay(),

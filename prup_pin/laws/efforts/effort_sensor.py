@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import permutations
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
 from .delay import Delay, DelayOfAll
-from .effort_law import EFFORT, DrivenEffortLaw, columns_along, joint_unit
+from .effort_law import EFFORT, DrivenEffortLaw, TwoJointLaw, columns_along, driven_places, joint_unit
 
 
 class EffortOffset(DrivenEffortLaw):
@@ -78,6 +79,38 @@ class EffortUnit(EffortGain):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = joint_unit("N m", place.name, mechanism)
         return f"{place.name} reports {number(1 + values['gain'], 3)} for each {unit}, friction included"
+
+
+class CrossTalk(TwoJointLaw):
+    """reported_j = tau_j + c tau_i: the sensor of one joint answers to the effort of another one, too."""
+
+    physics = "effort_cross_talk"
+    summary = "a reported effort that holds a share of another joint's"
+    called = "cross-talk, coupling of sensors, wiring"
+    remedy = "calibrate the effort of {place} with the other joints under load too; look at its wiring"
+    variant = f"{EFFORT} with another joint's"
+    beginning = f"{EFFORT} with that of "
+    of_what_is_known = True
+    linear = ("share",)
+    quantities = (Quantity("share", "", "reported per true effort of the other joint", 0.05, False, -10.0, 10.0),)
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        names = [place.name for place in driven_places(mechanism, "")]
+        alike = ((a, b) for a, b in permutations(names, 2) if mechanism.joint(a).slides == mechanism.joint(b).slides)
+        return [Place(name, self.beginning + other) for name, other in alike]
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return ()
+
+    def acts(self, place: Place, at: InMotion) -> bool:
+        return {place.name, self.other(place)} <= set(at.driven)
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        return columns_along(at, place.name, at.effort_of(self.other(place), at.predicted))
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        share = number(100 * values["share"], 3, signed=True)
+        return f"the effort reported for {place.name} holds {share} % of that of {self.other(place)}"
 
 
 class EffortDelay(Delay, DrivenEffortLaw):
