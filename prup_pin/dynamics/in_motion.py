@@ -290,21 +290,21 @@ class InMotion:
         """Return by how much values (N, ...) of `delay` [s] ago differ from those of now."""
         return self._ago(_splines(self.motion, values), values, delay)
 
-    def predicted_later(self, delay: float) -> Array:
-        """Return by how much the predicted efforts (N, k) of `delay` [s] ago differ from those of now."""
+    def predicted_later(self, delay: float | Array) -> Array:
+        """Return by how much the predicted efforts (N, k) of `delay` [s] ago, one or (N,), differ from those of now."""
         return self._ago(self._predicted_splines, self.predicted, delay)
 
     @cached_property
     def _predicted_splines(self) -> list:
         return _splines(self.motion, self.predicted)
 
-    def _ago(self, splines: list, values: Array, delay: float) -> Array:
-        out = np.zeros_like(values)
-        if self.motion.separate or not delay:
+    def _ago(self, splines: list, values: Array, delay: float | Array) -> Array:
+        out, ago = np.zeros_like(values), self.motion.time - delay
+        if self.motion.separate or not np.any(delay):
             return out
         for where, spline in zip(pieces(self.motion.piece), splines, strict=True):
             time = self.motion.time[where]
-            out[where] = spline(np.clip(time - delay, time[0], time[-1])) - values[where]
+            out[where] = spline(np.clip(ago[where], time[0], time[-1])) - values[where]
         return out
 
     def shifted(self, joint: str) -> Array:

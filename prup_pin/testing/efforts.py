@@ -23,7 +23,7 @@ Values = Mapping[str, float]
 #: By how much faster a motion is played.
 FASTER = 2.0
 #: Units of what is scanned and is no parameter.
-_SCANNED = {"age": "s", "count": ""}
+_SCANNED = {"age": "s", "age_late": "s", "count": ""}
 
 
 def fitted(law, place, coefficients, values):
@@ -66,9 +66,9 @@ def check_closed_form(law, place, values, at, form, tolerance=1e-7):
 def check_proportion(law, place, values, at):
     """What it adds by two sets of coefficients together is what it adds by each."""
     if isinstance(law, Lagging):  # nearly, and by its chord exactly
-        age = {law.linear[0]: values["age"]}
-        chord = law.efforts_per(place, values, at)[..., 0] * values["age"]
-        near(law.efforts(place, age, at), chord, atol=1e-12)
+        ages = [values[name] for name in law.ages]
+        chord = law.efforts_per(place, values, at) @ ages
+        near(law.efforts(place, fitted(law, place, ages, values), at), chord, atol=1e-12)
         return
     first, second = np.random.default_rng(3).uniform(0.2, 1.0, (2, len(law.linear)))
 
@@ -85,7 +85,7 @@ def check_proportion(law, place, values, at):
 def check_derivative(law, place, values, at):
     """Its columns are the finite differences of its efforts by each coefficient; of what lags, where it begins."""
     lags = isinstance(law, Lagging)
-    values = {**values, "age": 1e-7} if lags else values
+    values = {**values, **dict.fromkeys(law.ages, 1e-7)} if lags else values
     columns = law.efforts_per(place, values, at)
     expected = (len(at), len(at.driven), len(law.linear))
     require(columns.shape == expected, f"efforts_per has the shape {columns.shape}; expected {expected}, (N, k, p).")
@@ -178,7 +178,7 @@ def check_refit(law, place, values, at):
     size = np.sqrt((columns**2).mean(axis=(0, 1)))
     put = rng.uniform(0.5, 1.0, len(law.linear)) * np.where(size > 0, 1 / np.where(size > 0, size, 1), 0.0)
     if isinstance(law, Lagging):
-        put = np.array([0.7 * values["age"]])
+        put = np.array([0.7 * values[name] for name in law.ages])
     target = law.efforts(place, fitted(law, place, put, truth), at)
     start = dict(values)
     if law.settled:
@@ -203,7 +203,7 @@ def check_simulated(law, place, values, robot, recording, at):
     put = np.where(size > 0, 0.5 / np.where(size > 0, size, 1), 0.0)
     put = np.minimum(put, [most.get(name, np.inf) for name in law.linear])
     if isinstance(law, Lagging):
-        put = np.array([0.7 * values["age"]])
+        put = np.array([0.7 * values[name] for name in law.ages])
     own = fitted(law, place, put, values)
     kept = {q.name: float(own[q.name]) for q in law.quantities_at(place, at.mechanism)}
     drives = [simulate(robot, recording, effects).efforts for effects in ((), (Effect(law, place, kept),))]

@@ -15,6 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from prup_pin.dynamics import INERTIAL
 from prup_pin.laws.efforts.backlash import LostLoad
+from prup_pin.laws.efforts.clock import AnotherClock
 from prup_pin.laws.efforts.cogging import Cogging, CoggingOfFewPeriods
 from prup_pin.laws.efforts.coulomb_friction import LoadedFriction, SlidingFriction
 from prup_pin.laws.efforts.counterbalance import (
@@ -248,6 +249,15 @@ def later(sign, of):
     return form
 
 
+def _by_another_clock(law, place, x, at):
+    time, signal = at.motion.time, every(place, at)
+    share = np.arange(len(time)) / (at.motion.rate * x["lasting"])
+    ago = time - (1 - share) * x["early"] - share * x["late"]
+    out = CubicSpline(time, signal)(ago) - signal
+    out[(ago < time[0]) | (ago > time[-1])] = np.nan
+    return out
+
+
 def filtered(of):
     """Return the form of signals behind a low-pass filter, by many small steps: `of(place, at)` (N, k)."""
 
@@ -377,6 +387,7 @@ CLOSED_FORMS: dict[type, Form] = {
     GainByTemperature: Form(_warm_gain),
     EffortUnit: Form(lambda law, place, x, at: x["gain"] * single(place, at)),
     EffortDelay: Form(later(1, single), values={"delay": 0.04}),
+    AnotherClock: Form(_by_another_clock, 1e-3, {"early": 0.04, "late": 0.02}),
     EffortsDelay: Form(later(1, every), values={"delay": 0.04}),
     OffsetEncoder: Form(_offset, 1e-5),
     DelayedEncoder: Form(_late_encoder, 5e-3, {"delay": 0.02}),

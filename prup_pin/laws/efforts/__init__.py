@@ -6,6 +6,7 @@ They share their words with the laws of the pose channel where it is the same ph
 
 from ...plugins import Library
 from .backlash import LostLoad
+from .clock import AnotherClock
 from .cogging import Cogging, CoggingOfFewPeriods
 from .coulomb_friction import LoadedFriction, SlidingFriction
 from .counterbalance import Counterbalance, CounterbalanceHardening, CounterbalanceSpring, CounterbalanceStrut
@@ -70,6 +71,7 @@ _OWN: tuple[EffortLaw, ...] = (
     GainByTemperature(),
     EffortDelay(),
     EffortsDelay(),
+    AnotherClock(),
     OffsetEncoder(),
     DelayedEncoder(),
     DelayedEncoders(),
