@@ -327,11 +327,6 @@ def _alike(pairs: Sequence[tuple[str, str]]) -> list[str]:
 # -- laws --------------------------------------------------------------------------------------------------------------
 
 
-def _all() -> tuple[Law, ...]:
-    """Return the laws of both channels, poses' first."""
-    return (*LAWS, *EFFORT_LAWS)
-
-
 _NEEDS = {
     "temperature": "the column temperature",
     "speed": "columns qd.<joint>",
@@ -345,7 +340,7 @@ def laws_named(word: str | None, mechanism: Mechanism) -> list[Law]:
 
     Raises UnknownNameError where none is.
     """
-    every = _all()
+    every = (*LAWS, *EFFORT_LAWS)
     if word is None:
         return list(every)
     plain = "_".join(re.split(r"[\s_-]+", word.strip().lower()))
@@ -373,7 +368,7 @@ def print_laws(out: Console, laws: Sequence[Law], robot: Robot) -> None:
     mechanism = robot.mechanism
     brought = {found.name: found.source for found in brought_laws()}
     names = dict.fromkeys(law.physics for law in laws)
-    if 1 < len(names) < len({law.physics for law in _all()}):
+    if 1 < len(names) < len({law.physics for law in (*LAWS, *EFFORT_LAWS)}):
         for name in names:
             alike = dict.fromkeys(law.summary for law in laws if law.physics == name)
             listed(out, "", [f"{name}: {next(iter(alike))}"])
