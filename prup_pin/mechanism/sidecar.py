@@ -19,12 +19,12 @@ import yaml
 from lxml import etree
 
 from ..errors import Problem, RobotFileError, nearest_names
-from .description import FrameDescription, LoopDescription
+from .description import POINT, FrameDescription, LoopDescription
 from .xml_file import MAX_NAME, read_bytes
 
 KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
 _EXPECTED = f"expected the keys {', '.join(KEYS)}"
-_FREE = {"6d": frozenset[str](), "3d": frozenset({"rx", "ry", "rz"})}
+_FREE = {"6d": frozenset[str](), "3d": POINT}
 _MAX_BYTES = 2**18
 
 

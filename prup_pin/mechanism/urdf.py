@@ -18,6 +18,7 @@ from ..errors import nearest_names
 from ..numbers import number
 from ..spatial import axis_as_z, placement
 from .description import (
+    POINT,
     CouplingDescription,
     FrameDescription,
     LoopDescription,
@@ -41,7 +42,7 @@ _JOINT_TYPES = (*_MOVABLE, "fixed", "floating", "planar")
 _LOOP_JOINTS = {
     "revolute": frozenset({"rz"}),
     "continuous": frozenset({"rz"}),
-    "spherical": frozenset({"rx", "ry", "rz"}),
+    "spherical": POINT,
     "fixed": frozenset[str](),
 }
 #: What the shapes of a <geometry> need, and how many numbers that is.
@@ -130,7 +131,7 @@ class UrdfDocument(ExtensionDocument):
             **fields,
         )
         self.problems += check_references(robot, joints, links, fixed)
-        self.problems += check_modules(robot, list(self.problems))
+        self.problems += check_modules(robot, self.problems)
         return robot
 
     def _check_size(self) -> None:
@@ -185,8 +186,7 @@ class UrdfDocument(ExtensionDocument):
                 self.problem(links[link], f"link '{link}' marks a loop closure, but there is no link '{missing}'")
                 continue
             first, second = FrameDescription(ends["1"]), FrameDescription(ends["2"])
-            free = frozenset({"rx", "ry", "rz"})
-            loops.append(LoopDescription(f"closing_{name}", first, second, free, links[ends["1"]].sourceline))
+            loops.append(LoopDescription(f"closing_{name}", first, second, POINT, links[ends["1"]].sourceline))
         if loops:
             listed = ", ".join(loop.name for loop in loops)
             notes.append(
@@ -362,8 +362,8 @@ class UrdfDocument(ExtensionDocument):
         for joint in self.root.findall("joint"):
             mimic, name = joint.find("mimic"), joint.get("name")
             if mimic is not None and name in names:
-                other = self.attribute(mimic, "joint", f"joint '{name}', <mimic>")
                 what = f"joint '{name}', <mimic>"
+                other = self.attribute(mimic, "joint", what)
                 ratio = self.numbers(mimic, "multiplier", 1, what, (1,), MAX_NUMBER) or (1.0,)
                 offset = self.numbers(mimic, "offset", 1, what, (0,), MAX_NUMBER) or (0.0,)
                 told = f"joint '{name}' mimics '{other}'"
