@@ -28,6 +28,7 @@ from .bench_tests import print_hidden
 from .terminal import bullets, capital, fits, heading, in_options, listed, make_table, paragraph, show_table, title
 from .values import (
     clean,
+    coordinate_dimensions,
     default_parameters,
     joint_role,
     joint_type,
@@ -55,7 +56,7 @@ def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None)
     if mechanism.tasks:
         order = " ".join(f"R{axis}" for axis in description.rotation)
         tasks = [f"{task.name} = {task.component} of the tool" for task in mechanism.tasks]
-        turns = any(task.component in ("rx", "ry", "rz") for task in mechanism.tasks)
+        turns = "angle" in coordinate_dimensions(robot).values()
         listed(out, "task", tasks + ([f"rotation {order}"] if turns else []), "; ")
     _print_joints(out, robot)
     _print_loops(out, robot)
@@ -225,7 +226,7 @@ def print_robots(out: Console) -> None:
     paragraph(out, "A path to a URDF or MJCF file works wherever a name does.")
 
 
-def print_kinds(out: Console, kinds: Sequence[CompliantModule] = KINDS) -> None:
+def print_kinds(out: Console, kinds: Sequence[CompliantModule]) -> None:
     """Print kinds of modules with their parameters."""
     brought = {found.name: found.source for found in KINDS.brought()}
     for index, kind in enumerate(kinds):
