@@ -324,7 +324,7 @@ def _with_values(modules: Iterable[ModuleDescription], changes: Changes) -> Iter
             yield module
             continue
         wanted = {**resolve_values(module), **own}
-        values = {**module.values, **_parameters(module.name, module.kind, own, module.values)}
+        values = {**module.values, **_parameters(module, own)}
         # what is rigid has no number in a file: it is left to its default
         values = {name: item for name, item in values.items() if np.isfinite(item.value).all()}
         found = resolve_values(replace(module, values=values))
@@ -333,7 +333,7 @@ def _with_values(modules: Iterable[ModuleDescription], changes: Changes) -> Iter
             for name, value in wanted.items()
             if not np.array_equal(np.asarray(found[name], float), np.asarray(value, float), equal_nan=True)
         }
-        yield replace(module, values={**values, **_parameters(module.name, module.kind, derived, module.values)})
+        yield replace(module, values={**values, **_parameters(module, derived)})
 
 
 def _yielding(changes: Changes, seats: Mapping[str, str]) -> Iterable[ModuleDescription]:
@@ -347,13 +347,11 @@ def _yielding(changes: Changes, seats: Mapping[str, str]) -> Iterable[ModuleDesc
             yield yielding_as(joint, way, 1 / compliance[0], "diagnosis", link)
 
 
-def _parameters(
-    module: str, kind: str, values: Mapping[str, object], given: Mapping[str, Parameter]
-) -> dict[str, Parameter]:
+def _parameters(module: ModuleDescription, values: Mapping[str, object]) -> dict[str, Parameter]:
     """Return values as a module's parameters, found by a diagnosis; a tolerance that was declared stays."""
-    quantities = quantities_of(kind)
+    quantities = quantities_of(module.kind)
     return {
-        name: parameter_of(module, quantities[name], value, "diagnosis", given.get(name))
+        name: parameter_of(module.name, quantities[name], value, "diagnosis", module.values.get(name))
         for name, value in values.items()
     }
 

@@ -119,10 +119,10 @@ def report_html(
 # -- what the page says ------------------------------------------------------------------------------------------------
 
 
-def _moved(answer: Answer, deflection: Array, digits: int = 3) -> str:
+def _moved(answer: Answer, deflection: Array) -> str:
     """Return '4.69 mm, 25.4 mrad'; of a pure force or moment only what it asks for, where that is not zero."""
     metres, radians = float(np.linalg.norm(deflection[:3])), float(np.linalg.norm(deflection[3:]))
-    texts = [quantity(metres, "m", digits), quantity(radians, "rad", digits)]
+    texts = [quantity(metres, "m"), quantity(radians, "rad")]
     if answer.load.turns:
         return texts[1]
     return ", ".join(texts) if answer.load.wrench[3:].any() else texts[0]
