@@ -283,7 +283,7 @@ def _same_stamps(logs: Sequence[Log]) -> list[str]:
     return [
         name
         for name, at in first.columns.items()
-        if (set(words_of(name)) & set(TIME) or dimension_of(first.unit_of(name) or "") == "time")
+        if (set(words_of(name)) & set(TIME) or dimension_of(first.unit_of(name)) == "time")
         and all(np.array_equal(at, table.columns[name]) for table in tables)
         and _uneven(at)
     ]

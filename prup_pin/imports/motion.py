@@ -107,10 +107,9 @@ def set_beside(draft: Draft) -> None:
             continue
         theirs, told = _time_of(draft, stream)
         if not (told and timed):
-            path = _path(draft, home, np.arange(len(home), dtype=float), frame)
-            _row_by_row(draft, home, stream, path, points)
+            _row_by_row(draft, home, stream, _path(draft, home, frame), points)
             continue
-        path = _path(draft, home, mine, frame)
+        path = _path(draft, home, frame, mine)
         delay = None if path is None else delay_of(path, theirs, points)
         body = draft.turns.get(f"r{place.removeprefix('p')}")
         if path is not None and delay is not None and body is not None:
@@ -137,11 +136,13 @@ def _time_of(draft: Draft, stream: Stream) -> tuple[Array, bool]:
     return raw * factor_of(unit), True
 
 
-def _path(draft: Draft, home: Stream, time: Array, name: str) -> BodyPath | None:
-    """Return the path of a frame, of the tip where it is not named, by the joints' rows.
+def _path(draft: Draft, home: Stream, name: str, time: Array | None = None) -> BodyPath | None:
+    """Return the path of a frame, of the tip where it is not named, at the times of the joints' rows.
 
-    None where the robot or a joint is not known, or loops leave it open.
+    Without these, the rows' numbers stand for them. None where the robot or a joint is not known, or loops leave it
+    open.
     """
+    time = np.arange(len(home), dtype=float) if time is None else time
     mechanism, joints = draft.mechanism, draft.joints
     if mechanism is None or mechanism.loops or not set(draft.driven) <= set(joints):
         return None
@@ -179,12 +180,6 @@ def _row_by_row(draft: Draft, home: Stream, stream: Stream, path: BodyPath | Non
             draft.clocks[home.name] = "", "s", ""
 
 
-def path_of(draft: Draft) -> BodyPath | None:
-    """Return the path of the robot's tip by the joints' rows, which count as its time; None where one is not known."""
-    home = draft.stream_of(next(iter(draft.joints.values())))
-    return _path(draft, home, np.arange(len(home), dtype=float), "")
-
-
 def goes_with(points: Array, path: BodyPath) -> tuple[float, Array] | None:
     """Return what share of a path its rows of places (M, 3) leave, and the three stretches of the map between both.
 
@@ -204,7 +199,7 @@ def goes_with(points: Array, path: BodyPath) -> tuple[float, Array] | None:
 
 def _in_the_same_rows(draft: Draft, home: Stream, axes: Sequence[Line], points: Array, frame: str) -> None:
     """Note whether places that stand beside the joints in one table prove the joints, and from where they were seen."""
-    path = _path(draft, home, np.arange(len(home), dtype=float), frame)
+    path = _path(draft, home, frame)
     if path is None or goes_with(points, path) is None:
         return
     _prove(draft.joints)
@@ -318,7 +313,7 @@ def add_nameless(draft: Draft) -> None:
     for (_, names), unit in product(tables, ("rad", "deg")):
         for joints in _runs(names, len(draft.driven)):
             draft.lines = [Line(f"q.{to}", name, unit) for to, name in zip(draft.driven, joints, strict=True)]
-            path = path_of(draft)
+            path = _path(draft, draft.stream_of(draft.lines[0]), "")
             for places in (places for _, others in tables for places in _runs(others, 3) if not {*places} & {*joints}):
                 fit = None if path is None else _fit(draft, places, path)
                 if fit is not None:

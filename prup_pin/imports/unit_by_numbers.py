@@ -45,7 +45,7 @@ def settle_units(draft: Draft) -> None:
         if line.unit is None and kind in ("qdd", "tau"):
             turning, sliding = ("rad/s^2", "m/s^2") if kind == "qdd" else ("N m", "N")
             line.unit = sliding if _slides(draft, joint, joints.get(joint)) else turning
-        if kind == "q" and dimension_of(line.unit or "") == "angle":
+        if kind == "q" and dimension_of(line.unit) == "angle":
             _settle_turns(draft, line, joint)
         if line.unit in UNSCALED:
             line.doubt = (
@@ -82,7 +82,7 @@ def settle_rate(draft: Draft) -> None:
 
 def _slides(draft: Draft, joint: str, line: Line | None) -> bool:
     """Return whether a joint slides; one that the robot does not have, by the unit of its position."""
-    return draft.slides.get(joint, line is not None and dimension_of(line.unit or "") == "length")
+    return draft.slides.get(joint, line is not None and dimension_of(line.unit) == "length")
 
 
 def _limits(draft: Draft, joint: str) -> tuple[float, float]:
