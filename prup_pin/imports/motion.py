@@ -64,18 +64,12 @@ def _prove(joints: Mapping[str, Line]) -> None:
 # -- two clocks, and rows side by side ---------------------------------------------------------------------------------
 
 
-#: Poses that are calculated at most.
-_POSES = 4000
 #: Steps of the common clock on which speeds are compared, and the share of the shorter stream that has to overlap.
 _STEPS, _OVERLAP = 4000, 0.5
-#: Speeds that are less alike belong to another motion.
-_ALIKE = 0.8
 #: How much more must be left two steps beside the delay: a short smooth path goes with any other.
 _SHARP = 2.0
 #: Places that an affine map and a marker's place on its link, 15 numbers, cannot bring to any other.
 _FEWEST_PLACES = 15
-#: With so many rests, poses of a robot that moved are left out.
-_RESTS = 10
 
 
 def set_beside(draft: Draft) -> None:
@@ -93,7 +87,7 @@ def set_beside(draft: Draft) -> None:
         known = np.isfinite(mine)
         moved = [draft.in_si(line)[known] for line in joints.values() if draft.stream_of(line) is home]
         count = rests(at_rest(mine[known], moved))
-        draft.rests = count if count >= _RESTS else 0
+        draft.rests = count if count >= 10 else 0  # enough to leave out poses in which the robot moved
     for stream in draft.log.streams:
         places = {line.target: line for line in draft.of("p") if draft.stream_of(line) is stream}
         place = next(iter(places), "").rpartition(".")[0]
@@ -151,7 +145,7 @@ def _path(draft: Draft, home: Stream, name: str, time: Array | None = None) -> B
     frame = mechanism.frame(name) if name else mechanism.tip
     positions = {joint: draft.in_si(line) for joint, line in joints.items()}
     rows = np.flatnonzero(np.isfinite(np.column_stack([time, *positions.values()])).all(axis=1))
-    rows = rows[:: max(1, -(-len(rows) // _POSES))]
+    rows = rows[:: max(1, -(-len(rows) // 4000))]  # more need not be calculated
     placed = np.array([frame.at(mechanism.placements(q)) for q in draft.configurations(positions, rows)])
     placed = placed.reshape(len(rows), 4, 4)
     return BodyPath(time[rows], placed[:, :3, 3], placed[:, :3, :3])
@@ -252,7 +246,7 @@ def _speeds(time: Array, position: Array, step: float) -> Array:
 
 def _shift(first: Array, second: Array) -> int | None:
     """Return at which place of the first row of speeds the second begins; None where they are nowhere alike."""
-    best, at = _ALIKE, None
+    best, at = 0.8, None  # speeds that are less alike belong to another motion
     least = max(10, int(_OVERLAP * min(len(first), len(second))))
     for shift in range(-len(second) + least, len(first) - least + 1):
         a = first[max(shift, 0) : shift + len(second)]
@@ -293,8 +287,6 @@ def _askew(path: BodyPath, time: Array, seen: Array, turned: np.ndarray, turns: 
 #: The map from places to a robot's is a turn, whose three stretches differ by no larger share from one another and from
 #: what a unit is.
 _STRETCH = 0.2
-#: More columns are tried no further.
-_MOST = 40
 
 
 def add_nameless(draft: Draft) -> None:
@@ -322,10 +314,10 @@ def add_nameless(draft: Draft) -> None:
 
 
 def _nameless(draft: Draft, stream: Stream) -> list[str]:
-    """Return the columns of a table that are only counted."""
+    """Return the columns of a table that are only counted; none where there are too many to be tried."""
     names = [name for name in stream.columns if name not in draft.times]
     alike = {re.sub(r"\d+", "#", re.sub(r" \([^()]*\)$", "", name)) for name in names}  # (of a file)
-    return names if len(alike) == 1 and len(names) <= _MOST and not {*words_of(names[0])} & {*KIND} else []
+    return names if len(alike) == 1 and len(names) <= 40 and not {*words_of(names[0])} & {*KIND} else []
 
 
 def _runs(names: Sequence[str], size: int) -> Iterator[Sequence[str]]:
