@@ -32,8 +32,6 @@ from .xml_file import MAX_JOINTS, MAX_NUMBER, MOMENTS, Document, moments_of
 
 #: An attribute of several lines or with tabs.
 _BROKEN = re.compile(rb"=\s*(?:\"[^\"<>]*[\t\r\n][^\"<>]*\"|'[^'<>]*[\t\r\n][^'<>]*')")
-#: Joints of a robot stand nearer to each other [m].
-_FARTHEST = 20.0
 #: What stands in a <robot>, and in a <joint> once.
 _PARTS = ("link", "joint", "material", "gazebo", "transmission", "loop_joint", EXTENSION)
 _JOINT_PARTS = ("origin", "parent", "child", "axis", "calibration", "dynamics", "limit", "mimic", "safety_controller")
@@ -59,23 +57,12 @@ _NO_BODY = (
     "<inertia> that no body has, a principal moment [kg m²] negative or above the sum of the rest, which vibration and "
     "motion take as it stands"
 )
-_NO_AXIS = "joints without <axis>, about or along x of their own frames"
-_NO_RANGE = "limits with lower = upper, taken as none"
-_MANY_TURNS = "limits [rad] of many turns (were degrees meant?)"
-_MUCH_TURNED = "joints whose origin is turned by more than a turn [rad] (were degrees meant?)"
-#: A revolute joint between these ranges is a screw, or its limits are degrees [rad].
-_IN_DEGREES = (30.0, 1500.0)
-#: Nobody turns a frame by more than this [rad].
-_TURN = 6.3
 #: So many oddities of one kind are listed.
 _LISTED = 4
-#: Links that onshape-to-robot puts where a loop closes.
-_CLOSING = re.compile(r"closing_(?P<name>.+)_(?P<end>[12])")
 #: More links are no robot's, and every unknown name is compared with all of them.
 _MAX_LINKS = 10_000
 #: Moments below zero by less, and sums that are too small by less, are dummies or rounded drawings [kg m^2, share].
 _SMALL_MOMENT, _ROUNDED = 1e-5, 0.05
-_XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
 def _some(texts: Sequence[str]) -> str:
@@ -139,7 +126,7 @@ class UrdfDocument(ExtensionDocument):
         count = len(self.root.findall("joint"))
         if count > _MAX_LINKS:
             self.problem(self.root, f"has {count} joints; expected at most {_MAX_LINKS}")
-        for element in self.root.iter(f"{_XACRO}*"):
+        for element in self.root.iter("{http://www.ros.org/wiki/xacro}*"):
             self.problem(element, "is a xacro file; expand it first: xacro robot.urdf.xacro > robot.urdf")
             break
         self.raise_problems()
@@ -175,7 +162,7 @@ class UrdfDocument(ExtensionDocument):
         """Return a point closure for every pair of links closing_<name>_1 and closing_<name>_2."""
         pairs: dict[str, dict[str, str]] = {}
         for link in links:
-            match = _CLOSING.fullmatch(link)
+            match = re.fullmatch(r"closing_(?P<name>.+)_(?P<end>[12])", link)
             if match:
                 pairs.setdefault(match["name"], {})[match["end"]] = link
         loops = []
@@ -263,13 +250,14 @@ class UrdfDocument(ExtensionDocument):
             self.only(origin, ("xyz", "rpy"), f"{what}, origin")
             # of a file with problems nothing else is told
             rpy = None if self.problems else self.numbers(origin, "rpy", 3, what, (0, 0, 0))
-            if rpy and max(map(abs, rpy)) > _TURN:
-                self._remark(_MUCH_TURNED, joint, origin, f'rpy="{origin.get("rpy")[:60]}"')
+            if rpy and max(map(abs, rpy)) > 6.3:
+                odd = "joints whose origin is turned by more than a turn [rad] (were degrees meant?)"
+                self._remark(odd, joint, origin, f'rpy="{origin.get("rpy")[:60]}"')
         if axis is not None and kind in _MOVABLE:
             self.direction(axis, "xyz", f"{what}, axis")
             self.only(axis, ("xyz",), f"{what}, axis")
         elif kind in _MOVABLE:
-            self._remark(_NO_AXIS, joint, joint)
+            self._remark("joints without <axis>, about or along x of their own frames", joint, joint)
         limit = joint.find("limit")
         if kind not in ("revolute", "prismatic"):
             return
@@ -289,9 +277,10 @@ class UrdfDocument(ExtensionDocument):
         elif low > high:
             self.problem(limit, f"{what}: lower limit {low:g} is above the upper limit {high:g}")
         elif low == high:
-            self._remark(_NO_RANGE, joint, limit)
-        elif joint.get("type") == "revolute" and _IN_DEGREES[0] <= high - low <= _IN_DEGREES[1]:
-            self._remark(_MANY_TURNS, joint, limit, f"{low:g} … {high:g}")
+            self._remark("limits with lower = upper, taken as none", joint, limit)
+        elif joint.get("type") == "revolute" and 30.0 <= high - low <= 1500.0:  # those of a screw, or degrees
+            odd = "limits [rad] of many turns (were degrees meant?)"
+            self._remark(odd, joint, limit, f"{low:g} … {high:g}")
 
     def _remark(self, what: str, joint: etree._Element, element: etree._Element, given: str = "") -> None:
         """Keep a joint for a note: it can be read in one way only, and was hardly meant so."""
@@ -306,7 +295,7 @@ class UrdfDocument(ExtensionDocument):
                 far = max(far, *(abs(float(number)) for number in str(origin.get("xyz")).split()))
             except (TypeError, ValueError):
                 continue  # a problem, told with the tree
-        if not _FARTHEST < far < np.inf:
+        if not 20.0 < far < np.inf:
             return []
         return [f"a joint is {far:g} m from the one before: is the file in millimetres? Lengths are read in metres"]
 
