@@ -54,7 +54,6 @@ _KEYS = (
 #: What a verdict is that leaves something without a law.
 UNEXPLAINED = "unexplained"
 _READING_KEYS = tuple(item.name for item in fields(Reading) if item.name != "variant")
-_EFFECT_KEYS = ("physics", "location", "aspect", "parameters", "share")
 
 
 @dataclass(frozen=True)
@@ -409,7 +408,7 @@ class _Reader(KeyReader):
         return name, None
 
     def effect(self, value: object, key: str, mechanism: Mechanism | None) -> Effect | None:
-        entry = self.entries(value, key, _EFFECT_KEYS)
+        entry = self.entries(value, key, ("physics", "location", "aspect", "parameters", "share"))
         if not isinstance(value, dict):
             return None
         before = len(self.problems)
