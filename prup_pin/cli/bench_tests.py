@@ -23,6 +23,7 @@ from ..numbers import counted
 from ..recordings import Convention, Recording, add_noise, read_plan, write_prediction, write_recording
 from ..robot import Robot
 from ..simulation import CorrectedModel, Prediction, as_recorded, in_format, read_model, write_model
+from ..sweep.running import processes
 from ..views.text import terminal
 from ..views.text.bench_tests import print_exported, print_simulation
 from . import progress
@@ -40,7 +41,6 @@ from .options import (
     Stop,
     Workers,
 )
-from .progress import processes
 from .recorded import (
     Bench,
     model_typed,

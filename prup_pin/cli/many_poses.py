@@ -20,9 +20,9 @@ from ..numbers import number
 from ..recordings import robot_named_beside
 from ..review import yielding_beside
 from ..robot import Robot
-from ..spatial import as_wrench
 from ..sweep import QUANTITIES
 from ..sweep.places import MAX_DRAWS
+from ..sweep.running import processes
 from ..sweep.table import FORMATS
 from ..views.text import terminal
 from ..views.text.many_poses import print_compensation, print_sweep
@@ -30,12 +30,8 @@ from ..views.text.values import coordinate_dimensions, coordinate_text, dimensio
 from . import progress
 from .files import check_csv, check_folder, folder_for, list_written, write_figures
 from .options import Effects, ModelOption, Reading, RobotName, RobotOption, SetParameters, Workers
-from .progress import processes
 from .recorded import model_typed, modelled, refuse_unanswered, robot_beside
-from .typed import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
-
-#: Units of the half sides of the box of wrenches.
-_BOX = {"force": "N", "moment": "N m"}
+from .typed import parse_list, parse_quantity, parse_wrench
 
 
 def sweep(
@@ -115,12 +111,13 @@ def sweep(
         if given is not None:
             asked[name] = parse_quantity(given, kind, f"--{name}")
     if wrench is not None:
-        asked["wrench"] = as_wrench(parse_assignments(wrench, WRENCH_DIMENSIONS, "--wrench", "component"))
+        asked["wrench"] = parse_wrench(wrench)
     if direction is not None:
         asked["direction"] = direction if "tool" in direction else parse_list(direction, 3 * ["number"], "xyz",
                                                                               "--direction")  # fmt: skip
     if force is not None or moment is not None:
-        sizes = [f"{name}s up to {number(asked[name])} {unit}" for name, unit in _BOX.items() if asked.get(name)]
+        units = {"force": "N", "moment": "N m"}
+        sizes = [f"{name}s up to {number(asked[name])} {unit}" for name, unit in units.items() if asked.get(name)]
         text["loads"] = f"{', '.join(sizes)}, each component, all signs"
     if draws is not None:
         asked |= {"draws": draws, "seed": seed}

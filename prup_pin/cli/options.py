@@ -21,10 +21,10 @@ from ..kinematics import ClosedPose
 from ..numbers import some
 from ..plugins import along, blaming
 from ..robot import Robot
-from ..spatial import Array, as_wrench
+from ..spatial import Array
 from ..statics import Compliance
 from ..views.text.values import coordinate_dimensions, dimension
-from .typed import WRENCH_DIMENSIONS, dimension_of, parse_assignments, parse_list, parse_quantity
+from .typed import dimension_of, parse_assignments, parse_list, parse_quantity, parse_wrench
 
 RobotName = Annotated[str, typer.Argument(metavar="ROBOT", help="A name of `prup-pin robots`, or a URDF or MJCF file.")]
 RobotOption = Annotated[
@@ -307,9 +307,7 @@ class Question:
         """Return what the question is about; the frame is checked too."""
         if self.at is not None and self.actuators is not None:
             raise InputError("--at and --actuators both set the pose; give one of them")
-        wrench = None
-        if self.wrench is not None:
-            wrench = as_wrench(parse_assignments(self.wrench, WRENCH_DIMENSIONS, "--wrench", "component"))
+        wrench = None if self.wrench is None else parse_wrench(self.wrench)
         if self.at_load and wrench is None:
             raise InputError("--at-load needs the load: --wrench fx=300")
         with limits_heard() as heard:

@@ -1,13 +1,10 @@
-"""How long computations go: in several processes, and how far they are, on stderr: a bar on a terminal, else a plain
-line now and then."""
+"""How far long computations are, on stderr: a bar on a terminal, else a plain line now and then."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context
 from typing import TYPE_CHECKING
 
 import typer
@@ -69,16 +66,3 @@ def _shown(
         yield show
     finally:
         bar.stop()
-
-
-@contextmanager
-def processes(workers: int) -> Iterator[ProcessPoolExecutor | None]:
-    """Yield processes where there are to be several; fresh ones, which inherit no locks of numerical libraries."""
-    if workers <= 1:
-        yield None
-        return
-    pool = ProcessPoolExecutor(workers, get_context("spawn"))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)

@@ -220,8 +220,7 @@ def parse_effect(text: str, mechanism: Mechanism) -> Effect:
     physics, typed = match["physics"], match["place"].strip()
     try:
         law_named(physics)
-        name, _, aspect = _split(typed, physics, mechanism)
-        place = place_named(physics, name, aspect, mechanism)
+        place = _place(physics, typed, mechanism)
         law = law_named(physics, place, mechanism)
         quantities = {quantity.name: quantity for quantity in law.quantities_at(place, mechanism)}
         values: dict[str, float] = {}
@@ -263,11 +262,12 @@ def _neutral_beside(values: Mapping[str, float], law: Law, place: Place, mechani
     return {name: value for name, value in kind.items() if beside and name not in {*values, *law.optional}}
 
 
-def _split(typed: str, physics: str, mechanism: Mechanism) -> tuple[str, str, str]:
-    """Return name and aspect of 'leg1/R_lambda:tilting'; names of a robot may hold a colon themselves."""
+def _place(physics: str, typed: str, mechanism: Mechanism) -> Place:
+    """Return the place 'leg1/R_lambda:tilting'; names of a robot may hold a colon themselves."""
     try:
-        place_named(physics, typed, "", mechanism)
-        return typed, "", ""
+        return place_named(physics, typed, "", mechanism)
     except InputError:
         name, colon, aspect = typed.rpartition(":")
-        return (name.strip(), colon, aspect.strip()) if colon else (typed, "", "")
+        if not colon:
+            raise
+        return place_named(physics, name.strip(), aspect.strip(), mechanism)

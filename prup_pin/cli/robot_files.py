@@ -83,10 +83,6 @@ def laws(
     print_laws(terminal.console(), laws_named(physics, loaded.mechanism), loaded)
 
 
-#: Endings of recordings; all else that is checked is a robot.
-_TABLES = (".csv", ".tsv", ".txt", ".log", ".dat", ".xlsx", ".xls", ".ods")
-
-
 # -- check -------------------------------------------------------------------------------------------------------------
 
 
@@ -106,7 +102,7 @@ def check(
     suffix = Path(file).suffix.lower()
     if suffix == ".json":
         raise InputError(f"'{file}' is no robot file; expected a URDF or MJCF file, or a name of `prup-pin robots`")
-    if suffix in _TABLES:
+    if suffix in (".csv", ".tsv", ".txt", ".log", ".dat", ".xlsx", ".xls", ".ods"):
         _check_recording(Path(file), reading, robot, convention)
     elif robot is not None:
         raise InputError("--robot names the robot of a recording; expected a recording (.csv) before it")

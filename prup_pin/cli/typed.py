@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from ..errors import InputError, did_you_mean, nearest_names
 from ..parameters import LARGEST_COORDINATE, plain_unit
-from ..spatial import WRENCH_NAMES
+from ..spatial import WRENCH_NAMES, Array, as_wrench
 
 _LENGTH = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6}
 _ANGLE = {"rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3, "°": math.pi / 180}
@@ -39,22 +39,16 @@ _LARGEST_BARE = {
     dimension: (LARGEST_COORDINATE[si][0], si, meant)
     for dimension, si, meant in (("angle", "rad", "deg"), ("length", "m", "mm"))
 }
-#: Dimension of each component of a wrench.
-WRENCH_DIMENSIONS: Mapping[str, str] = {name: "force" if name[0] == "f" else "moment" for name in WRENCH_NAMES}
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _WINDOW = 72
 
 
-def mark_position(text: str, position: int) -> str:
-    """Return the text and, under it, a caret at `position`; a long text is cut around it."""
-    start = max(0, min(position - _WINDOW // 2, len(text) - _WINDOW))
-    shown = text[start : start + _WINDOW]
-    return f"  {shown}\n  {' ' * (position - start)}^"
-
-
 def _refuse(option: str, text: str, position: int, message: str) -> InputError:
-    return InputError(f"{option}: {message}, at character {position + 1}:\n{mark_position(text, position)}")
+    """Return an error with the text and, under it, a caret at `position`; a long text is cut around it."""
+    start = max(0, min(position - _WINDOW // 2, len(text) - _WINDOW))
+    shown, caret = text[start : start + _WINDOW], " " * (position - start) + "^"
+    return InputError(f"{option}: {message}, at character {position + 1}:\n  {shown}\n  {caret}")
 
 
 def _article(dimension: str) -> str:
@@ -147,6 +141,12 @@ def parse_assignments(
         dimension = dimensions.get(name, default_dimension or "number")
         values[name] = parse_quantity(value, dimension, option, text, start + len(item) - len(value))
     return values
+
+
+def parse_wrench(text: str) -> Array:
+    """Return the wrench of '--wrench fx=300,mz=100'. Raises InputError with the position of the first fault."""
+    dimensions = {name: "force" if name[0] == "f" else "moment" for name in WRENCH_NAMES}
+    return as_wrench(parse_assignments(text, dimensions, "--wrench", "component"))
 
 
 def parse_list(text: str, dimensions: Sequence[str], names: Sequence[str], option: str) -> list[float]:

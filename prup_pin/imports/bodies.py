@@ -90,14 +90,14 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
     spoken_for = {name for of in told.values() for axes in of.values() for name in axes.values()}
     for triple in triples_of(stream):  # what is left of three lengths whose names differ in x, y and z alone
         names = set(triple.values())
-        lengths = all(dimension_of(stream.unit_of(name) or "") == "length" for name in names)
+        lengths = all(dimension_of(stream.unit_of(name)) == "length" for name in names)
         if lengths and not names & (taken | spoken_for) and not any(map(_is_neither, names)):
             told["place"][_plain(_stem(triple))] = triple
     whole = {called: place for called, place in told["place"].items() if set(place) == set("xyz")}
     bodies = {called: Body(called, stream, {axis: place[axis] for axis in "xyz"}) for called, place in whole.items()}
     if not bodies:  # of a planar robot two may be all that was measured, where their units say what they are
         for called, place in told["place"].items():
-            units = [dimension_of(stream.unit_of(name) or "") for name in place.values()]
+            units = [dimension_of(stream.unit_of(name)) for name in place.values()]
             if len(place) == 2 and "w" not in place and set(units) == {"length"}:
                 bodies[called] = Body(called, stream, {axis: place[axis] for axis in sorted(place)})
     for what in ("vector", "turn"):
@@ -134,7 +134,7 @@ def _part(
     if found is None:
         return None
     kind, axis = (found["kind"] or "").lower(), found["axis"].lower()
-    dimension = dimension_of(stream.unit_of(name) or "")
+    dimension = dimension_of(stream.unit_of(name))
     spoken = set(words_of(found["body"]))
     body = f"{_plain(found['body'])}{found['twice'] or ''}"
     if vector:

@@ -57,7 +57,7 @@ def time_column(stream: Stream) -> TimeColumn:
 def _is_time(stream: Stream, name: str) -> bool:
     """Return whether a column's name or unit is that of a time."""
     words = set(words_of(name))
-    timed = dimension_of(stream.unit_of(name) or "") == "time"
+    timed = dimension_of(stream.unit_of(name)) == "time"
     return bool(words & set(TIME) or timed) and not words & set(WISHED)
 
 
@@ -184,7 +184,7 @@ def measured_by(draft: Draft, unit: str | None) -> str | None:
 
     None where the unit leaves it open: there is none, or it takes a scale.
     """
-    dimension = dimension_of(unit or "")
+    dimension = dimension_of(unit)
     if unit in DRIVING:
         return "tau"
     if dimension in (None, "label"):
@@ -313,7 +313,7 @@ def _named(draft: Draft, stream: Stream, kind: str, members: Sequence[_Member]) 
             elif len(order) > 1 and not any(char.isdigit() for char in source):
                 doubt = "in the order of the robot's joints, which the log calls otherwise"
         wanted = JOINT_DIMENSIONS[kind][draft.slides.get(target, False)]
-        if target in draft.slides and dimension_of(unit or "") not in (None, wanted):
+        if target in draft.slides and dimension_of(unit) not in (None, wanted):
             continue  # a force is no effort of a joint that turns
         if kind == "tau" and unit is None and set(words_of(source)) & set(CURRENT):
             unit = "A"
@@ -401,7 +401,7 @@ def wrench_lines(log: Log, taken: set[str]) -> list[Line]:
             else:
                 continue
             unit = stream.unit_of(name)
-            if dimension_of(unit or "") not in (None, "force", "moment"):
+            if dimension_of(unit) not in (None, "force", "moment"):
                 continue  # TX in mm is a translation
             # the recording's own name says what it is
             doubt = "" if name == f"w.{component}" else _ON_THE_TOOL
@@ -409,7 +409,7 @@ def wrench_lines(log: Log, taken: set[str]) -> list[Line]:
             lines.setdefault(f"w.{component}", Line(f"w.{component}", name, unit, doubt=doubt))
     for stream in log.streams:
         for triple in triples_of(stream):
-            kinds = {dimension_of(stream.unit_of(name) or "") for name in triple.values()}
+            kinds = {dimension_of(stream.unit_of(name)) for name in triple.values()}
             kind = {"force": "f", "moment": "m"}.get(kinds.pop() or "") if len(kinds) == 1 else None
             wished = any(set(words_of(name)) & set(WISHED) or name in taken for name in triple.values())
             if kind is None or wished or any(f"w.{kind}{axis}" in lines for axis in "xyz"):

@@ -74,9 +74,6 @@ def _si(name: str, draft: Draft) -> str:
 # -- the map as YAML, with CHECK on each line that is not sure ---------------------------------------------------------
 
 
-_FOUND_BY_MASSES = "diagnose finds it against the masses; no `scale` then:"
-#: A body whose axes are turned further against its frame's was drawn without regard to the frame [rad].
-_ASKEW = 0.2
 #: Joints without a column that have a line each; of more, such as a hand's, the names are listed.
 _LISTED = 4
 _AT_HOME = "no column is its position; it is taken to stand at home"
@@ -205,7 +202,7 @@ class _Page:
         for target, body in self.draft.turns.items():
             unit = f", unit: {_text(body.unit)}" if body.unit else ""
             text = f"{target}: {{from: [{', '.join(map(_text, body.turn))}], as: {body.manner}{unit}}}"
-            if body.askew is not None and body.askew > _ASKEW:
+            if body.askew is not None and body.askew > 0.2:  # drawn without regard to the frame
                 angle = f"{np.degrees(body.askew):.0f} deg"
                 yield f"  # {text}  # not used: the body's axes are turned by {angle} against the frame's"
             else:
@@ -224,7 +221,8 @@ class _Page:
     def tolerances(self) -> Iterator[str]:
         """Yield what may be off of which the log tells nothing: scales of efforts, where a camera stands."""
         if any(line.unit in UNSCALED for line in self.draft.of("tau.")):
-            yield from ("", f"# Where nobody knows the scale of the efforts, {_FOUND_BY_MASSES}")
+            known = "diagnose finds it against the masses; no `scale` then:"
+            yield from ("", f"# Where nobody knows the scale of the efforts, {known}")
             yield "# tolerances: {effort_gain: 1, mass: 0.1, inertia: 0.1}"
         beside = any(self.draft.stream_of(line).name in self.draft.delays for line in self.draft.of("p."))
         if beside or self.draft.elsewhere:

@@ -14,14 +14,6 @@ from dataclasses import dataclass, field
 
 from .units import spelled
 
-#: Nobody writes more lines than this above a table.
-_DEEPEST = 300
-#: Rows that must be numbers one below the other, so that a line of settings is not taken for one.
-_ALIKE = 3
-#: Cells that a line of names may have fewer than the rows: programs leave out what is empty at its end.
-_RAGGED = 4
-#: The first cell of a line of which nobody needs the rest.
-_IDLE = ("type", "id", "parent")
 #: What begins a part of a file of several tables; the one that holds positions is read.
 SECTIONS = ("Devices", "Joints", "Model Outputs", "Segments", "Trajectories", "Objects", "Global", "Local")
 PLACES = ("Trajectories", "Objects")
@@ -88,7 +80,8 @@ def heading_of(lines: Sequence[str]) -> Heading | None:
     """Return the heading of a table by its first lines, None where no row of numbers is found."""
     start = _section(lines)
     for separator in (*SEPARATORS, " "):
-        rows = [cells_of(line, separator) for line in lines[start : start + _DEEPEST]]
+        # nobody writes more lines than this above a table
+        rows = [cells_of(line, separator) for line in lines[start : start + 300]]
         commas = any(re.fullmatch(r"-?\d+,\d+(e[-+]?\d+)?", cell, re.I) for row in rows for cell in row)
         points = [",", "."] if separator != "," and commas else ["."]
         for decimal in points:
@@ -112,7 +105,8 @@ def _first_row(rows: Sequence[Sequence[str]], decimal: str) -> int | None:
     values = [[number_in(cell, decimal) for cell in row] for row in rows]
     counts = [(sum(v is not None and v == v for v in row), sum(v is None for v in row)) for row in values]
     for k, (numbers, texts) in enumerate(counts):
-        below = [n for n in range(k, len(rows)) if any(rows[n])][:_ALIKE]
+        # three rows, so that a line of settings is not taken for one of them
+        below = [n for n in range(k, len(rows)) if any(rows[n])][:3]
         if numbers >= 2 and all(
             len(rows[n]) == len(rows[k]) and counts[n][0] + counts[n][1] > 0 and counts[n][0] >= counts[n][1]
             for n in below
@@ -150,7 +144,8 @@ def _understood(rows: Sequence[list[str]], body: int, start: int, separator: str
 def _as_wide(row: Sequence[str], width: int) -> bool:
     """Return whether a line may be one of names: about as wide as the rows, and not a word and its value."""
     keyed = len(row) > 1 and re.fullmatch(r"[A-Z]+(_[A-Z]+)*", row[0]) is not None and len(row[0]) > 5
-    wide = max(2, width - _RAGGED) <= len(row) <= width + 1
+    # programs leave out what is empty at its end
+    wide = max(2, width - 4) <= len(row) <= width + 1
     return wide and any(row) and not any(row[width:]) and not (keyed and len(row) != width)
 
 
@@ -162,7 +157,8 @@ def _named(header: list[list[str]], width: int, bodies: list[str]) -> tuple[list
         if said is None and filled and all(spelled(cell) for cell in filled):
             said = row
             header = [other for other in header if other is not row]
-    header = [row for row in header if next(filter(None, row), "").lower() not in _IDLE]
+    # of lines that begin so nobody needs the rest
+    header = [row for row in header if next(filter(None, row), "").lower() not in ("type", "id", "parent")]
     for k, row in enumerate(header):
         at = next((j for j, cell in enumerate(row) if cell), width)
         if row[at : at + 1] == ["Name"]:

@@ -29,14 +29,8 @@ from .units import TIME, dimension_of, spelled, unit_in_name, without_unit, word
 MAX_VECTOR = 64
 #: More columns than that are names which change from row to row, or a matrix.
 MAX_COLUMNS = MAX_NAMES
-#: What to do with a file that no library can read.
-_AGAIN = "Is the file damaged or cut off? Copy or export it again"
 #: Longer names are cut off.
 _NAME = 200
-#: Larger numbers stand for none, as the largest float does in messages of ROS.
-_LARGEST = 1e60
-#: Stamps are uneven where steps differ by that share of the usual one, in as many steps at least.
-_JITTER, _FEW_ROWS = 0.01, 20
 #: What the numbers of one log may take in memory, as its file declares them [bytes].
 MAX_NUMBERS = 2 * 2**30
 
@@ -116,7 +110,8 @@ def reading(path: Path, what: str) -> Iterator[SimpleNamespace]:
         raise
     except Exception as error:
         place = f" ({here.at})" if here.at else ""
-        raise refuse(path, f"cannot be read as {what}{place}: {_why(error)}. {_AGAIN}") from error
+        again = "Is the file damaged or cut off? Copy or export it again"
+        raise refuse(path, f"cannot be read as {what}{place}: {_why(error)}. {again}") from error
 
 
 def _why(error: Exception) -> str:
@@ -144,7 +139,8 @@ def frozen(columns: Mapping[str, Iterable[float] | Array]) -> Mapping[str, Array
     out = {}
     for name, values in columns.items():
         array = np.array(values, float)
-        array[~(np.abs(array) <= _LARGEST)] = np.nan  # also a nan of bytes that warn where it is used
+        # what is larger stands for none, as the largest float in messages of ROS; so does a nan of bytes that warn
+        array[~(np.abs(array) <= 1e60)] = np.nan
         array.flags.writeable = False
         out[name] = array
     return MappingProxyType(out)
@@ -283,7 +279,7 @@ def _same_stamps(logs: Sequence[Log]) -> list[str]:
     return [
         name
         for name, at in first.columns.items()
-        if (set(words_of(name)) & set(TIME) or dimension_of(first.unit_of(name) or "") == "time")
+        if (set(words_of(name)) & set(TIME) or dimension_of(first.unit_of(name)) == "time")
         and all(np.array_equal(at, table.columns[name]) for table in tables)
         and _uneven(at)
     ]
@@ -292,7 +288,7 @@ def _same_stamps(logs: Sequence[Log]) -> list[str]:
 def _uneven(stamps: Array) -> bool:
     """Return whether stamps (N,) rise, and stray from a rate by more than they are rounded."""
     steps = np.diff(stamps)
-    if len(steps) < _FEW_ROWS or not (steps > 0).all() or np.ptp(steps) < _JITTER * np.median(steps):
+    if len(steps) < 20 or not (steps > 0).all() or np.ptp(steps) < 0.01 * np.median(steps):
         return False
     rows = np.arange(len(stamps))
     strays = np.ptp(stamps - np.polyval(np.polyfit(rows, stamps, 1), rows))

@@ -142,8 +142,6 @@ KEYS = ("robot", "time", "columns", "rotations", "motors", "resample", "at_rest"
 CHECK = "# CHECK: "
 #: A map of a thousand columns has a tenth of these characters.
 _LONGEST = 1_000_000
-#: Values within values.
-_DEEPEST = 20
 _TOO_DEEP = "nests its values too deep"
 
 
@@ -171,7 +169,7 @@ def load_yaml(path: Path, problems: Problems) -> tuple[dict[str, Any], dict[str,
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if isinstance(event, yaml.AliasEvent):  # a few are a value of any size, or one that holds itself
                 raise refused(f"*{shown(event.anchor)} is not read; write the value out", event.start_mark)
-            if depth > _DEEPEST:
+            if depth > 20:
                 raise refused(_TOO_DEEP, event.start_mark)
         loader = _Loader(text)
         node = loader.get_single_node()

@@ -64,18 +64,12 @@ def _prove(joints: Mapping[str, Line]) -> None:
 # -- two clocks, and rows side by side ---------------------------------------------------------------------------------
 
 
-#: Poses that are calculated at most.
-_POSES = 4000
 #: Steps of the common clock on which speeds are compared, and the share of the shorter stream that has to overlap.
 _STEPS, _OVERLAP = 4000, 0.5
-#: Speeds that are less alike belong to another motion.
-_ALIKE = 0.8
 #: How much more must be left two steps beside the delay: a short smooth path goes with any other.
 _SHARP = 2.0
 #: Places that an affine map and a marker's place on its link, 15 numbers, cannot bring to any other.
 _FEWEST_PLACES = 15
-#: With so many rests, poses of a robot that moved are left out.
-_RESTS = 10
 
 
 def set_beside(draft: Draft) -> None:
@@ -93,7 +87,7 @@ def set_beside(draft: Draft) -> None:
         known = np.isfinite(mine)
         moved = [draft.in_si(line)[known] for line in joints.values() if draft.stream_of(line) is home]
         count = rests(at_rest(mine[known], moved))
-        draft.rests = count if count >= _RESTS else 0
+        draft.rests = count if count >= 10 else 0  # enough to leave out poses in which the robot moved
     for stream in draft.log.streams:
         places = {line.target: line for line in draft.of("p") if draft.stream_of(line) is stream}
         place = next(iter(places), "").rpartition(".")[0]
@@ -107,10 +101,9 @@ def set_beside(draft: Draft) -> None:
             continue
         theirs, told = _time_of(draft, stream)
         if not (told and timed):
-            path = _path(draft, home, np.arange(len(home), dtype=float), frame)
-            _row_by_row(draft, home, stream, path, points)
+            _row_by_row(draft, home, stream, _path(draft, home, frame), points)
             continue
-        path = _path(draft, home, mine, frame)
+        path = _path(draft, home, frame, mine)
         delay = None if path is None else delay_of(path, theirs, points)
         body = draft.turns.get(f"r{place.removeprefix('p')}")
         if path is not None and delay is not None and body is not None:
@@ -137,11 +130,13 @@ def _time_of(draft: Draft, stream: Stream) -> tuple[Array, bool]:
     return raw * factor_of(unit), True
 
 
-def _path(draft: Draft, home: Stream, time: Array, name: str) -> BodyPath | None:
-    """Return the path of a frame, of the tip where it is not named, by the joints' rows.
+def _path(draft: Draft, home: Stream, name: str, time: Array | None = None) -> BodyPath | None:
+    """Return the path of a frame, of the tip where it is not named, at the times of the joints' rows.
 
-    None where the robot or a joint is not known, or loops leave it open.
+    Without these, the rows' numbers stand for them. None where the robot or a joint is not known, or loops leave it
+    open.
     """
+    time = np.arange(len(home), dtype=float) if time is None else time
     mechanism, joints = draft.mechanism, draft.joints
     if mechanism is None or mechanism.loops or not set(draft.driven) <= set(joints):
         return None
@@ -150,7 +145,7 @@ def _path(draft: Draft, home: Stream, time: Array, name: str) -> BodyPath | None
     frame = mechanism.frame(name) if name else mechanism.tip
     positions = {joint: draft.in_si(line) for joint, line in joints.items()}
     rows = np.flatnonzero(np.isfinite(np.column_stack([time, *positions.values()])).all(axis=1))
-    rows = rows[:: max(1, -(-len(rows) // _POSES))]
+    rows = rows[:: max(1, -(-len(rows) // 4000))]  # more need not be calculated
     placed = np.array([frame.at(mechanism.placements(q)) for q in draft.configurations(positions, rows)])
     placed = placed.reshape(len(rows), 4, 4)
     return BodyPath(time[rows], placed[:, :3, 3], placed[:, :3, :3])
@@ -179,12 +174,6 @@ def _row_by_row(draft: Draft, home: Stream, stream: Stream, path: BodyPath | Non
             draft.clocks[home.name] = "", "s", ""
 
 
-def path_of(draft: Draft) -> BodyPath | None:
-    """Return the path of the robot's tip by the joints' rows, which count as its time; None where one is not known."""
-    home = draft.stream_of(next(iter(draft.joints.values())))
-    return _path(draft, home, np.arange(len(home), dtype=float), "")
-
-
 def goes_with(points: Array, path: BodyPath) -> tuple[float, Array] | None:
     """Return what share of a path its rows of places (M, 3) leave, and the three stretches of the map between both.
 
@@ -204,7 +193,7 @@ def goes_with(points: Array, path: BodyPath) -> tuple[float, Array] | None:
 
 def _in_the_same_rows(draft: Draft, home: Stream, axes: Sequence[Line], points: Array, frame: str) -> None:
     """Note whether places that stand beside the joints in one table prove the joints, and from where they were seen."""
-    path = _path(draft, home, np.arange(len(home), dtype=float), frame)
+    path = _path(draft, home, frame)
     if path is None or goes_with(points, path) is None:
         return
     _prove(draft.joints)
@@ -257,7 +246,7 @@ def _speeds(time: Array, position: Array, step: float) -> Array:
 
 def _shift(first: Array, second: Array) -> int | None:
     """Return at which place of the first row of speeds the second begins; None where they are nowhere alike."""
-    best, at = _ALIKE, None
+    best, at = 0.8, None  # speeds that are less alike belong to another motion
     least = max(10, int(_OVERLAP * min(len(first), len(second))))
     for shift in range(-len(second) + least, len(first) - least + 1):
         a = first[max(shift, 0) : shift + len(second)]
@@ -298,8 +287,6 @@ def _askew(path: BodyPath, time: Array, seen: Array, turned: np.ndarray, turns: 
 #: The map from places to a robot's is a turn, whose three stretches differ by no larger share from one another and from
 #: what a unit is.
 _STRETCH = 0.2
-#: More columns are tried no further.
-_MOST = 40
 
 
 def add_nameless(draft: Draft) -> None:
@@ -318,7 +305,7 @@ def add_nameless(draft: Draft) -> None:
     for (_, names), unit in product(tables, ("rad", "deg")):
         for joints in _runs(names, len(draft.driven)):
             draft.lines = [Line(f"q.{to}", name, unit) for to, name in zip(draft.driven, joints, strict=True)]
-            path = path_of(draft)
+            path = _path(draft, draft.stream_of(draft.lines[0]), "")
             for places in (places for _, others in tables for places in _runs(others, 3) if not {*places} & {*joints}):
                 fit = None if path is None else _fit(draft, places, path)
                 if fit is not None:
@@ -327,10 +314,10 @@ def add_nameless(draft: Draft) -> None:
 
 
 def _nameless(draft: Draft, stream: Stream) -> list[str]:
-    """Return the columns of a table that are only counted."""
+    """Return the columns of a table that are only counted; none where there are too many to be tried."""
     names = [name for name in stream.columns if name not in draft.times]
     alike = {re.sub(r"\d+", "#", re.sub(r" \([^()]*\)$", "", name)) for name in names}  # (of a file)
-    return names if len(alike) == 1 and len(names) <= _MOST and not {*words_of(names[0])} & {*KIND} else []
+    return names if len(alike) == 1 and len(names) <= 40 and not {*words_of(names[0])} & {*KIND} else []
 
 
 def _runs(names: Sequence[str], size: int) -> Iterator[Sequence[str]]:

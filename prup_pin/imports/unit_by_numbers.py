@@ -20,8 +20,6 @@ _TURN = 2 * np.pi
 _ALLOWED = 1.15
 #: Joints turn at most so far [rad], slide so far [m].
 _FAR, _LONG = 4.2 * np.pi, 20.0
-#: A joint that moves less [rad, m] may as well be logged in another unit.
-_NEAR = 0.1
 #: Positions are the integral of velocities that differ from it by no larger share.
 _AGREE = 0.04
 #: A speed follows the position where both are so alike, and comes so many rows late at most.
@@ -45,7 +43,7 @@ def settle_units(draft: Draft) -> None:
         if line.unit is None and kind in ("qdd", "tau"):
             turning, sliding = ("rad/s^2", "m/s^2") if kind == "qdd" else ("N m", "N")
             line.unit = sliding if _slides(draft, joint, joints.get(joint)) else turning
-        if kind == "q" and dimension_of(line.unit or "") == "angle":
+        if kind == "q" and dimension_of(line.unit) == "angle":
             _settle_turns(draft, line, joint)
         if line.unit in UNSCALED:
             line.doubt = (
@@ -82,7 +80,7 @@ def settle_rate(draft: Draft) -> None:
 
 def _slides(draft: Draft, joint: str, line: Line | None) -> bool:
     """Return whether a joint slides; one that the robot does not have, by the unit of its position."""
-    return draft.slides.get(joint, line is not None and dimension_of(line.unit or "") == "length")
+    return draft.slides.get(joint, line is not None and dimension_of(line.unit) == "length")
 
 
 def _limits(draft: Draft, joint: str) -> tuple[float, float]:
@@ -152,7 +150,8 @@ def _settle_alike(draft: Draft, lines: Mapping[str, Line], sliding: bool) -> Non
         if not fitting:
             doubt = f"up to {reach:.4g}: in no unit is that within the robot's limits"
         elif len(possible) > 1:
-            doubt = f"up to {reach:.4g}: {' or '.join(possible)}?" if reach < _NEAR else ""
+            # a joint that moves so little may as well be logged in another unit
+            doubt = f"up to {reach:.4g}: {' or '.join(possible)}?" if reach < 0.1 else ""
         elif len(possible) < len(usual) and not known:
             doubt = f"up to {reach:.4g}, so not {usual[0]}"
     if known:

@@ -90,15 +90,15 @@ def spelled(text: str) -> str | None:
     return _FLAT.get(flat) if len(flat) > 1 else None
 
 
-def dimension_of(unit: str) -> str | None:
-    """Return what a unit measures; None of those that take a scale."""
+def dimension_of(unit: str | None) -> str | None:
+    """Return what a unit measures; None of none, and of those that take a scale."""
     return next((dimension for dimension, units in UNITS.items() if unit in units), None)
 
 
 def factor_of(unit: str | None) -> float:
     """Return the SI value of a unit; 1 of none, and of those that take a scale."""
-    dimension = dimension_of(unit or "")
-    return 1.0 if dimension is None else UNITS[dimension][unit or ""]
+    dimension = dimension_of(unit)
+    return 1.0 if unit is None or dimension is None else UNITS[dimension][unit]
 
 
 def unit_for(text: str, dimensions: tuple[str, ...]) -> Unit | None:

@@ -199,14 +199,9 @@ def frame_columns(structure: Structure, at: Evaluation, frame: Frame) -> Array:
     return out
 
 
-def tool_columns(structure: Structure, at: Evaluation) -> Array:
-    """Return the same of the tool."""
-    return frame_columns(structure, at, structure.tool)
-
-
 def frame_motions(at: Evaluation, frame: Frame, motions: Motions) -> Array:
     """Return the translation and turn of a frame fixed to a body by motions, (N, 6, c), base axes."""
-    point = (at.placements[:, frame.joint] @ frame.placement)[:, :3, 3]
+    point = frame.at(at.placements)[:, :3, 3]
     twists = (motions.carries[:, frame.joint, None] * motions.screws).mT
     out = twists.copy()
     out[:, :3] -= skew(point) @ twists[:, 3:]

@@ -15,7 +15,7 @@ from ..kinematics import ClosedPose
 from ..spatial import Array
 from .border import inverted
 from .chain import Chain
-from .derivative import load_columns, tool_columns
+from .derivative import frame_columns, load_columns
 from .residual import Evaluation, is_balanced
 from .state import Conditions, RigidSamples, State, with_actuators
 
@@ -89,7 +89,7 @@ class Equilibria:
         loads = load_columns(self.chain.structure, self.evaluation)
         moved = inverse @ loads
         moved += inverse @ (loads - matrix @ moved)
-        return -tool_columns(self.chain.structure, self.evaluation) @ moved
+        return -frame_columns(self.chain.structure, self.evaluation, self.chain.tool) @ moved
 
 
 def find_equilibria(

@@ -116,7 +116,6 @@ class FirstOrder:
 
     def joints_by_resistance(self, places: tuple[int, ...]) -> Array:
         """Return d(displacement)/d(resisting torque) of joints, (n, r, r)."""
-
         return self._joints_by_torque[:, list(places)][:, :, list(places)]
 
     @cached_property
@@ -304,7 +303,8 @@ class FirstOrder:
         at = self.chain.evaluate(self.found.rigid, state, conditions)
         before = self.found.evaluation
         change = at.residual - before.residual
-        watched = self._moved(before.placements, at.placements) + self.by_residual(change)
+        moved = [motion_between(frame.at(before.placements), frame.at(at.placements)) for frame in self.frames]
+        watched = np.concatenate(moved, axis=1) + self.by_residual(change)
         return np.where(self._askew(change[..., None]), np.nan, watched)
 
     def by_conditions(self, after: Conditions) -> Array:
@@ -325,14 +325,6 @@ class FirstOrder:
             return self.by_equations(state, moved) / _STEP
 
         return self.once(("travel", column), compute)
-
-    def _moved(self, before: Array, after: Array) -> Array:
-        """Return the motion of the watched frames between two placements of all joints, (n, R)."""
-        parts = []
-        for frame in self.frames:
-            old, new = (placements[:, frame.joint] @ frame.placement for placements in (before, after))
-            parts.append(motion_between(old, new))
-        return np.concatenate(parts, axis=1)
 
 
 #: Numbers in the largest arrays by which joints are taken together.

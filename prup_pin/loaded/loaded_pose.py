@@ -23,7 +23,7 @@ from ..spatial import Array, as_wrench, motion_between
 from ..statics.compliance import _Named, no_stiffness
 from .border import inverted, no_border
 from .chain import Chain
-from .derivative import load_columns, tool_columns
+from .derivative import frame_columns, load_columns
 from .equilibrium import Equilibria, find_equilibria
 from .first_order import FirstOrder
 from .state import Conditions
@@ -105,8 +105,7 @@ class LoadedPose:
 
     def placement(self, frame: str) -> Array:
         """Return base_from_frame (4, 4) of a named frame under load. Raises UnknownNameError."""
-        found = self.pose.mechanism.frame(frame)
-        return self.placements[found.joint] @ found.placement
+        return self.pose.mechanism.frame(frame).at(self.placements)
 
     # -- how stiff it is there -------------------------------------------------------------------------------------
 
@@ -426,7 +425,7 @@ class _LoadPath:
         if self.conditions.torques is not None:
             resisting = chain.by_torque(found.evaluation)[0] * self.conditions.torques[0]
             more[: len(resisting)] += resisting
-        return -tool_columns(chain.structure, found.evaluation)[0] @ (inverse @ more)
+        return -frame_columns(chain.structure, found.evaluation, chain.tool)[0] @ (inverse @ more)
 
     def resisted(self, at: _Point) -> float:
         """Return what resists in the joints times their travel [J]."""

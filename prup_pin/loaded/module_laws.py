@@ -285,9 +285,8 @@ def bent_group(
 def _own_weight(structure: Structure, group: ModuleGroup, at: ModuleGeometry, gravity: Array, inner: Array) -> Array:
     """Return the weight wrench that the joint's load holds beyond what acts on the tip, in the tip's axes."""
     body = group.kind.weight(group.values, at)
-    total = np.zeros((*gravity.shape[:-1], 6))
     if body is None:
-        return total
+        return np.zeros((*gravity.shape[:-1], 6))
     force = body.mass[..., None] * gravity
     centre = -body.centre_from_tip[..., None] * _AXIS
     whole = np.concatenate((force, cross(centre, force)), axis=-1)
@@ -295,9 +294,8 @@ def _own_weight(structure: Structure, group: ModuleGroup, at: ModuleGeometry, gr
         m.body is not None and bool(structure.support.item(m.joint, structure.mechanism.frame(m.body).joint))
         for m in group.modules
     ]
-    inside = np.array(on_own_joint)
-    total[:] = np.where((np.logical_not(inner) & inside)[:, None], whole, 0.0)
-    return total - _beyond_tip(group, at, gravity)
+    own = np.where((np.logical_not(inner) & on_own_joint)[:, None], whole, 0.0)
+    return own - _beyond_tip(group, at, gravity)
 
 
 def _beyond_tip(group: ModuleGroup, at: ModuleGeometry, gravity: Array) -> Array:

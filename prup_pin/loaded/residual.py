@@ -79,7 +79,7 @@ def evaluated(
     """Return the equations' residual at a state, and what it is made of."""
     placements, moving, frames = _placed(structure, state, conditions)
     screws = _screws(structure, moving, frames)
-    tool = placements[:, structure.tool.joint] @ structure.tool.placement
+    tool = structure.tool.at(placements)
     gaps = structure.closure.gaps(placements, conditions.loop_offsets)
     loops = structure.closure.forces(gaps, state.closure)
     carried = _carried(structure, placements, loops, conditions)
@@ -191,7 +191,7 @@ def loads_on_bodies(structure: Structure, placements: Array, conditions: Conditi
     """Return the base wrenches of the tool's load, springs and weight on joints' bodies, (N, joints, 6)."""
     n = len(placements)
     bodies = np.zeros((n, structure.count, 6))
-    moment, point = conditions.wrench[:, 3:], (placements[:, structure.tool.joint] @ structure.tool.placement)[:, :3, 3]
+    moment, point = conditions.wrench[:, 3:], structure.tool.at(placements)[:, :3, 3]
     force = conditions.force_at(point)
     bodies[:, structure.tool.joint, :3] += force
     bodies[:, structure.tool.joint, 3:] += moment + cross(point, force)

@@ -13,8 +13,6 @@ from .mechanism import Mechanism
 
 #: Names that a sentence lists.
 _LISTED = 6
-#: Links that may have the same mass and inertia by chance.
-_LEAST_ALIKE = 2
 
 
 def assumed(mechanism: Mechanism) -> Iterator[str]:
@@ -89,7 +87,7 @@ def masses_in_doubt(mechanism: Mechanism) -> Iterator[str]:
     elif light:
         yield f"the robot file gives no mass to {_listed(light)}: what they take is found as other inertial parameters"
     alike = {(inertia.mass, *inertia.inertia.diagonal()) for inertia in inertias.values() if inertia.mass > 0}
-    if len(alike) == 1 and len(inertias) - len(light) > _LEAST_ALIKE:
+    if len(alike) == 1 and len(inertias) - len(light) > 2:  # two may be so by chance
         yield "all links have the same mass and inertia in the robot file: these are hardly the robot's own"
 
 

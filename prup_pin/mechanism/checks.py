@@ -184,7 +184,7 @@ def _astray(
     edges: list[int],
     passed: int,
 ) -> Iterator[AtOtherEnd]:
-    end, (start, stop) = ends[0], (_place(placements, frame) for frame in ends[::-1])
+    end, (start, stop) = ends[0], (frame.at(placements)[:3, 3] for frame in ends[::-1])
     line = stop - start
     length = float(np.linalg.norm(line))
     if not length:
@@ -221,28 +221,20 @@ def _of_edge(
     """
     paths = mechanism.load_paths
     if edge == 0:
-        return _place(placements, mechanism.need_tool())
+        return mechanism.need_tool().at(placements)[:3, 3]
     if edge < 0:
         loop = mechanism.loops[-1 - edge]
-        slides = (placements[loop.first.joint] @ loop.first.placement)[
-            :3, ["xyz".index(x) for x in loop.free & set("xyz")]
-        ]
+        slides = loop.first.at(placements)[:3, ["xyz".index(x) for x in loop.free & set("xyz")]]
         if (np.abs(line @ slides) > _BEFORE * np.linalg.norm(line)).any():
             return None
-        return _place(placements, loop.first if paths.same(loop.first.joint, body) else loop.second)
+        return (loop.first if paths.same(loop.first.joint, body) else loop.second).at(placements)[:3, 3]
     for module in mechanism.modules:
         if module.root is None or module.joint != edge or edge == loaded_through:
             continue
         ends = [end for end in (module.root, module.frame) if paths.same(end.joint, body)]
         outward = paths.same(int(mechanism.model.parents[edge]), body)
         if len(ends) == 2:
-            return _place(placements, ends[0] if module.inboard_is_root == outward else ends[1])
+            return ends[0 if module.inboard_is_root == outward else 1].at(placements)[:3, 3]
         if ends:
-            return _place(placements, ends[0])
+            return ends[0].at(placements)[:3, 3]
     return None if mechanism.joint(edge).slides else placements[edge, :3, 3]
-
-
-def _place(placements: Array, frame: Frame) -> Array:
-    """Return a frame's origin in base axes, (3,)."""
-    placed: Array = placements[frame.joint, :3, :3] @ frame.placement[:3, 3] + placements[frame.joint, :3, 3]
-    return placed

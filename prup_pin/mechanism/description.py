@@ -20,6 +20,8 @@ from ..spatial import Array
 #: Components of a pose: what a loop closure may leave free, in the axes of its first frame; what of the tool's pose
 #: can serve as task coordinates.
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
+#: What a loop leaves free that is closed at a point, as by a ball joint.
+POINT = frozenset({"rx", "ry", "rz"})
 #: Orders of rotation: "xyz" is R_x R_y R_z (Eq. 50), "zyx" is R_z R_y R_x (URDF's rpy).
 ROTATION_ORDERS = ("xyz", "zyx")
 
@@ -256,7 +258,7 @@ def check_references(
     return problems
 
 
-def check_modules(robot: RobotDescription, told: Sequence[Problem] = ()) -> list[Problem]:
+def check_modules(robot: RobotDescription, told: Sequence[Problem]) -> list[Problem]:
     """Return a problem for every module whose kind, frames or values do not fit together, in any variant.
 
     told: problems found before. Variants are looked at without any; of what is not understood of a module nothing

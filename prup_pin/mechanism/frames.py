@@ -98,10 +98,6 @@ def frames_by_name(model: pin.Model) -> dict[str, Frame]:
 # -- links -------------------------------------------------------------------------------------------------------------
 
 
-#: A mass below this is none [kg].
-_NONE = 1e-9
-
-
 @dataclass(frozen=True, eq=False)
 class Link:
     """A link with a mass [kg], part of a joint's body (by its id), and its centre in that joint's frame [m], (3,).
@@ -152,7 +148,7 @@ def links_of(model: pin.Model, bodies: Mapping[int, str], held: Collection[str] 
                 own[index] = own[index] - sum((own[each] for each in inside), np.zeros(10))
         rest = model.inertias[joint].toDynamicParameters() - sum(own.values(), np.zeros(10))
         parts = [(bodies.get(joint, str(model.names[joint])), rest), *zip(first, own.values(), strict=True)]
-        found += [Link(name, joint, inertial) for name, inertial in parts if inertial[0] > _NONE]
+        found += [Link(name, joint, inertial) for name, inertial in parts if inertial[0] > 1e-9]  # kg
     return tuple(found)
 
 
@@ -176,8 +172,6 @@ def _first(model: pin.Model, index: int) -> str:
 
 #: Temperature [deg C] at which the lengths of a robot file hold, as those of drawings do (ISO 1).
 REFERENCE_TEMPERATURE = 20.0
-#: Displacements per length that are rounding.
-_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,5 +227,5 @@ def moved_by_length(mechanism: Mechanism, name: str) -> MovedParts:
 
 def _some(moved: Mapping) -> dict:
     """Return what does move, without rounding."""
-    clean = {key: np.where(np.abs(shift) > _ROUNDING, shift, 0.0) for key, shift in moved.items()}
+    clean = {key: np.where(np.abs(shift) > 1e-12, shift, 0.0) for key, shift in moved.items()}
     return {key: shift for key, shift in clean.items() if shift.any()}

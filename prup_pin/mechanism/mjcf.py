@@ -20,6 +20,7 @@ from lxml import etree
 from ..errors import RobotFileError, nearest_names
 from ..spatial import Array, placement
 from .description import (
+    POINT,
     CouplingDescription,
     FrameDescription,
     LoopDescription,
@@ -36,7 +37,6 @@ WORLD = "world"
 _JOINTS = {"hinge": 1, "slide": 1, "ball": 4, "free": 7}  # entries of qpos
 #: Ways to give an orientation besides `quat`, which counts only where none of these is given, defaults included.
 _ORIENTATIONS = {"axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
-_POINT = frozenset({"rx", "ry", "rz"})
 #: Elements of a body that would add to the tree, and are not read.
 _GENERATORS = ("attach", "replicate", "composite", "flexcomp", "plugin")
 #: What stands in a body; MuJoCo knows nothing else there.
@@ -189,7 +189,7 @@ class MjcfDocument(ExtensionDocument):
         )
         names = [body.name for body in self.bodies]
         self.problems += check_references(robot, joints, names, sites=[s for body in self.bodies for s in body.sites])
-        self.problems += check_modules(robot, list(self.problems))
+        self.problems += check_modules(robot, self.problems)
         return robot
 
     def _said_in_custom_text(self) -> etree._Element | None:
@@ -517,7 +517,7 @@ class MjcfDocument(ExtensionDocument):
                 ends = self._ends(element, what)
                 if ends is None:
                     continue
-                free = _POINT if element.tag == "connect" or element.get("torquescale") == "0" else frozenset[str]()
+                free = POINT if element.tag == "connect" or element.get("torquescale") == "0" else frozenset[str]()
                 name = element.get("name") or f"{element.tag}_{ends[0].name}_{ends[1].name}"
                 name = next(n for n in (name, *(f"{name}_{i}" for i in range(2, len(loops) + 3))) if n not in names)
                 names.add(name)

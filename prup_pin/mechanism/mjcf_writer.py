@@ -14,8 +14,9 @@ from lxml import etree
 
 from ..errors import InputError
 from ..numbers import number
-from ..spatial import Array, placement
+from ..spatial import Array
 from .changes import JointDynamics
+from .description import POINT
 from .extension import EXTENSION
 from .frames import LoopClosure
 from .joints import Joint
@@ -29,7 +30,6 @@ MJCF_ENDINGS = (".xml", ".mjcf")
 
 #: Impedance of dry friction, the largest that MuJoCo takes: by its own 0.9 a light joint under much friction creeps.
 _STIFFEST = "0.9999 0.9999 0.001 0.5 2"
-_POINT = frozenset({"rx", "ry", "rz"})
 #: Of a body between the two ends of a loop that leaves motions free [kg, kg m^2]. Its mass is taken from what it is
 #: fixed to, so that nothing weighs more; MuJoCo has no body without one.
 _LINK_MASS, _LINK_INERTIA = 1e-6, 1e-9
@@ -216,13 +216,13 @@ class _Writer:
         first, second = self.bodies[loop.first.joint], self.bodies[loop.second.joint]
         names = f"{loop.name}_1", f"{loop.name}_2"
         ends = [loop.first.placement, loop.second.placement]
-        if loop.free and loop.free != _POINT:
+        if loop.free and loop.free != POINT:
             first, ends[0] = self._between(loop, inertias), np.eye(4)
         if any(_taken_as_its_body(at) for at in ends):
             ends = [at @ np.diag([1.0, -1.0, -1.0, 1.0]) for at in ends]
         for body, name, at in zip((first, second), names, ends, strict=True):
             _site_at(body, name, at)
-        kind = "connect" if loop.free == _POINT else "weld"
+        kind = "connect" if loop.free == POINT else "weld"
         etree.SubElement(equalities, kind, name=loop.name, site1=names[0], site2=names[1])
 
     def _between(self, loop: LoopClosure, inertias: list[pin.Inertia]) -> etree._Element:
@@ -297,4 +297,4 @@ def _quaternion(rotation: Array) -> list[float]:
 def _axes(moments: Array) -> Array:
     """Return the principal axes of moments of inertia, the largest first, as a rotation."""
     axes = np.linalg.eigh(moments)[1][:, ::-1]
-    return axes if np.linalg.det(axes) > 0 else placement(axes * [1.0, 1.0, -1.0], np.zeros(3))[:3, :3]
+    return axes if np.linalg.det(axes) > 0 else axes * [1.0, 1.0, -1.0]

@@ -27,7 +27,7 @@ from .extension import EXTENSION
 from .joints import on_seat, outwards, yielding_as, yielding_matrix
 from .mechanism import Mechanism, with_lengths
 from .sidecar import replace_joint
-from .xml_file import MOMENTS, moments_of, parse_again, words
+from .xml_file import MOMENTS, found_or_added, moments_of, parse_again, words
 
 #: Moments of inertia below zero by less than this share of the largest are rounding.
 _ROUNDING = 1e-9
@@ -175,8 +175,7 @@ class _Drawing:
                 continue
             before, after = (_seen(joined, root.joint, tip.joint) for joined in (drawn, moved))
             shift = after @ np.linalg.inv(before)  # of the root on its body
-            base = self.mechanism.frame(described.tip or described.frame or described.joint).placement
-            axis = tuple((base[:3, :3].T @ tip.placement[:3, 2]).tolist())
+            axis = beam_axis(described, self.mechanism)
             name = described.root
             if np.abs(shift - np.eye(4)).max() > _SAME_PLACE:
                 at = np.linalg.solve(root.placement, shift @ root.placement)
@@ -255,23 +254,14 @@ class _Drawing:
 
     def resist(self) -> None:
         for name, dynamics in self.changes.dynamics.items():
-            joint = self.joints[name]
-            element = joint.find("dynamics")
-            element = etree.SubElement(joint, "dynamics") if element is None else element
+            element = found_or_added(self.joints[name], "dynamics")
             element.set("damping", repr(float(dynamics.damping)))
             element.set("friction", repr(float(dynamics.friction)))
 
     def fall(self) -> None:
-        if not self.changes.gravity.any():
-            return
-        extension = self._extension()
-        element = extension.find("gravity")
-        element = etree.SubElement(extension, "gravity") if element is None else element
-        element.set("xyz", words(self.changes.fall))
-
-    def _extension(self) -> etree._Element:
-        found = self.root.find(EXTENSION)
-        return etree.SubElement(self.root, EXTENSION, version="1") if found is None else found
+        if self.changes.gravity.any():
+            extension = found_or_added(self.root, EXTENSION, version="1")
+            found_or_added(extension, "gravity").set("xyz", words(self.changes.fall))
 
     def see(self) -> None:
         """Add the frames that a pose sensor sees, and the one in which it reports them."""
@@ -316,6 +306,12 @@ def _seen(joined: Mapping[int, Mapping[int, Array]], first: int, second: int) ->
 # -- modules -----------------------------------------------------------------------------------------------------------
 
 
+def beam_axis(described: ModuleDescription, mechanism: Mechanism) -> tuple[float, ...]:
+    """Return the axis of a module between two frames in the axes of the one at which it gives way."""
+    base = mechanism.frame(described.tip or described.frame or described.joint).placement
+    return tuple((base[:3, :3].T @ mechanism.module(described.name).frame.placement[:3, 2]).tolist())
+
+
 def _with_values(modules: Iterable[ModuleDescription], changes: Changes) -> Iterable[ModuleDescription]:
     """Yield the modules with changed values; what is derived from them keeps its value."""
     for module in modules:
@@ -328,7 +324,7 @@ def _with_values(modules: Iterable[ModuleDescription], changes: Changes) -> Iter
             yield module
             continue
         wanted = {**resolve_values(module), **own}
-        values = {**module.values, **_parameters(module.name, module.kind, own, module.values)}
+        values = {**module.values, **_parameters(module, own)}
         # what is rigid has no number in a file: it is left to its default
         values = {name: item for name, item in values.items() if np.isfinite(item.value).all()}
         found = resolve_values(replace(module, values=values))
@@ -337,7 +333,7 @@ def _with_values(modules: Iterable[ModuleDescription], changes: Changes) -> Iter
             for name, value in wanted.items()
             if not np.array_equal(np.asarray(found[name], float), np.asarray(value, float), equal_nan=True)
         }
-        yield replace(module, values={**values, **_parameters(module.name, module.kind, derived, module.values)})
+        yield replace(module, values={**values, **_parameters(module, derived)})
 
 
 def _yielding(changes: Changes, seats: Mapping[str, str]) -> Iterable[ModuleDescription]:
@@ -351,13 +347,11 @@ def _yielding(changes: Changes, seats: Mapping[str, str]) -> Iterable[ModuleDesc
             yield yielding_as(joint, way, 1 / compliance[0], "diagnosis", link)
 
 
-def _parameters(
-    module: str, kind: str, values: Mapping[str, object], given: Mapping[str, Parameter]
-) -> dict[str, Parameter]:
+def _parameters(module: ModuleDescription, values: Mapping[str, object]) -> dict[str, Parameter]:
     """Return values as a module's parameters, found by a diagnosis; a tolerance that was declared stays."""
-    quantities = quantities_of(kind)
+    quantities = quantities_of(module.kind)
     return {
-        name: parameter_of(module, quantities[name], value, "diagnosis", given.get(name))
+        name: parameter_of(module.name, quantities[name], value, "diagnosis", module.values.get(name))
         for name, value in values.items()
     }
 

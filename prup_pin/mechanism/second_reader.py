@@ -17,9 +17,6 @@ from ..errors import imported
 from ..numbers import some
 from .mechanism import Mechanism, with_lengths
 
-#: Links that stand farther apart than this [m, rad] do not stand in the same place.
-_APART = 1e-6
-
 
 def second_opinion(mechanism: Mechanism) -> tuple[str, ...]:
     """Return in words what yourdfpy finds wrong with a URDF, and which links it puts elsewhere at home; often nothing.
@@ -43,7 +40,7 @@ def second_opinion(mechanism: Mechanism) -> tuple[str, ...]:
     except Exception as error:  # whatever a reader of foreign files raises
         return (f"yourdfpy does not read it: {type(error).__name__}: {error}",)
     told = tuple(f"yourdfpy: {error}" for error in read.errors)
-    elsewhere = [name for name, apart in _apart(mechanism, seen).items() if apart > _APART]
+    elsewhere = [name for name, apart in _apart(mechanism, seen).items() if apart > 1e-6]
     if elsewhere:
         names = ", ".join(some([f"'{name}'" for name in elsewhere], 4))
         told += (f"yourdfpy puts other places to {names} at the same joint positions",)

@@ -19,13 +19,12 @@ import yaml
 from lxml import etree
 
 from ..errors import Problem, RobotFileError, nearest_names
-from .description import FrameDescription, LoopDescription
+from .description import POINT, FrameDescription, LoopDescription
 from .xml_file import MAX_NAME, read_bytes
 
 KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
 _EXPECTED = f"expected the keys {', '.join(KEYS)}"
-_FREE = {"6d": frozenset[str](), "3d": frozenset({"rx", "ry", "rz"})}
-_MAX_BYTES = 2**18
+_FREE = {"6d": frozenset[str](), "3d": POINT}
 
 
 @dataclass
@@ -99,7 +98,7 @@ def _read(path: Path) -> Sidecar | None:
     sidecar = Sidecar(path)
     try:
         # Nodes instead of values: they know their lines, nothing is constructed, and every scalar stays text.
-        root = yaml.compose(read_bytes(path, _MAX_BYTES), Loader=yaml.SafeLoader)
+        root = yaml.compose(read_bytes(path, 2**18), Loader=yaml.SafeLoader)
     except RobotFileError as error:
         sidecar.problems += error.problems
         return sidecar

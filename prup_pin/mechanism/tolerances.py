@@ -11,8 +11,6 @@ from ..modules import CompliantModule
 from ..parameters import Quantity
 from .mechanism import Mechanism, Module
 
-_STIFFNESS_UNITS = ("N/m", "N m/rad", "N/m or N m/rad")
-
 
 def kind_of_value(kind: CompliantModule, quantity: Quantity) -> str | None:
     """Return the kind of tolerance that a module's quantity falls under, 'stiffness' or 'bending', or None.
@@ -24,7 +22,8 @@ def kind_of_value(kind: CompliantModule, quantity: Quantity) -> str | None:
     if quantity.name == "youngs_modulus":
         return "bending" if kind.spans_frames else "stiffness"
     followed = any(quantity.name in other.derived_from for other in kind.quantities)
-    return "stiffness" if quantity.unit in _STIFFNESS_UNITS and not followed else None
+    is_stiffness = quantity.unit in ("N/m", "N m/rad", "N/m or N m/rad")
+    return "stiffness" if is_stiffness and not followed else None
 
 
 def value_tolerances(mechanism: Mechanism, kinds: Mapping[str, float]) -> dict[str, float]:

@@ -18,6 +18,7 @@ from ..errors import nearest_names
 from ..numbers import number
 from ..spatial import axis_as_z, placement
 from .description import (
+    POINT,
     CouplingDescription,
     FrameDescription,
     LoopDescription,
@@ -31,8 +32,6 @@ from .xml_file import MAX_JOINTS, MAX_NUMBER, MOMENTS, Document, moments_of
 
 #: An attribute of several lines or with tabs.
 _BROKEN = re.compile(rb"=\s*(?:\"[^\"<>]*[\t\r\n][^\"<>]*\"|'[^'<>]*[\t\r\n][^'<>]*')")
-#: Joints of a robot stand nearer to each other [m].
-_FARTHEST = 20.0
 #: What stands in a <robot>, and in a <joint> once.
 _PARTS = ("link", "joint", "material", "gazebo", "transmission", "loop_joint", EXTENSION)
 _JOINT_PARTS = ("origin", "parent", "child", "axis", "calibration", "dynamics", "limit", "mimic", "safety_controller")
@@ -41,7 +40,7 @@ _JOINT_TYPES = (*_MOVABLE, "fixed", "floating", "planar")
 _LOOP_JOINTS = {
     "revolute": frozenset({"rz"}),
     "continuous": frozenset({"rz"}),
-    "spherical": frozenset({"rx", "ry", "rz"}),
+    "spherical": POINT,
     "fixed": frozenset[str](),
 }
 #: What the shapes of a <geometry> need, and how many numbers that is.
@@ -58,23 +57,12 @@ _NO_BODY = (
     "<inertia> that no body has, a principal moment [kg m²] negative or above the sum of the rest, which vibration and "
     "motion take as it stands"
 )
-_NO_AXIS = "joints without <axis>, about or along x of their own frames"
-_NO_RANGE = "limits with lower = upper, taken as none"
-_MANY_TURNS = "limits [rad] of many turns (were degrees meant?)"
-_MUCH_TURNED = "joints whose origin is turned by more than a turn [rad] (were degrees meant?)"
-#: A revolute joint between these ranges is a screw, or its limits are degrees [rad].
-_IN_DEGREES = (30.0, 1500.0)
-#: Nobody turns a frame by more than this [rad].
-_TURN = 6.3
 #: So many oddities of one kind are listed.
 _LISTED = 4
-#: Links that onshape-to-robot puts where a loop closes.
-_CLOSING = re.compile(r"closing_(?P<name>.+)_(?P<end>[12])")
 #: More links are no robot's, and every unknown name is compared with all of them.
 _MAX_LINKS = 10_000
 #: Moments below zero by less, and sums that are too small by less, are dummies or rounded drawings [kg m^2, share].
 _SMALL_MOMENT, _ROUNDED = 1e-5, 0.05
-_XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
 def _some(texts: Sequence[str]) -> str:
@@ -130,7 +118,7 @@ class UrdfDocument(ExtensionDocument):
             **fields,
         )
         self.problems += check_references(robot, joints, links, fixed)
-        self.problems += check_modules(robot, list(self.problems))
+        self.problems += check_modules(robot, self.problems)
         return robot
 
     def _check_size(self) -> None:
@@ -138,7 +126,7 @@ class UrdfDocument(ExtensionDocument):
         count = len(self.root.findall("joint"))
         if count > _MAX_LINKS:
             self.problem(self.root, f"has {count} joints; expected at most {_MAX_LINKS}")
-        for element in self.root.iter(f"{_XACRO}*"):
+        for element in self.root.iter("{http://www.ros.org/wiki/xacro}*"):
             self.problem(element, "is a xacro file; expand it first: xacro robot.urdf.xacro > robot.urdf")
             break
         self.raise_problems()
@@ -174,7 +162,7 @@ class UrdfDocument(ExtensionDocument):
         """Return a point closure for every pair of links closing_<name>_1 and closing_<name>_2."""
         pairs: dict[str, dict[str, str]] = {}
         for link in links:
-            match = _CLOSING.fullmatch(link)
+            match = re.fullmatch(r"closing_(?P<name>.+)_(?P<end>[12])", link)
             if match:
                 pairs.setdefault(match["name"], {})[match["end"]] = link
         loops = []
@@ -185,8 +173,7 @@ class UrdfDocument(ExtensionDocument):
                 self.problem(links[link], f"link '{link}' marks a loop closure, but there is no link '{missing}'")
                 continue
             first, second = FrameDescription(ends["1"]), FrameDescription(ends["2"])
-            free = frozenset({"rx", "ry", "rz"})
-            loops.append(LoopDescription(f"closing_{name}", first, second, free, links[ends["1"]].sourceline))
+            loops.append(LoopDescription(f"closing_{name}", first, second, POINT, links[ends["1"]].sourceline))
         if loops:
             listed = ", ".join(loop.name for loop in loops)
             notes.append(
@@ -263,13 +250,14 @@ class UrdfDocument(ExtensionDocument):
             self.only(origin, ("xyz", "rpy"), f"{what}, origin")
             # of a file with problems nothing else is told
             rpy = None if self.problems else self.numbers(origin, "rpy", 3, what, (0, 0, 0))
-            if rpy and max(map(abs, rpy)) > _TURN:
-                self._remark(_MUCH_TURNED, joint, origin, f'rpy="{origin.get("rpy")[:60]}"')
+            if rpy and max(map(abs, rpy)) > 6.3:
+                odd = "joints whose origin is turned by more than a turn [rad] (were degrees meant?)"
+                self._remark(odd, joint, origin, f'rpy="{origin.get("rpy")[:60]}"')
         if axis is not None and kind in _MOVABLE:
             self.direction(axis, "xyz", f"{what}, axis")
             self.only(axis, ("xyz",), f"{what}, axis")
         elif kind in _MOVABLE:
-            self._remark(_NO_AXIS, joint, joint)
+            self._remark("joints without <axis>, about or along x of their own frames", joint, joint)
         limit = joint.find("limit")
         if kind not in ("revolute", "prismatic"):
             return
@@ -289,9 +277,10 @@ class UrdfDocument(ExtensionDocument):
         elif low > high:
             self.problem(limit, f"{what}: lower limit {low:g} is above the upper limit {high:g}")
         elif low == high:
-            self._remark(_NO_RANGE, joint, limit)
-        elif joint.get("type") == "revolute" and _IN_DEGREES[0] <= high - low <= _IN_DEGREES[1]:
-            self._remark(_MANY_TURNS, joint, limit, f"{low:g} … {high:g}")
+            self._remark("limits with lower = upper, taken as none", joint, limit)
+        elif joint.get("type") == "revolute" and 30.0 <= high - low <= 1500.0:  # those of a screw, or degrees
+            odd = "limits [rad] of many turns (were degrees meant?)"
+            self._remark(odd, joint, limit, f"{low:g} … {high:g}")
 
     def _remark(self, what: str, joint: etree._Element, element: etree._Element, given: str = "") -> None:
         """Keep a joint for a note: it can be read in one way only, and was hardly meant so."""
@@ -306,7 +295,7 @@ class UrdfDocument(ExtensionDocument):
                 far = max(far, *(abs(float(number)) for number in str(origin.get("xyz")).split()))
             except (TypeError, ValueError):
                 continue  # a problem, told with the tree
-        if not _FARTHEST < far < np.inf:
+        if not 20.0 < far < np.inf:
             return []
         return [f"a joint is {far:g} m from the one before: is the file in millimetres? Lengths are read in metres"]
 
@@ -362,8 +351,8 @@ class UrdfDocument(ExtensionDocument):
         for joint in self.root.findall("joint"):
             mimic, name = joint.find("mimic"), joint.get("name")
             if mimic is not None and name in names:
-                other = self.attribute(mimic, "joint", f"joint '{name}', <mimic>")
                 what = f"joint '{name}', <mimic>"
+                other = self.attribute(mimic, "joint", what)
                 ratio = self.numbers(mimic, "multiplier", 1, what, (1,), MAX_NUMBER) or (1.0,)
                 offset = self.numbers(mimic, "offset", 1, what, (0,), MAX_NUMBER) or (0.0,)
                 told = f"joint '{name}' mimics '{other}'"

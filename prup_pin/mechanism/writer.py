@@ -16,8 +16,8 @@ from .extension import EXTENSION
 from .frames import LoopClosure
 from .joints import Joint
 from .mechanism import Mechanism, with_lengths
-from .redrawn import fixed_link, joint_between, set_inertia
-from .xml_file import parse_again, words
+from .redrawn import beam_axis, fixed_link, joint_between, set_inertia
+from .xml_file import found_or_added, parse_again, words
 
 
 def urdf_of(description: RobotDescription) -> bytes:
@@ -30,14 +30,12 @@ def urdf_of(description: RobotDescription) -> bytes:
         raise InputError(f"'{description.name}' was read from {description.source}; only URDFs can be saved, as URDF")
     root = parse_again(with_lengths(description.content, description.lengths))
     root.set("name", description.name)
-    extension = root.find(EXTENSION)
-    if extension is None:
-        extension = etree.SubElement(root, EXTENSION, version="1")
+    extension = found_or_added(root, EXTENSION, version="1")
     _tool(extension, description)
     if description.actuated is not None:
-        _once(extension, "actuated").set("joints", " ".join(description.actuated))
+        found_or_added(extension, "actuated").set("joints", " ".join(description.actuated))
     for name, value in description.home.items():
-        _give(_once(extension, "home"), name, value)
+        _give(found_or_added(extension, "home"), name, value)
     lengths = {element.get("name"): element for element in extension.findall("length")}
     for length in description.lengths:
         _give(lengths[length.parameter.name], "value", length.parameter.value)
@@ -68,9 +66,7 @@ def extension_of(mechanism: Mechanism) -> etree._Element:
     _modules(extension, description.modules)
     for described, element in zip(description.modules, extension.iterchildren("module"), strict=True):
         if described.axis is None and described.root is not None:  # which the file's home said
-            base = mechanism.frame(described.tip or described.frame or described.joint).placement
-            axis = base[:3, :3].T @ mechanism.module(described.name).frame.placement[:3, 2]
-            element.set("axis", words(axis))
+            element.set("axis", words(beam_axis(described, mechanism)))
     return extension
 
 
@@ -84,15 +80,9 @@ def _set_apart(parent: etree._Element, indent: str) -> None:
             element.tail, parent.text = indent[:-2] or "\n", indent
 
 
-def _once(extension: etree._Element, tag: str) -> etree._Element:
-    """Return an element that stands once, added where it is missing."""
-    element = extension.find(tag)
-    return etree.SubElement(extension, tag) if element is None else element
-
-
 def _tool(extension: etree._Element, description: RobotDescription) -> None:
     if description.tool is not None:
-        tool = _once(extension, "tool")
+        tool = found_or_added(extension, "tool")
         tool.attrib.pop("part", None)
         _set(tool, frame=description.tool, part=description.tool_part)
 

@@ -115,6 +115,12 @@ def words(values: Iterable[float]) -> str:
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
+def found_or_added(parent: etree._Element, tag: str, **attributes: str) -> etree._Element:
+    """Return an element that stands once in another one, added with some attributes where it is missing."""
+    found = parent.find(tag)
+    return etree.SubElement(parent, tag, **attributes) if found is None else found
+
+
 def moments_of(values: Mapping[str, float]) -> Array:
     """Return moments of inertia (3, 3) by the names of `MOMENTS`."""
     moments = np.zeros((3, 3))

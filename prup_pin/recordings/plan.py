@@ -23,14 +23,8 @@ PoseSolver = Callable[[Mapping[str, float]], Mapping[str, float]]
 
 #: Load up and down in both directions: shows hysteresis, gaps and nonlinear stiffness.
 FULL_CYCLE = (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
-#: A drawn direction carries this share of the full force or moment at least.
-SMALLEST_SHARE = 0.2
 MAX_POSES = 100_000
 MAX_SAMPLES = 10_000_000
-#: Drawn poses out of reach are drawn again, so often per pose wanted.
-_DRAWS_PER_POSE = 20
-#: Where so many draws in a row are out of reach, no pose of the box is within.
-_FRUITLESS = 100
 #: No robot reaches farther, nor turns: metres and radians are meant [m or rad].
 MOST_BOUND = 1000.0
 # Every kind of draw has its own stream: more poses do not change the loads, another noise not the poses.
@@ -224,13 +218,13 @@ def _drawn(
 ) -> Iterator[Mapping[str, float]]:
     low, high = (np.array([bound[k] for bound in pose.bounds.values()], float) for k in (0, 1))
     found = 0
-    for draws in range(1, pose.count * _DRAWS_PER_POSE + 1):
+    for draws in range(1, 20 * pose.count + 1):  # poses out of reach are drawn again
         at = dict(zip(pose.bounds, random.uniform(low, high).tolist(), strict=True))
         try:
             solved = solve_pose(at)
         except UnreachablePoseError as error:
             last = error
-            if not found and draws >= _FRUITLESS:
+            if not found and draws >= 100:  # no pose of the box is within reach
                 break
             continue
         yield solved
@@ -252,7 +246,8 @@ def _direction(random: np.random.Generator) -> Array:
 
 
 def _share(random: np.random.Generator) -> float:
-    return random.uniform(SMALLEST_SHARE, 1.0)
+    """Return which share of the full force or moment a drawn direction carries."""
+    return random.uniform(0.2, 1.0)
 
 
 def add_noise(recording: Recording, noise: Noise, seed: int) -> Recording:

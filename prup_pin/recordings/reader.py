@@ -88,7 +88,7 @@ def _read(path: Path, form: Form) -> tuple[Recording, dict[str, Array]]:
         part = fast_table(content, header, form, labels, first) or careful_table(
             content, header, problems, form, labels, first
         )
-        _check(part, header, problems, times)
+        _check(part, problems, times)
         _check_gravity(part, problems, first == 2)
         if form.is_path:
             _check_path(part, header, form, problems)
@@ -102,7 +102,7 @@ def _read(path: Path, form: Form) -> tuple[Recording, dict[str, Array]]:
     return _recording(path, header, table, beside, form, thinning.remarks, told), wanted
 
 
-def _check(table: Table, header: Sequence[str], problems: Problems, times: dict[int, tuple[float, int]]) -> None:
+def _check(table: Table, problems: Problems, times: dict[int, tuple[float, int]]) -> None:
     """Add what is wrong with the numbers: sizes of no bench, time that is empty or does not increase within a run.
 
     times: of each run, the last time so far and its line.

@@ -11,15 +11,10 @@ from ..spatial import WRENCH_NAMES, Array
 from .columns import AXES, NOISE_UNITS
 from .recording import Recording
 
-#: Larger than any bench that is measured in metres, newtons and radians.
+#: Larger than any bench that is measured in metres and radians.
 _LARGEST_POSITION = 50.0
-_LARGEST_FORCE = 1e5
-#: A moment this many metres times the force is more likely in N mm.
-_LONGEST_LEVER = 20.0
 #: A motion of so many rows, this slow [s] a row and by so little of its travel [1], is more likely in milliseconds.
 _MOVING_ROWS, _SLOW_ROW, _SHORT_WAY = 500, 0.5, 0.01
-#: Fewer repeats tell little about the noise.
-_FEWEST_REPEATS = 5
 
 
 def suspicions(recording: Recording) -> tuple[str, ...]:
@@ -82,9 +77,9 @@ def _units(recording: Recording) -> Iterator[str]:
             )
     force, moment = _largest(recording.wrench[:, :3]), _largest(recording.wrench[:, 3:])
     for name, largest, unit in (("w.fx w.fy w.fz", force, "N"), ("w.mx w.my w.mz", moment, "N m")):
-        if largest > _LARGEST_FORCE:
+        if largest > 1e5:
             yield f"{name} reach {number(largest, 4)} {unit}: is the unit right? Expected {unit}."
-    if force > 1 and moment > _LONGEST_LEVER * force:
+    if force > 1 and moment > 20.0 * force:
         yield (
             f"w.mx w.my w.mz reach {number(moment, 4)} N m at forces up to {number(force, 4)} N, a lever of "
             f"{number(moment / force, 3)} m: are they N mm, 1000 times too large? Expected N m."
@@ -178,8 +173,8 @@ def _noise(recording: Recording) -> Iterator[str]:
             )
         steps = np.diff(known, axis=0)[same]
         steps = steps[np.isfinite(steps)]
-        if len(steps) < _FEWEST_REPEATS or name in ("force", "moment"):
-            continue  # repeats were chosen by their load
+        if len(steps) < 5 or name in ("force", "moment"):
+            continue  # too few to tell, or chosen by these very loads
         repeat = float(np.sqrt(np.mean(steps**2) / 2))
         if noise < repeat / 100:
             yield (

@@ -294,9 +294,7 @@ def header_of(content: bytes, problems: Problems, form: Form) -> list[str]:
 
 def _used(header: Sequence[str], form: Form) -> dict[int, str]:
     """Return index -> name of the columns that hold numbers of the format."""
-    first = {name: index for index, name in reversed(list(enumerate(header)))}
-    used = sorted(first.items(), key=lambda item: item[1])
-    return {index: name for name, index in used if name != "run" and form.knows(name)}
+    return {header.index(name): name for name in dict.fromkeys(header) if name != "run" and form.knows(name)}
 
 
 def _label(table: dict[str, int], cell: str) -> int:

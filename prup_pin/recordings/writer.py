@@ -18,10 +18,6 @@ from .columns import AXES
 from .conventions import as_json
 from .recording import Recording
 
-#: Significant digits of all columns but the time.
-DIGITS = 9
-#: Time is exact to what a float holds: with 9 digits, seconds since 1970 would stand still.
-TIME_DIGITS = 15
 _CHUNK = 20_000
 
 
@@ -154,5 +150,6 @@ def _lines(columns: Mapping[str, Array | list[str]]) -> Iterable[str]:
 def _cells(name: str, values: Array | list[str]) -> list[str]:
     if isinstance(values, list):
         return values
-    form = f"%.{TIME_DIGITS if name == 'time' else DIGITS}g"
+    # Time is exact to what a float holds: with 9 digits, seconds since 1970 would stand still.
+    form = "%.15g" if name == "time" else "%.9g"
     return [form % value if value == value else "" for value in values.tolist()]

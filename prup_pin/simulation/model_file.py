@@ -54,7 +54,6 @@ _KEYS = (
 #: What a verdict is that leaves something without a law.
 UNEXPLAINED = "unexplained"
 _READING_KEYS = tuple(item.name for item in fields(Reading) if item.name != "variant")
-_EFFECT_KEYS = ("physics", "location", "aspect", "parameters", "share")
 
 
 @dataclass(frozen=True)
@@ -120,14 +119,9 @@ class CorrectedModel:
         return replace(self.reading, variant=self.variant or self.reading.variant)
 
 
-def _every_law() -> tuple[Law, ...]:
-    """Return the laws of both channels; where they share a word, the aspect of a place tells."""
-    return (*LAWS, *EFFORT_LAWS)
-
-
 def _known() -> tuple[Law, ...]:
-    """Return what a file may hold: curves of efforts that no law gives too."""
-    return (*_every_law(), *CURVES, *FINE_CURVES)
+    """Return what a file may hold: the laws of both channels, and curves of efforts that no law gives."""
+    return (*LAWS, *EFFORT_LAWS, *CURVES, *FINE_CURVES)
 
 
 def law_named(physics: str, place: Place | None = None, mechanism: Mechanism | None = None) -> Law:
@@ -137,7 +131,7 @@ def law_named(physics: str, place: Place | None = None, mechanism: Mechanism | N
     every = _known() if mechanism is None else (*_known(), *of_markers(mechanism))
     named = [law for law in every if law.physics == physics]
     if not named:
-        raise UnknownNameError("law", physics, sorted({law.physics for law in _every_law()}))
+        raise UnknownNameError("law", physics, sorted({law.physics for law in (*LAWS, *EFFORT_LAWS)}))
     if place is not None and mechanism is not None:
         for law in named:
             if place in law.places(mechanism):
@@ -206,16 +200,10 @@ def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
             }
             | ({} if known.share is None else {"share": float(known.share)})
         )
-    robot = robots.as_path(model.robot)
-    is_file = robots.is_file(robot)
-    beside = os.path.relpath(robot.resolve(), path.resolve().parent) if is_file else model.robot
-    if is_file and os.sep not in beside:
-        beside = os.path.join(os.curdir, beside)
-    value: dict[str, Any] = {
-        "format": FORMAT,
-        "version": VERSION,
-        "robot": Path(beside).as_posix() if is_file else beside,
-    }
+    robot = model.robot
+    if robots.is_file(robots.as_path(robot)):
+        robot = Path(os.path.relpath(robots.as_path(robot).resolve(), path.resolve().parent)).as_posix()
+    value: dict[str, Any] = {"format": FORMAT, "version": VERSION, "robot": robot}
     if model.read.variant is not None:
         value["variant"] = model.read.variant
     if needs := needs_of(model.robot, mechanism, [effect.law for effect in model.effects]):
@@ -420,7 +408,7 @@ class _Reader(KeyReader):
         return name, None
 
     def effect(self, value: object, key: str, mechanism: Mechanism | None) -> Effect | None:
-        entry = self.entries(value, key, _EFFECT_KEYS)
+        entry = self.entries(value, key, ("physics", "location", "aspect", "parameters", "share"))
         if not isinstance(value, dict):
             return None
         before = len(self.problems)

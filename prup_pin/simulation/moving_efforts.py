@@ -19,9 +19,6 @@ from ..recordings.columns import AS_LOGGED
 from ..robot import Robot
 from ..spatial import Array
 
-#: How many times as large as elsewhere a residual is where a joint turns round before that is told.
-_MUCH_MORE = 3.0
-
 
 def is_of_efforts(recording: Recording, robot: Robot, effects: Sequence[Effect] = ()) -> bool:
     """Return whether a recording is of drives' efforts alone: no pose is asked for that anything deforms.
@@ -107,7 +104,7 @@ def _missed_at_turns(
         if not (len(there) and len(elsewhere)):
             continue
         sizes = [float(np.sqrt(np.mean(part**2))) for part in (there, elsewhere)]
-        if sizes[0] > _MUCH_MORE * sizes[1]:
+        if sizes[0] > 3.0 * sizes[1]:
             size, share = f"{number(sizes[0], 3)} {units[name]}", number(100 * turns.mean(), 2)
             told.append(f"{name} {number(sizes[1], 3)} instead of {size} ({share} % of the rows)")
     if told:

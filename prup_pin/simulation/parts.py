@@ -7,10 +7,8 @@ and creep with every run; what they remember is handed from part to part within.
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
 import pickle
 from collections.abc import Iterator, Sequence, Set
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -23,7 +21,7 @@ from ..laws.deeds import BLOCK, RUN
 from ..mechanism import Frame
 from ..robot import Robot
 from ..spatial import Array, rotation_log
-from ..sweep.running import lost_remark, returned_in_order, unpacked
+from ..sweep.running import lost_remark, processes, returned_in_order, unpacked
 from .efforts import static_efforts
 from .simulator import Memory, Run, Simulator
 
@@ -175,37 +173,35 @@ class _PartSolver:
     def solve(self, places: np.ndarray, memory: Memory) -> Memory:
         """Fill in the samples at `places` and return what is remembered after them."""
         simulator, setup = self._prepared(places)
-        places_of = places  # of the simulator's samples
         incomplete = ~simulator.complete
         self.part.fail(
-            places_of[incomplete], NO_INPUT, "a position of an actuator, a component of the load or of gravity is empty"
+            places[incomplete], NO_INPUT, "a position of an actuator, a component of the load or of gravity is empty"
         )
         if incomplete.all():
             return memory
         geometry = simulator.geometry(setup.parameters, setup.yielding)
         away = np.flatnonzero(simulator.complete & ~geometry.reachable)
         if len(away):
-            self.part.fail(places_of[away], UNREACHABLE, geometry.reasons[int(away[0])])
+            self.part.fail(places[away], UNREACHABLE, geometry.reasons[int(away[0])])
         able = np.flatnonzero(simulator.complete & geometry.reachable)
         if not len(able):
             return memory
-        remembers = bool(setup.memories)
         try:
             run: Run | None = simulator.run_setup(setup, memory=memory)
         except np.linalg.LinAlgError:
             run = None
-        if run is None or (remembers and not run.solved[able].all()):
+        if run is None or (setup.memories and not run.solved[able].all()):
             if len(able) == 1:
-                self._lost(places_of[able])
+                self._lost(places[able])
                 return memory
-            if remembers and not self.sifted:
-                able = self._sift(simulator, setup, able, places_of)
-                return self.solve(places_of[able], memory) if len(able) else memory
+            if setup.memories and not self.sifted:
+                able = self._sift(simulator, setup, able, places)
+                return self.solve(places[able], memory) if len(able) else memory
             half = len(able) // 2
-            memory = self.solve(places_of[able[:half]], memory)
-            return self.solve(places_of[able[half:]], memory)
-        self._lost(places_of[able[~run.solved[able]]])
-        self._store(run, places_of)
+            memory = self.solve(places[able[:half]], memory)
+            return self.solve(places[able[half:]], memory)
+        self._lost(places[able[~run.solved[able]]])
+        self._store(run, places)
         return run.memory
 
     def _prepared(self, places: np.ndarray):
@@ -254,22 +250,20 @@ def solve_all(
     wanted: Wanted, inputs: Inputs, chains: list[list[np.ndarray]], workers: int, remarks: list[str]
 ) -> Iterator[Part]:
     """Yield the simulation of all chains in their order; in `workers` processes where that is possible."""
-    payload = _packed(wanted) if workers > 1 and len(chains) > 1 else None
+    several = min(workers, len(chains))
+    payload = _packed(wanted) if several > 1 else None
+    if several > 1 and payload is None:
+        remarks.append("Robot or laws cannot be sent to other processes: computed in one.")
     jobs = ((payload, parts, [take_inputs(inputs, rows) for rows in parts]) for parts in chains)
-    if payload is None:
-        if workers > 1 and len(chains) > 1:
-            remarks.append("Robot or laws cannot be sent to other processes: computed in one.")
-        for _, parts, given in jobs:
-            yield from solve_chain(wanted, parts, given)
-        return
-    # Forked processes inherit the locks of numerical libraries' threads; fresh ones do not.
-    pool, lost = ProcessPoolExecutor(min(workers, len(chains)), multiprocessing.get_context("spawn")), 0
-    try:
+    lost = 0
+    with processes(1 if payload is None else several) as pool:
+        if pool is None:
+            for _, parts, given in jobs:
+                yield from solve_chain(wanted, parts, given)
+            return
         for parts, solved in zip(chains, returned_in_order(pool, _work, jobs), strict=True):
             lost += solved is None
             yield from solved or solve_chain(wanted, parts, [take_inputs(inputs, rows) for rows in parts])
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
     if lost:
         remarks.append(
             f"{lost_remark(lost, len(chains), 'parts', 'computed')}. A script that simulates with several workers "

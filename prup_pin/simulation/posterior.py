@@ -12,9 +12,6 @@ from ..laws import Effect
 from ..recordings.problems import is_number, json_kind, shown
 from ..spatial import Array
 
-#: Digits that are written of a number of the root: more than any covariance is known to.
-_DIGITS = 9
-
 
 class PosteriorValue(NamedTuple):
     """A value of an effect, by its place among the effects and its name.
@@ -64,7 +61,8 @@ class Posterior:
             | ({"logarithm": True} if item.logarithmic else {})
             for item in self.values
         ]
-        rows = [" ".join(f"{size:.{_DIGITS}g}" for size in row) for row in self.rows]
+        # more digits than any covariance is known to
+        rows = [" ".join(f"{size:.9g}" for size in row) for row in self.rows]
         return {"explained": self.explained, "parameters": values, "root": rows}
 
 

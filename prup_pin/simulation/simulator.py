@@ -93,7 +93,7 @@ class Run:
         chain = self.equilibria.chain
         frame = chain.mechanism.own(frame)
         placed = self.equilibria.evaluation.placements[good]
-        placements = placed[:, frame.joint] @ frame.placement
+        placements = frame.at(placed)
         if self.setup.tool is not None and frame.name == chain.tool.name:
             placements = moved_tool(tool_motion(self.setup, self.samples[good], placements), placements)
         if self.setup.base is not None:

@@ -15,8 +15,6 @@ from .prediction import Prediction
 #: So many postures of a run in which something was measured, by the first row of each, say where its pose sensor stood;
 #: fewer do where no more were.
 FIRST_POSTURES = 8
-#: Points that tell a motion; one will do with its orientation.
-_FEWEST = 3
 #: Length [m] over which an orientation is worth a place, where their noises are not declared.
 _LEVER = 0.1
 
@@ -86,7 +84,7 @@ def _station(points: _Channels, frames: _Channels, postures: np.ndarray, lever: 
     axes_aimed, axes = (
         lever / 2 * rotation_exp(vectors).swapaxes(1, 2).reshape(-1, 3) for vectors in _those_known(frames, first)
     )
-    if len(aims) < _FEWEST and not len(axes):
+    if len(aims) < 3 and not len(axes):  # three points tell a motion; one will do with its orientation
         return None
     begins, aims = (
         np.concatenate((places, centre + own, centre - own))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from ..errors import PrupPinError, imported
+from ..errors import PrupPinError
 from ..kernel import Columns, Tree
 from ..kinematics import AWAY, CLOSED, DOUBTFUL, LONGEST, ClosedPose, LoopKinematics, ManyPoses, alone
 from ..mechanism import Mechanism
@@ -123,11 +123,6 @@ class Engine:
 
         reaching.stepper = step
         return reaching
-
-    def check_compiled(self) -> None:
-        """Raise MissingExtraError where machine code is asked for and nothing can make it."""
-        if self.compiled:
-            imported("llvmlite.binding", "compiled")
 
     @cached_property
     def layout(self) -> StaticsLayout:

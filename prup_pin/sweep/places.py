@@ -169,7 +169,12 @@ def ends_of(coordinates: Coordinates, given: Mapping[str, Any]) -> dict[str, flo
 def scattered(coordinates: Coordinates, poses: Any) -> Places:
     """Return poses given as an array (N, t), or as rows or mappings one by one. Raises InputError."""
     if isinstance(poses, np.ndarray):
-        rows = _rows(coordinates, poses)
+        if poses.ndim != 2 or poses.shape[1] != len(coordinates.names):
+            raise InputError(
+                f"poses: expected shape (N, {len(coordinates.names)}), columns {', '.join(coordinates.names)}; "
+                f"got {poses.shape}"
+            )
+        rows = _numbers("poses", poses)
     else:
         if isinstance(poses, Mapping | str) or not isinstance(poses, Iterable):
             raise InputError(
@@ -183,15 +188,6 @@ def scattered(coordinates: Coordinates, poses: Any) -> Places:
     for column, name in enumerate(coordinates.names):
         coordinates.check(name, rows[:, column])
     return Places(coordinates.names, None, rows)
-
-
-def _rows(coordinates: Coordinates, poses: Array) -> Array:
-    if poses.ndim != 2 or poses.shape[1] != len(coordinates.names):
-        raise InputError(
-            f"poses: expected shape (N, {len(coordinates.names)}), columns {', '.join(coordinates.names)}; "
-            f"got {poses.shape}"
-        )
-    return _numbers("poses", poses)
 
 
 def _row(coordinates: Coordinates, pose: Any, index: int) -> list[float]:

@@ -147,7 +147,7 @@ class Solved:
         if not self.asked.of_tool:
             return along
         tool = self.layout.mechanism.need_tool()
-        return (self.poses.placements[..., tool.joint, :, :] @ tool.placement)[..., :3, :3] @ along
+        return tool.at(self.poses.placements)[..., :3, :3] @ along
 
     def singly(self, value: Callable[[Compliance], Array | float], size: tuple[int, ...] = ()) -> Array:
         """Return what follows from the `Compliance` of each pose, one after the other, (n, *size)."""
@@ -313,7 +313,7 @@ def _actuator_values(solved: Solved) -> Array:
 
 def _position(solved: Solved) -> Array:
     tool = solved.layout.mechanism.need_tool()
-    return (solved.poses.placements[..., tool.joint, :, :] @ tool.placement)[..., :3, 3]
+    return tool.at(solved.poses.placements)[..., :3, 3]
 
 
 QUANTITIES: Mapping[str, Quantity] = {

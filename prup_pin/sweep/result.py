@@ -112,7 +112,7 @@ class SweepResult(_Answers):
     `pose`, and `coordinates` (*shape, t) in the order of `names`. `status` (*shape) says 'ok' or why a number is NaN.
     """
 
-    def __init__(self, engine: Engine, places: Places, answer: Answer, remarks: tuple[str, ...] = ()):
+    def __init__(self, engine: Engine, places: Places, answer: Answer, remarks: tuple[str, ...]):
         super().__init__(engine, places, remarks)
         self._values = {
             name: _frozen(values.reshape((*places.shape, *values.shape[1:]))) for name, values in answer.values.items()
@@ -161,7 +161,7 @@ class SweepResult(_Answers):
             word, row = str(self.status[index]), self.coordinates[index]
         except IndexError:
             raise InputError(f"there is no pose {index}; the shape is {self.shape}") from None
-        if not isinstance(word, str) or row.ndim != 1:
+        if row.ndim != 1:
             raise InputError(f"expected one number for each of {', '.join(self.dims)}; got {index}")
         return self._engine.reason(row) or REASONS[word]
 
@@ -179,7 +179,6 @@ class SweepResult(_Answers):
         if not columns:
             raise InputError('an error range needs quantities=["extremes"] or ["extreme_components"]')
         self._need_ok()
-
         ranges = {}
         for label, values in columns.items():
             low, high = np.nanargmin(values), np.nanargmax(values)
@@ -271,7 +270,7 @@ class SweepFile(_Answers):
     `SweepResult`.
     """
 
-    def __init__(self, engine: Engine, places: Places, path: Path, remarks: tuple[str, ...] = ()):
+    def __init__(self, engine: Engine, places: Places, path: Path, remarks: tuple[str, ...]):
         super().__init__(engine, places, remarks)
         self.path = path
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import pickle
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
 from functools import lru_cache
 from itertools import islice
+from multiprocessing import get_context
 from typing import Any, TypeVar
 
 from ..errors import PrupPinError
@@ -25,6 +27,19 @@ _AT_ONCE = 16
 _OURS = (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError)
 #: So many parts are handed out before the first one is asked for.
 _AHEAD = 64
+
+
+@contextmanager
+def processes(workers: int) -> Iterator[ProcessPoolExecutor | None]:
+    """Yield processes where there are to be several; fresh ones, which inherit no locks of numerical libraries."""
+    if workers <= 1:
+        yield None
+        return
+    pool = ProcessPoolExecutor(workers, get_context("spawn"))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def solved_parts(

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, PrupPinError
+from ..errors import InputError, PrupPinError, imported
 from ..kinematics import LoopKinematics
 from ..mechanism import Mechanism
 from ..numbers import number
@@ -86,7 +86,8 @@ def sweep(
     except MemoryError as error:
         raise InputError("so many poses do not fit into memory; take fewer at a time") from error
     engine = engines.of(asked, compiled, len(places))
-    engine.check_compiled()
+    if compiled:
+        imported("llvmlite.binding", "compiled")
     if any(item.elastic for item in engine.quantities) and not mechanism.modules:
         raise PrupPinError(
             f"'{mechanism.name}' has no compliant module: give joint stiffnesses, "

@@ -40,12 +40,8 @@ from .plotting import (
 _MEASURED = "#23272E"
 #: Letters that stand beside a row.
 _LINE = 18
-#: Times its range that a law may go up and down along its load and still be drawn as a line.
-_ZIGZAG = 3
 #: Joints that a page shows, those whose effort the findings change most, and the time that it shows of them [s].
 _MOST_JOINTS, _SECONDS = 6, 12.0
-#: Height of a line of a finding's text [inches].
-_FINDING = 0.26
 _AXIS_NAMES = {"m": ("x", "y", "z"), "rad": ("about x", "about y", "about z")}
 
 
@@ -105,7 +101,7 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, *, narrow: bool = False) ->
     found = marks(robot, pose, diagnosis.told)
     # the findings beside the drawing, by the numbers that it shows; below it on a phone
     lines = _finding_lines(diagnosis, found, *((4, 50) if narrow else (9, 40)))
-    below = _FINDING * len(lines)
+    below = 0.26 * len(lines)  # inches
     drawing = scene_figure(figure, replace(scene, legend=Legend(scene.legend.title)), below)
     middle = drawing.flat(scene.bounds).mean(axis=0)
     for at, numbers in _draw_marks(drawing, found):
@@ -194,9 +190,9 @@ def draw_response(axes, response: Recovered, physics: str, letters: float = 10) 
     if response.law is not None:
         law, name = y_factor * response.law, f"the law: {physics.replace('_', ' ')}"
         order = np.argsort(x, kind="stable")
-        if not response.path and np.abs(np.diff(law[order])).sum() <= _ZIGZAG * np.ptp(law):
+        if not response.path and np.abs(np.diff(law[order])).sum() <= 3 * np.ptp(law):
             axes.plot(x[order], law[order], color=FOUND, lw=2.2, zorder=5, label=name)
-        else:  # it hangs on more than this load
+        else:  # it goes up and down along this load, and hangs on more
             axes.scatter(x, law, s=9, color=FOUND, linewidths=0, zorder=5, label=name)
         for block in np.unique(response.blocks) if response.path else ():
             here = response.blocks == block

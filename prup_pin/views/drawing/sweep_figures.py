@@ -31,12 +31,7 @@ _SHARE_DIGITS = 9
 #: Dashes and marks of curves in one drawing, so that two that are one are seen as two.
 _STYLES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)))
 _MARKS = "os^Dv"
-#: So many marks on a curve, each curve's beside those of others.
-_MARKED = 6
 _SIZE = 2.9  # of a map [in]
-_LEVELS = 12
-#: Of more entries two stand side by side.
-_TALL = 4
 
 #: A sweep in memory or in a file.
 Swept = SweepResult | SweepFile
@@ -101,7 +96,7 @@ def beside_figure(
         [panel for name in names for panel in _panels(found, name, (keep or {}).get(name), beside=swept)]
         for found in swept
     ]
-    count, wide = len(each[0]), 2 if len(each[0]) > _TALL else 1
+    count, wide = len(each[0]), 2 if len(each[0]) > 4 else 1
     rows, across = ceil(count / wide), wide * len(columns)
     figure = sheet(_SIZE * 1.25 * across + 0.4, _SIZE * rows + 0.7, None, "constrained")
     grid = panels(figure, count * len(columns), across)
@@ -215,7 +210,8 @@ def _curves(found: Swept, panels: Sequence[Panel], summary: str, what: str) -> F
     for axes, (unit, group) in zip(figure.subplots(1, len(by_unit), squeeze=False)[0], by_unit.items(), strict=True):
         for place, (title, _, values) in enumerate(group):
             colour, style = _DOMINANT[place % len(_DOMINANT)], _STYLES[place % len(_STYLES)]
-            every = max(len(group), len(across) // _MARKED)
+            # about six marks on a curve, each curve's beside those of others
+            every = max(len(group), len(across) // 6)
             first = place * every // len(group)
             marks = {"marker": _MARKS[place % len(_MARKS)], "markevery": (first, every), "ms": 4}
             axes.plot(across, values, lw=1.8, ls=style, color=colour, label=title, **marks)
@@ -233,7 +229,7 @@ def _levels(values: Array) -> Array:
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     if high - low <= 1e-9 * max(abs(high), 1e-300):
         low, high = low - 0.5 * abs(low or 1.0), high + 0.5 * abs(high or 1.0)
-    return np.asarray(MaxNLocator(_LEVELS).tick_values(low, high))
+    return np.asarray(MaxNLocator(12).tick_values(low, high))
 
 
 def _draw(axes, found: Swept, panel: Panel, levels: Array) -> None:

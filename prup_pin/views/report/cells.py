@@ -24,9 +24,6 @@ from ..text.diagnosis_words import (
 from ..text.values import clean, percent_text, pose_text
 from .pages import page_template
 
-#: Modules whose shares are listed.
-_SHOWN = 6
-
 
 def robot_html(robot: Robot) -> str:
     """Return what a robot consists of, and what is assumed."""
@@ -60,7 +57,7 @@ def compliance_html(compliance: Compliance) -> str:
         facts["K does not exist"] = f"no module yields under {'; '.join(rigid_texts(answer))}"
     matrices = (*stiffness_tables(answer), compliance_table(answer))
     tables = [(f"{each.title} {each.detail}", each.headers, each.lines) for each in matrices]
-    bars = first_shares(answer.shares or {}, _SHOWN)
+    bars = first_shares(answer.shares or {}, 6)
     largest = max((abs(share) for _, share in bars), default=0.0) or 1.0
     amount = quantity(answer.amount, "rad" if answer.load.turns else "m")
     return _cell(

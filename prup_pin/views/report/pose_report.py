@@ -37,7 +37,6 @@ from ..text.values import (
 )
 from .pages import page
 
-_MINUS = "\u2212"
 #: Modules and values that are listed, and what changes the deflection by less [% per %] is not.
 SOFTEST, VALUES, LITTLE = 10, 8, 0.01
 #: Largest size of the scene [characters]; a heavier one would make a page that cannot be mailed.
@@ -119,10 +118,10 @@ def report_html(
 # -- what the page says ------------------------------------------------------------------------------------------------
 
 
-def _moved(answer: Answer, deflection: Array, digits: int = 3) -> str:
+def _moved(answer: Answer, deflection: Array) -> str:
     """Return '4.69 mm, 25.4 mrad'; of a pure force or moment only what it asks for, where that is not zero."""
     metres, radians = float(np.linalg.norm(deflection[:3])), float(np.linalg.norm(deflection[3:]))
-    texts = [quantity(metres, "m", digits), quantity(radians, "rad", digits)]
+    texts = [quantity(metres, "m"), quantity(radians, "rad")]
     if answer.load.turns:
         return texts[1]
     return ", ".join(texts) if answer.load.wrench[3:].any() else texts[0]
@@ -209,7 +208,7 @@ def _stiffen_first(answer: Answer) -> list[dict[str, str]]:
         {
             "module": line.parameter.owner,
             "value": f"{_words(line.parameter.short)} {workshop_text(line.parameter.value, line.parameter.unit)}",
-            "percent": number(line.percent, 3).replace("-", _MINUS),
+            "percent": number(line.percent, 3).replace("-", "\u2212"),
         }
         for line in answer.stiffen_first[:VALUES]
         if abs(line.percent) > LITTLE

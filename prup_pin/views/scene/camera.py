@@ -76,7 +76,7 @@ def front_of(pose: ClosedPose) -> Array | None:
     return normal * np.sign(normal[across]) * (-1 if across == 1 else 1)  # x y from z, x z from -y, y z from x
 
 
-def best_camera(gravity: Array, parts: Skeleton, front: Array | None = None) -> Camera:
+def best_camera(gravity: Array, parts: Skeleton, front: Array | None) -> Camera:
     """Return the view, from slightly above, in which lines are long, apart from each other, and spread wide.
 
     The axes of the base count as lines at the tool: a force along any of them is to be seen from the side. front (3,):

@@ -86,10 +86,6 @@ class Deflections:
         u, _, vt = np.linalg.svd(linear @ self._shapes[body])
         return placement(u @ vt @ at[:3, :3], at[:3, 3] + self.shift(body, at[:3, 3], scale))
 
-    def _gap(self, name: str, root: int, tip: int, end: Array) -> Array:
-        """Return how far a beam's tip goes beside the beam's own end; nothing slides within a link."""
-        return np.zeros(3) if root == tip else self.shift(tip, end, 1.0) - self._lines[name].displacement[-1]
-
     def bent(self, module: Module, pose: ClosedPose, scale: float, *, stretched: bool) -> BentLine:
         """Return the scaled elastic line of a beam, as a whole turned to where its tip goes, by hinges at its root too.
 
@@ -99,7 +95,9 @@ class Deflections:
         frame, length = beam_frame(module, pose)
         assert module.root is not None
         along = frame[:3, 2]
-        gap = self._gap(module.name, module.root.joint, module.frame.joint, frame[:3, 3] + length * along)
+        gap = np.zeros(3)  # how far its tip goes beside the beam's own end
+        if module.root.joint != module.frame.joint:  # nothing slides within a link
+            gap = self.shift(module.frame.joint, frame[:3, 3] + length * along, 1.0) - line.displacement[-1]
         turn = np.cross(along, gap) / max(length, 1e-12)
         gap = gap if stretched else gap - (gap @ along) * along
         displacement = line.displacement + np.linspace(0, 1, SECTIONS)[:, None] * gap

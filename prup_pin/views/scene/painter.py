@@ -65,8 +65,7 @@ class Painter:
     def __init__(self, robot: Robot, pose: ClosedPose):
         mechanism = robot.mechanism
         self.robot = robot
-        self.visuals, notes = visuals(mechanism)
-        self.notes = notes
+        self.visuals, self.notes = visuals(mechanism)
         self.links = {name: mechanism.frame(name) for name in self.visuals}
         self.drawn_bodies = {frame.joint for frame in self.links.values()}
         self.base_links = sum(frame.joint == 0 for frame in self.links.values())

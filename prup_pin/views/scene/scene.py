@@ -214,8 +214,9 @@ def mesh_of(shape: Solid | Tube | Mesh) -> Mesh:
 
 
 @lru_cache(maxsize=64)
-def thread_mesh(radius: float, length: float, turns: int = 30) -> Mesh:
+def thread_mesh(radius: float, length: float) -> Mesh:
     """Return a screw about z from 0 to `length`: a bar whose radius follows a helix."""
+    turns = 30
     bar = Tube(_stations(0, length, 6 * turns + 1), radius, sides=12, capped=False).mesh
     x, y, z = bar.vertices.T
     share = 0.91 + 0.09 * np.cos(np.arctan2(y, x) - 2 * np.pi * turns * z / length)

@@ -47,20 +47,16 @@ def symbols(pose: ClosedPose, size: float, middle: Array, radii: Mapping[str, fl
         if not module.kind.spans_frames:
             by_joint.setdefault(module.joint, []).append(module)
     for joint, modules in by_joint.items():
-        drive = [module for module in modules if module.kind.kind in _DRIVES]
         sliding = mechanism.joint(joint).slides
-        if sliding and drive:
+        drive = [module for module in modules if sliding and module.kind.kind in _DRIVES]
+        if drive:
             found += _drive(pose, joint, drive, size, middle)
-        slot = 0
-        for module in modules:
-            if module in drive and sliding:
-                continue
-            found += _sign(pose, module, size, slot, sliding, radii.get(module.name, 0.062 * size))
-            slot += 1
+        for slot, module in enumerate(module for module in modules if module not in drive):
+            found.append(_sign(pose, module, size, slot, sliding, radii.get(module.name, 0.062 * size)))
     return found
 
 
-def _sign(pose: ClosedPose, module: Module, size: float, slot: int, sliding: bool, radius: float) -> list[Symbol]:
+def _sign(pose: ClosedPose, module: Module, size: float, slot: int, sliding: bool, radius: float) -> Symbol:
     """Return the sign of one module at its frame; several on one joint stand in a row along its axis."""
     kind = module.kind.kind
     base = module.frame.at(pose.placements)
@@ -82,11 +78,11 @@ def _sign(pose: ClosedPose, module: Module, size: float, slot: int, sliding: boo
         shape = belt_mesh(0.12 * size, 0.035 * size, 0.025 * size, 0.018 * size, 0.004 * size)
     else:
         shape = Solid("box", (0.04 * size, 0.04 * size, 0.04 * size))
-    return [Symbol(module.name, module.name, shape, at, module.frame.joint)]
+    return Symbol(module.name, module.name, shape, at, module.frame.joint)
 
 
-def _coil(radius: float, length: float, thickness: float, turns: int = 5) -> Tube:
-    angle = np.linspace(0, 2 * np.pi * turns, 16 * turns + 1)
+def _coil(radius: float, length: float, thickness: float) -> Tube:
+    angle = np.linspace(0, 5 * 2 * np.pi, 81)
     z = np.linspace(-length / 2, length / 2, len(angle))
     return Tube(np.column_stack((radius * np.cos(angle), radius * np.sin(angle), z)), thickness, 8)
 

@@ -43,7 +43,7 @@ def visuals(mechanism: Mechanism) -> tuple[dict[str, list[Visual]], tuple[str, .
     description = mechanism.description
     if description.source != "URDF":
         return {}, ()
-    folders, examples = (*getattr(description, "package_folders", ()),), example_folder()
+    folders, examples = description.package_folders, example_folder()
     if examples is not None and description.path.is_relative_to(examples):
         folders = (*folders, examples.parents[1], examples.parent)
     root = parse_again(description.content)

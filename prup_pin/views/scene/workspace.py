@@ -26,17 +26,13 @@ _VIEWER = np.array([0.62, -0.66, 0.42])
 
 
 def workspace_cloud(
-    robot: Robot,
-    poses: Sequence[ClosedPose],
-    index: Callable[[Compliance], float] | None = None,
-    *,
-    pointer: float | None = None,
+    robot: Robot, poses: Sequence[ClosedPose], index: Callable[[Compliance], float] | None = None
 ) -> Scene:
     """Return a dot for each pose, coloured by an index of its compliance, around the robot at the middle pose.
 
-    index: from the Compliance at a pose to a number; none: the largest translational compliance, in µm/N.
-    pointer: the dot stands this far [m] from the tool's point along the tool's z, so that poses that differ in
-        rotation alone stand apart; none: zero where the tool's points fill a volume, else a quarter of the robot.
+    index: from the Compliance at a pose to a number; none: the largest translational compliance, in µm/N. Where the
+    tool's points fill no volume, dots stand beside them along the tool's z, by a quarter of the robot, so that poses
+    that differ in rotation alone stand apart.
     """
     if not poses:
         raise InputError("a workspace cloud needs at least one pose")
@@ -50,9 +46,8 @@ def workspace_cloud(
     places = np.array([pose.base_from_tool for pose in poses])
     middle = poses[int(np.argmin(np.linalg.norm(places[:, :3, 3] - places[:, :3, 3].mean(axis=0), axis=1)))]
     painter = Painter(robot, middle)
-    if pointer is None:
-        spread = np.linalg.svd(places[:, :3, 3] - places[:, :3, 3].mean(axis=0), compute_uv=False) / len(poses) ** 0.5
-        pointer = 0.25 * painter.size if spread[1] < 0.04 * painter.size and len(poses) > 2 else 0.0
+    spread = np.linalg.svd(places[:, :3, 3] - places[:, :3, 3].mean(axis=0), compute_uv=False) / len(poses) ** 0.5
+    pointer = 0.25 * painter.size if len(poses) > 2 and spread[1] < 0.04 * painter.size else 0.0
     points = places[:, :3, 3] + pointer * places[:, :3, 2]
     low, high = float(values.min()), float(values.max())
     colours = map_rgb((values - low) / (high - low) if high > low else np.zeros(len(values)))

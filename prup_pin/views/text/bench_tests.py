@@ -77,10 +77,6 @@ def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> 
 
 #: So many row numbers are listed.
 _ROWS = 8
-#: More effects than this are counted by their physics.
-_MOST_EFFECTS = 6
-#: More values than this are counted, not written out: a calibration's.
-_MOST_VALUES = 12
 
 
 def print_simulation(
@@ -130,14 +126,14 @@ def effect_text(effect: Effect) -> str:
     """Return an effect as it is typed; of many values only how many."""
     aspect = f":{effect.place.aspect}" if effect.place.aspect else ""
     values = " ".join(f"{name}={number(value, 6)}" for name, value in effect.values.items())
-    if len(effect.values) > _MOST_VALUES:
+    if len(effect.values) > 12:  # a calibration's
         values = f"({len(effect.values)} values)"
     return f"{effect.law.physics}@{effect.place.name}{aspect} {values}".strip()
 
 
 def effects_told(effects: Sequence[Effect], source: str = "") -> list[str]:
     """Return effects as they are typed, or of many how many there are of each physics, and where they stand."""
-    if len(effects) <= _MOST_EFFECTS:
+    if len(effects) <= 6:
         return [effect_text(effect) for effect in effects] or ["nothing added to the robot file"]
     kinds = Counter(effect.law.physics.replace("_", " ") for effect in effects)
     counts = [f"{name} at {counted(count, 'place')}" for name, count in kinds.items()]
@@ -241,11 +237,11 @@ def print_diagnosis(
             paragraph(out, f"({note})")
     if since is None:
         bullets(out, "Corrected most within tolerances", words.corrections(diagnosis.calibration))
-    if since is not None and since.values:
-        heading(out, "What was found before")
-        names = ("", ">then", ">now", ">changed by (95 %)", ">would show from")
-        show_table(out, names, words.then_and_now_rows(since))
-    if since is not None:
+    else:
+        if since.values:
+            heading(out, "What was found before")
+            names = ("", ">then", ">now", ">changed by (95 %)", ">would show from")
+            show_table(out, names, words.then_and_now_rows(since))
         others = [f"{physics}: {sizes}" for physics, sizes in words.seen_rows(since.seen)]
         bullets(out, "What else would have been seen", others, f"({_SIZES})")
     shown = [f"{physics}: {sizes}" for physics, sizes in words.visible_rows(diagnosis.seen)]
@@ -277,8 +273,6 @@ def print_hidden(out: Console, hidden: Sequence[Detectable]) -> None:
 _SHOWN, _FAR = 20, 2.0
 #: What is learned less than this was not seen.
 _UNSEEN = 0.01
-#: Of parameters that were not seen so many of a kind are named, and how many more there are.
-_NAMED = 3
 
 
 def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording], found: Calibration) -> None:
@@ -315,7 +309,7 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
     for parameter in unseen:
         owner, _, kind = parameter.rpartition(".")
         alike.setdefault(kind, []).append(owner)
-    texts = [f"{kind} of {', '.join(some(owners, _NAMED))}" for kind, owners in alike.items()]
+    texts = [f"{kind} of {', '.join(some(owners, 3))}" for kind, owners in alike.items()]
     bullets(out, "Never seen by these data", texts, f"({len(unseen)} parameters)")
     bullets(out, "Remarks", found.remarks)
 

@@ -22,18 +22,14 @@ if TYPE_CHECKING:
     from ...diagnosis.diagnosis import Detectable, FittedParameter, Seen
     from ...diagnosis.locate import LocalCurve
     from ...diagnosis.proposal import Proposal
-    from ...diagnosis.since import Since
+    from ...diagnosis.since import Changed, Since
 
 #: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
 _ABSURD = 1e9
-#: A parameter that is zero and may be as large as this, in any SI unit, may be anything.
-_ANY_SIZE = 100.0
 #: So many times as large is no bound any more.
 _MUCH_MORE = 100
 #: Findings that a sentence lists one by one.
 _IN_A_SENTENCE = 6
-#: ... and whose statements a paragraph holds.
-_MOST_TOLD = 3
 #: Laws that fit as well, and parameters of a finding, that are told one by one.
 _MOST_RIVALS = 4
 MOST_PARAMETERS = 6
@@ -41,8 +37,6 @@ MOST_PARAMETERS = 6
 _MOST_OF_KIND, _MOST_CORRECTED = 2, 6
 #: Multiples of the noise up to which what is left is little more than that.
 _LITTLE_MORE = 1.5
-#: Share of an effort of which that little is left, but which is most of it.
-_MOSTLY = 0.5
 _COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six")
 #: How the noise of an effort was told, in words.
 _WAYS = {
@@ -348,7 +342,7 @@ def summary_text(diagnosis: Diagnosis) -> str:
     named = [finding for finding in every if finding.physics != "finite_deflection"]
     faults = any(finding.is_fault for finding in named)
     # of many causes only the names are told
-    few = len(named) <= _MOST_TOLD
+    few = len(named) <= 3
     causes = [_or_else(finding.statement, finding) for finding in named] if few else _all_told(named)
     them = "it" if len(causes) == 1 else "them"
     read = [convention for finding in logs for convention in finding.conventions]
@@ -476,8 +470,8 @@ def _known(fitted: FittedParameter, largest: float) -> tuple[str, str]:
     if is_least and _MUCH_MORE * fitted.value < high < _ABSURD and not fitted.untold:
         bound = quantity(high, fitted.unit, 4)
         return f"below {bound}", f"0 to {bound}"
-    # its interval holds values a hundred times as large and a hundredth as large, or any size
-    is_open = most >= _ANY_SIZE if size == 0 else most > _MUCH_MORE * size and least < size / _MUCH_MORE
+    # its interval holds values a hundred times as large and a hundredth as large; of zero 100 in any SI unit
+    is_open = most >= 100.0 if size == 0 else most > _MUCH_MORE * size and least < size / _MUCH_MORE
     if fitted.untold or is_open:
         value = _UNDETERMINED
         if fitted.untold:
@@ -631,7 +625,8 @@ def effort_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
         noise = quantity(*told[joint]) if joint in told and math.isfinite(told[joint][0]) else "-"
         ends = [number(values[key], 3) for key in ("before", "after")]
         shares = [number(100 * values[key], 3) for key in ("before_share", "left_share")]
-        is_noise = values["after"] < _LITTLE_MORE and values["left_share"] > _MOSTLY
+        # little more than the noise is left, and it is most of the effort
+        is_noise = values["after"] < _LITTLE_MORE and values["left_share"] > 0.5
         rows.append((joint or "all", noise, " → ".join(ends), " → ".join(shares) + ", mostly noise" * is_noise))
     return rows
 
@@ -781,12 +776,8 @@ def _from_to_at(shown: Sequence[str], places: Sequence[str], alike: str = "") ->
 # -- what has changed since an earlier test ----------------------------------------------------------------------------
 
 
-#: Values of earlier effects that a verdict tells by name.
-_MOST_CHANGED = 2
 #: Shares from this on are told in per cent, and from that on as multiples.
 _SHARE, _MANY = 1e-3, 10.0
-#: What does nothing at a value beyond this, such as a reference load, does nothing where that has no end.
-_ENDLESS = 1e12
 
 
 def verdict_since(diagnosis: Diagnosis, since: Since) -> str:
@@ -834,9 +825,11 @@ def _from_to(finding: Finding) -> str:
 
 def _largest_unseen(since: Since) -> Iterator[str]:
     """Yield how large a change would have been seen: of what was found before, and of the first law of the library."""
-    firsts = {(item.physics, item.location, item.aspect): item for item in reversed(since.values)}.values()
-    first = [item for item in since.values if item.seen is not None and any(item is each for each in firsts)]
-    for item in first[:_MOST_CHANGED]:
+    firsts: dict[tuple[str, str, str], Changed] = {}
+    for item in since.values:
+        firsts.setdefault((item.physics, item.location, item.aspect), item)
+    first = [item for item in firsts.values() if item.seen is not None]
+    for item in first[:2]:
         words, size = item.parameter.replace("_", " "), quantity(item.seen or 0.0, item.unit)
         yield f"a {words} at {item.location} larger or smaller by {size} would have shown"
     for physics, ends in _ends(since.seen)[:1]:
@@ -910,4 +903,4 @@ def _off(item: Seen) -> str:
 
 def _is_endless(item: Seen) -> bool:
     """Return True for what does nothing where its value is without end, such as a reference load."""
-    return abs(item.neutral) > _ENDLESS
+    return abs(item.neutral) > 1e12

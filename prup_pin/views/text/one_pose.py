@@ -19,13 +19,8 @@ from .answer import Answer, MatrixTable, ranked
 from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, print_table, show_table, title
 from .values import direction_text, percent_text, pose_text, position_text, value_text, workshop_text
 
-#: Width of a full bar.
-_BAR = 20
-#: Width of a terminal from which bars are always drawn.
-_BARRED = 80
-#: Shares below this are told in one line where there are more of them than so many.
-_SMALL_SHARE = 5e-5
-_SMALL_ROWS, _SMALL_NAMES = 3, 20
+#: Shares below 0.005 % are told in one line where there are more of them than so many.
+_SMALL_ROWS = 3
 
 
 def print_answer(
@@ -116,7 +111,7 @@ def _print_shares(out: Console, answer: Answer) -> None:
     shares = answer.shares
     names = ranked(shares)
     joints = {module.name: module.joint for module in answer.mechanism.modules}
-    small = [name for name in names if abs(shares[name]) < _SMALL_SHARE]
+    small = [name for name in names if abs(shares[name]) < 5e-5]
     carried = [name for name in small if joints[name] not in answer.mechanism.load_paths.idle]
     names = [name for name in names if name not in small] if len(small) > _SMALL_ROWS else names
     largest = max(shares.values())
@@ -126,18 +121,18 @@ def _print_shares(out: Console, answer: Answer) -> None:
         for name, amount in zip(names, amounts, strict=True)
     ]
     table = make_table(("module", "", ">%", f">{unit}"), rows)
-    if out.width < _BARRED and not fits(out, table):
+    if out.width < 80 and not fits(out, table):
         table = make_table(("module", ">%", f">{unit}"), [(row[0], *row[2:]) for row in rows])
     print_table(out, table)
     if len(small) > _SMALL_ROWS and carried:
-        listed(out, "below 0.01", some(carried, _SMALL_NAMES), ", ")
+        listed(out, "below 0.01", some(carried, 20), ", ")
     for label, texts in words.group_rows(answer):
         listed(out, label.lower(), texts)
 
 
 def _bar(fraction: float) -> Text:
-    """Return a bar in eighths of a character."""
-    eighths = round(max(0.0, min(1.0, fraction)) * _BAR * 8)
+    """Return a bar in eighths of a character, a full one of 20 characters."""
+    eighths = round(max(0.0, min(1.0, fraction)) * 20 * 8)
     full, rest = divmod(eighths, 8)
     return Text("█" * full + (" ▏▎▍▌▋▊▉"[rest] if rest else ""), style="cyan")
 

@@ -28,6 +28,7 @@ from .bench_tests import print_hidden
 from .terminal import bullets, capital, fits, heading, in_options, listed, make_table, paragraph, show_table, title
 from .values import (
     clean,
+    coordinate_dimensions,
     default_parameters,
     joint_role,
     joint_type,
@@ -55,7 +56,7 @@ def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None)
     if mechanism.tasks:
         order = " ".join(f"R{axis}" for axis in description.rotation)
         tasks = [f"{task.name} = {task.component} of the tool" for task in mechanism.tasks]
-        turns = any(task.component in ("rx", "ry", "rz") for task in mechanism.tasks)
+        turns = "angle" in coordinate_dimensions(robot).values()
         listed(out, "task", tasks + ([f"rotation {order}"] if turns else []), "; ")
     _print_joints(out, robot)
     _print_loops(out, robot)
@@ -225,7 +226,7 @@ def print_robots(out: Console) -> None:
     paragraph(out, "A path to a URDF or MJCF file works wherever a name does.")
 
 
-def print_kinds(out: Console, kinds: Sequence[CompliantModule] = KINDS) -> None:
+def print_kinds(out: Console, kinds: Sequence[CompliantModule]) -> None:
     """Print kinds of modules with their parameters."""
     brought = {found.name: found.source for found in KINDS.brought()}
     for index, kind in enumerate(kinds):
@@ -327,11 +328,6 @@ def _alike(pairs: Sequence[tuple[str, str]]) -> list[str]:
 # -- laws --------------------------------------------------------------------------------------------------------------
 
 
-def _all() -> tuple[Law, ...]:
-    """Return the laws of both channels, poses' first."""
-    return (*LAWS, *EFFORT_LAWS)
-
-
 _NEEDS = {
     "temperature": "the column temperature",
     "speed": "columns qd.<joint>",
@@ -345,7 +341,7 @@ def laws_named(word: str | None, mechanism: Mechanism) -> list[Law]:
 
     Raises UnknownNameError where none is.
     """
-    every = _all()
+    every = (*LAWS, *EFFORT_LAWS)
     if word is None:
         return list(every)
     plain = "_".join(re.split(r"[\s_-]+", word.strip().lower()))
@@ -373,7 +369,7 @@ def print_laws(out: Console, laws: Sequence[Law], robot: Robot) -> None:
     mechanism = robot.mechanism
     brought = {found.name: found.source for found in brought_laws()}
     names = dict.fromkeys(law.physics for law in laws)
-    if 1 < len(names) < len({law.physics for law in _all()}):
+    if 1 < len(names) < len({law.physics for law in (*LAWS, *EFFORT_LAWS)}):
         for name in names:
             alike = dict.fromkeys(law.summary for law in laws if law.physics == name)
             listed(out, "", [f"{name}: {next(iter(alike))}"])

@@ -13,8 +13,6 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-#: No unit is longer; what is stays whole.
-_UNIT = 12
 #: Wider than any table.
 _UNBOUNDED = 10_000
 
@@ -226,8 +224,8 @@ def _narrow(out: Console, table: Table, excess: int) -> None:
         texts = [column.header, *column.cells]
         spans = [Measurement.get(out, unbounded, text) for text in texts]
         column.width = max(span.maximum for span in spans)
-        # a column of units is as narrow as can be
-        column.min_width = max(span.minimum for span in spans) if column.width > _UNIT else column.width
+        # a column of units, of which none is longer, is as narrow as can be
+        column.min_width = max(span.minimum for span in spans) if column.width > 12 else column.width
     while excess > 0:
         loose = [c for c in table.columns if c.justify == "left" and (c.width or 0) > (c.min_width or 0)]
         if not loose:

@@ -16,9 +16,6 @@ from ...review import redundancy_text
 from ...robot import Robot
 from ...spatial import MOST_POSITION, Array
 
-_ANGLES = ("rx", "ry", "rz")
-#: A share below this many percent is rounding.
-_NO_PERCENT = 1e-10
 #: SI units of parameters, the units in which a workshop speaks of them, and the factor between.
 _WORKSHOP: Mapping[str, tuple[str, float]] = {
     "m": ("mm", 1e3),
@@ -67,7 +64,7 @@ def coordinate_dimensions(robot: Robot) -> Mapping[str, str]:
     """Return the dimension of each task coordinate; for a plain tree of each joint."""
     mechanism = robot.mechanism
     if mechanism.tasks:
-        return {task.name: "angle" if task.component in _ANGLES else "length" for task in mechanism.tasks}
+        return {task.name: "length" if task.component in ("x", "y", "z") else "angle" for task in mechanism.tasks}
     return {name: dimension(mechanism, name) for name in robot.task_coordinates}
 
 
@@ -132,7 +129,7 @@ def percent_text(share: float | None, coarse: bool = False) -> str:
     if share is None:
         return "-"
     percent = 100 * share
-    if abs(percent) < _NO_PERCENT:
+    if abs(percent) < 1e-10:  # rounding
         return "0"
     if 0 < percent < 0.005:
         return "<0.01"
