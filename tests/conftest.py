@@ -15,11 +15,17 @@ from typing import Any
 import pytest
 
 
+def pytest_collection(session):
+    """What is imported and collected is hardly garbage: to look for some took half of the time of collection."""
+    gc.disable()
+
+
 def pytest_collection_finish(session):
     """Thousands of collected tests stay to the end: the collector of garbage need not look at them again and again."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 20)
+    gc.enable()
 
 
 @dataclass(frozen=True)
