@@ -1,6 +1,5 @@
 """Efforts and positions that are written otherwise than they say are told with the numbers that gave them away."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -44,12 +43,8 @@ def recording(ur5):
 
 
 @pytest.fixture(scope="module")
-def arm(tmp_path_factory):
-    """The same arm with a wrist that is held: of three joints there are a third as many readings to try."""
-    text = load("ur5").mechanism.description.path.read_text()
-    path = tmp_path_factory.mktemp("arm") / "ur5.urdf"
-    path.write_text(re.sub(r'(<joint name="wrist_\d_joint" type=)"revolute"', r'\1"fixed"', text))
-    return load(path).mechanism
+def arm(short_arm):
+    return short_arm.mechanism
 
 
 @pytest.fixture(scope="module")

@@ -33,7 +33,7 @@ class Life:
     """Four tests of an arm, followed three at first and then all; `asked` counts the diagnoses."""
 
     def __init__(self, seed, arm, folder):
-        drawn = draw_life(seed, "elastic_arm", LIVES[seed % 4], (8, 6), 4)
+        drawn = draw_life(seed, "elastic_arm", LIVES[seed % 4], (4, 3), 4)
         self.paths = write(drawn, folder, folder / "sealed", str(ARM))
         self.truth, self.folder, self.asked = drawn["truth"], folder / "life", []
         self.recordings = [read_recording(path) for path in self.paths]
