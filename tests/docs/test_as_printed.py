@@ -104,7 +104,8 @@ def printed() -> list[tuple[str, str, list[str]]]:
         pytest.param(
             *each,
             id=f"{each[0]}: {' '.join(each[1].split()[:2])}",
-            # a diagnosis of a whole robot; scripts/stranger.sh, a part of every .ci/run, compares those of the README and diagnosis.md
+            # A diagnosis of a whole robot. Those of README and diagnosis.md scripts/stranger.sh makes in every .ci/run,
+            # and compares.
             marks=[pytest.mark.slow] if each[1].split()[1] == "diagnose" else [],
         )
         for each in printed()
