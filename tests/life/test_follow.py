@@ -54,7 +54,7 @@ class Life:
 
 @pytest.fixture(scope="module")
 def grown(arm, tmp_path_factory):
-    life = Life(17, arm, tmp_path_factory.mktemp("grown"))
+    life = Life(1, arm, tmp_path_factory.mktemp("grown"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(following, "diagnose", life.diagnose)
         life.first, life.all = life.follow(3), life.follow(4)
