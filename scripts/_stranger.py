@@ -1,7 +1,7 @@
 """What scripts/stranger.sh does once there is an empty environment: reads the pages, and does what they say.
 
 Knows nothing of the package: commands are run by bash, blocks of Python by the environment's interpreter, in the order
-of the page. Stops at the first thing that fails.
+of the page; what any page says that one prints, it prints. Stops at the first thing that fails.
 """
 
 from __future__ import annotations
@@ -11,11 +11,13 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 PAGES = ("README.md", "docs/tutorial.md")
 _BLOCK = re.compile(r"^```(bash|sh|python)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+#: Commands, and the lines that a page says the last one prints; … stands for those that it leaves out.
+_PRINTED = re.compile(r"^```bash\n(?P<commands>[^`]*)^```\n\n```text\n(?P<lines>[^`]*)^```$", re.MULTILINE)
 #: What the recording hides, as a verdict has to say it.
 HIDDEN = {"physics": "backlash", "location": "leg2/ball_nut"}
 
@@ -26,6 +28,7 @@ class Stranger:
     def __init__(self, checkout: Path, desk: Path):
         self.checkout, self.desk = checkout, desk
         self.done: set[str] = set()
+        self.printed = printed([checkout / "README.md", *sorted((checkout / "docs").rglob("*.md"))])
 
     def read(self, page: str) -> None:
         """Do what a page says, block by block; Python goes on where the page's last block of it ended."""
@@ -44,7 +47,12 @@ class Stranger:
         if line in self.done:
             return
         self.done.add(line)
-        self.run(what, ["bash", "-c", line], self.checkout if line.startswith("pip install") else self.desk)
+        said = self.run(what, ["bash", "-c", line], self.checkout if line.startswith("pip install") else self.desk)
+        for page, shown in self.printed.get(line, []):
+            left = iter([text.rstrip() for text in said.splitlines()])
+            missing = [text for text in shown if text not in left]  # in this order
+            if missing:
+                sys.exit(f"{page} shows what this does not print: {missing}\n{said}")
 
     def run(self, what: str, command: list[str], folder: Path | None = None) -> str:
         begun = time.monotonic()
@@ -58,6 +66,16 @@ class Stranger:
 def blocks(page: Path) -> Iterator[tuple[str, str]]:
     for found in _BLOCK.finditer(page.read_text(encoding="utf-8")):
         yield found[1], found[2]
+
+
+def printed(pages: Sequence[Path]) -> dict[str, list[tuple[str, list[str]]]]:
+    """Return by command the pages that show what it prints, each with the lines that it shows."""
+    found: dict[str, list[tuple[str, list[str]]]] = {}
+    for page in pages:
+        for block in _PRINTED.finditer(page.read_text(encoding="utf-8")):
+            shown = [text.rstrip() for text in block["lines"].splitlines() if text != "…"]
+            found.setdefault(lines(block["commands"])[-1], []).append((page.name, shown))
+    return found
 
 
 def lines(text: str) -> list[str]:

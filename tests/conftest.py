@@ -15,11 +15,17 @@ from typing import Any
 import pytest
 
 
+def pytest_collection(session):
+    """What is imported and collected is hardly garbage: to look for some took half of the time of collection."""
+    gc.disable()
+
+
 def pytest_collection_finish(session):
     """Thousands of collected tests stay to the end: the collector of garbage need not look at them again and again."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 20)
+    gc.enable()
 
 
 @dataclass(frozen=True)
@@ -32,11 +38,14 @@ class Bench:
     noise: dict
 
 
-def make_bench(folder, name, seed, effects, strength, poses=(5, 3), level=60.0):
+def make_bench(folder, name, seed, effects, strength, poses=(5, 3), level=60.0, as_written=False):
+    from tests.as_written import declare_as_written
     from tests.reference.concealed.draw import NOISE, draw, write
 
     drawn = draw(seed, effects, strength, level, poses=poses)
     write(drawn, folder, folder / "sealed", name)
+    if as_written:
+        declare_as_written(folder / f"{name}.csv")
     return Bench(folder / f"{name}.csv", folder / f"{name}.heldout.csv", drawn["truth"], NOISE)
 
 
@@ -70,7 +79,9 @@ def robot():
 @pytest.fixture(scope="session")
 def bench(once):
     """A 3-PRUP with play in the drive of one leg."""
-    return once("bench", lambda folder: make_bench(folder, "bench", 1, ["backlash"], (15.0, 25.0), (4, 2)))
+    return once(
+        "bench", lambda folder: make_bench(folder, "bench", 1, ["backlash"], (15.0, 25.0), (4, 2), as_written=True)
+    )
 
 
 @pytest.fixture(scope="session")
@@ -82,7 +93,9 @@ def clean_bench(once):
 @pytest.fixture(scope="session")
 def strange_bench(once):
     """A 3-PRUP in which the load of one drive moves another: no law of the library."""
-    return once("strange", lambda folder: make_bench(folder, "strange", 4, ["alien"], (15.0, 25.0), (2, 2)))
+    return once(
+        "strange", lambda folder: make_bench(folder, "strange", 4, ["alien"], (15.0, 25.0), (2, 2), as_written=True)
+    )
 
 
 @pytest.fixture

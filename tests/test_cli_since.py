@@ -20,7 +20,7 @@ def tested(tmp_path_factory):
     from prup_pin.cli import app
 
     folder = tmp_path_factory.mktemp("tested")
-    write(draw_pair(3, "elastic_arm", "nothing", (8, 6)), folder, folder / "sealed", str(ARM))
+    write(draw_pair(3, "elastic_arm", "nothing", (5, 4)), folder, folder / "sealed", str(ARM))
     done = CliRunner().invoke(
         app, ["diagnose", str(folder / "then.csv"), "--out", str(folder / "monday"), "--no-report"]
     )

@@ -1,5 +1,6 @@
 """What several files of tests here begin with."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,15 @@ AXIS = Path(__file__).parents[2] / "urdf" / "ball_screw_axis.urdf"
 def carriage():
     """An axis that a ball screw drives."""
     return load(AXIS)
+
+
+@pytest.fixture(scope="session")
+def short_arm(tmp_path_factory):
+    """A UR5 with a wrist that is held: of three joints there is a third as much to try."""
+    text = load("ur5").mechanism.description.path.read_text()
+    path = tmp_path_factory.mktemp("arm") / "ur5.urdf"
+    path.write_text(re.sub(r'(<joint name="wrist_\d_joint" type=)"revolute"', r'\1"fixed"', text))
+    return load(path)
 
 
 @pytest.fixture(scope="module")

@@ -43,7 +43,7 @@ def delays(found) -> dict[str, float]:
     ],
 )
 def test_one_clock_beside_the_encoders_is_one_delay(late, speeds, tmp_path):
-    device, robot, recording, heldout = drawn(tmp_path, 0, "ur5", rows=350, late=late, yields=False, speeds=speeds)
+    device, robot, recording, heldout = drawn(tmp_path, 0, "ur5", rows=220, late=late, yields=False, speeds=speeds)
     found = diagnose(robot, as_written(recording))
     assert found.verdict == "explained"
     assert delays(found) == (pytest.approx({"encoders.delay": late}, abs=2e-5) if late else {})

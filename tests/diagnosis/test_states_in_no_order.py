@@ -45,20 +45,20 @@ def logged(robot, rows=1500, shuffled=True, faulty=True, seed=80):
 
 
 @pytest.fixture(scope="module")
-def shuffled(ur5):
-    return logged(ur5, rows=800)
+def shuffled(short_arm):
+    return logged(short_arm, rows=400)
 
 
 @pytest.fixture(scope="module")
-def told(ur5, shuffled, once):
-    return once("shuffled", lambda _: prup_pin.diagnose(ur5, shuffled))
+def told(short_arm, shuffled, once):
+    return once("shuffled", lambda _: prup_pin.diagnose(short_arm, shuffled))
 
 
 def test_what_was_left_out_is_told_as_of_a_course_of_time(shuffled, told):
     assert told.verdict == "explained"
     limits = {effect.place.name: effect.values["limit"] for effect in told.effects if "limit" in effect.values}
     assert set(limits) == set(shuffled.efforts)
-    assert [limits[name] for name in shuffled.efforts] == pytest.approx(FRICTION, rel=0.03)
+    assert [limits[name] for name in shuffled.efforts] == pytest.approx(FRICTION[:3], rel=0.03)
     (mass,) = [item for item in told.findings if item.physics == "inertial_parameters"]
     assert "forearm_link" in mass.statement
     assert any("in no order of time" in text for text in told.remarks)
@@ -71,20 +71,20 @@ def test_nothing_is_missing_where_nothing_is(ur5):
     assert not told.findings
 
 
-def test_each_row_has_its_own_motion(ur5, shuffled):
-    motion = motion_of(shuffled, ur5.mechanism)
+def test_each_row_has_its_own_motion(short_arm, shuffled):
+    motion = motion_of(shuffled, short_arm.mechanism)
     rows, names = motion.rows, motion.names
     for table, group in ((motion.speed, "velocities"), (motion.acceleration, "accelerations")):
         assert table == pytest.approx(np.column_stack([getattr(shuffled, group)[name] for name in names])[rows])
-    at = InMotion.of(ur5.mechanism, motion)
+    at = InMotion.of(short_arm.mechanism, motion)
     for name in names:
         assert (at.dragged(name, 0.0) == np.sign(at.speed(name))).all()
         assert (at.dragged(name, 1e-3) == np.sign(at.speed(name))).all()
 
 
-def test_a_prediction_takes_rows_for_themselves_too(ur5, told):
-    other = logged(ur5, seed=81)
-    found = simulate(ur5, other, told.effects)
+def test_a_prediction_takes_rows_for_themselves_too(short_arm, told):
+    other = logged(short_arm, seed=81)
+    found = simulate(short_arm, other, told.effects)
     for k, (name, efforts) in enumerate(other.efforts.items()):
         left = efforts - found.efforts[name]
         assert np.std(left) == pytest.approx(SIZES[k], rel=0.1), name
@@ -101,6 +101,6 @@ def test_a_course_of_time_and_postures_are_what_they_were(ur5):
     assert not Recording(time=np.arange(200.0), positions=postures).in_no_order(names)
 
 
-def test_without_accelerations_it_is_told_what_is_missing(ur5, shuffled):
+def test_without_accelerations_it_is_told_what_is_missing(short_arm, shuffled):
     with pytest.raises(InputError, match=r"in no order of time.*qdd\.shoulder_pan_joint"):
-        motion_of(replace(shuffled, accelerations={}), ur5.mechanism)
+        motion_of(replace(shuffled, accelerations={}), short_arm.mechanism)

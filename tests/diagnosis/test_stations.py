@@ -22,7 +22,7 @@ from .test_joint_compliance import MARKERS, NOISE, TORSO, bench
 from .test_registration import SOMEWHERE
 from .test_spread import drawn
 
-RUNS, EACH = 5, 14
+RUNS, EACH = 5, 10
 
 
 def stationed(recording: Recording, apart: float, seed: int = 5) -> Recording:

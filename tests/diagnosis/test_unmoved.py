@@ -54,7 +54,7 @@ def held_still(log, at=0.0):
     [
         pytest.param(Noise(), 0.0, True, marks=pytest.mark.slow),
         (Noise(effort=1.5), 0.1, True),  # which filters leave as it is but for rounding
-        (Noise(), 0.0, False),
+        pytest.param(Noise(), 0.0, False, marks=pytest.mark.slow),  # daily of every motion that is diagnosed
         pytest.param(Noise(effort=1.5), 0.0, False, marks=pytest.mark.slow),
     ],
 )

@@ -16,7 +16,7 @@ from prup_pin.recordings import Noise, Recording
 from prup_pin.simulation import effect_named, simulate
 from prup_pin.views.text.diagnosis_words import verdict_text
 
-COUNT, OFF = 300, 16
+COUNT, OFF = 160, 12
 
 
 def remarks(pushed: float, astray: float, rotation: bool, slipped: float = 0.0, joint: int = 0) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ ARM = Path(__file__).parents[1] / "robots" / "elastic_arm" / "elastic_arm.urdf"
 
 class Fleet:
     def __init__(self, folder, count):
-        drawn = draw_fleet(4, "elastic_arm", 6, count)
+        drawn = draw_fleet(4, "elastic_arm", 4, count)
         self.paths = write(drawn, folder, folder / "sealed", str(ARM))
         self.truth, self.folder = drawn["truth"], folder / "fleet"
         self.devices = devices_of([read_recording(path) for path in self.paths])
