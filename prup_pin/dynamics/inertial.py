@@ -85,13 +85,14 @@ def mass_of(mechanism: Mechanism) -> float:
 def usual_body(joint: int, mechanism: Mechanism) -> Array:
     """Return the pseudo-inertia (4, 4) of a body as drawn, and what every link may hold beyond that.
 
-    Where nothing at all is drawn, it has its part of a usual robot.
+    Where nothing at all is drawn, it has its part of a usual robot, anywhere within a link's length of its joint.
     """
+    if not has_masses(mechanism):
+        return some_body(mechanism, 1.0) / max(mechanism.model.njoints - 1, 1)
     drawn = pseudo_inertia(mechanism.model.inertias[joint].toDynamicParameters())
-    share = SOME_BODY if has_masses(mechanism) else 1 / max(mechanism.model.njoints - 1, 1)
-    return drawn + share * some_body(mechanism)
+    return drawn + SOME_BODY * some_body(mechanism, 0.3)
 
 
-def some_body(mechanism: Mechanism) -> Array:
-    """Return the pseudo-inertia (4, 4) of a body as heavy as the robot and as large as a link, at its joint."""
-    return mass_of(mechanism) * np.diag([*3 * [(0.3 * usual_lever(mechanism)) ** 2], 1.0])
+def some_body(mechanism: Mechanism, size: float) -> Array:
+    """Return the pseudo-inertia (4, 4) of a body as heavy as the robot at its joint; size: in lengths of a link."""
+    return mass_of(mechanism) * np.diag([*3 * [(size * usual_lever(mechanism)) ** 2], 1.0])

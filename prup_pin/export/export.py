@@ -393,7 +393,7 @@ def make_possible(changes: Changes) -> Iterator[str]:
     whoever writes it refuses it.
     """
     mechanism = changes.mechanism
-    scale = np.linalg.cholesky(some_body(mechanism))
+    scale = np.linalg.cholesky(some_body(mechanism, 0.3))
     for name, added in changes.bodies.items():
         drawn = mechanism.model.inertias[mechanism.joint(name).id].toDynamicParameters()
         found = pseudo_inertia(drawn + added)

@@ -21,11 +21,16 @@ def ur5():
 
 @pytest.fixture(scope="module")
 def without_masses(tmp_path_factory, ur5):
-    chain, joints = ur5.model.jointPlacements, []
+    return bare(ur5, tmp_path_factory)
+
+
+def bare(robot, tmp_path_factory):
+    """Return an arm without the masses of its links."""
+    chain, joints = robot.model.jointPlacements, []
     path = tmp_path_factory.mktemp("robots") / "bare.urdf"
-    for k, name in enumerate(ur5.model.names[1:], 1):
+    for k, name in enumerate(robot.model.names[1:], 1):
         (x, y, z), (roll, pitch, yaw) = chain[k].translation, rpy(chain[k].rotation)
-        axis = " ".join(f"{value:.12g}" for value in np.ravel(ur5.model.joints[k].createData().S)[3:])
+        axis = " ".join(f"{value:.12g}" for value in np.ravel(robot.model.joints[k].createData().S)[3:])
         joints.append(
             f'<joint name="{name}" type="revolute"><parent link="l{k - 1}"/><child link="l{k}"/>'
             f'<origin xyz="{x:.12g} {y:.12g} {z:.12g}" rpy="{roll:.12g} {pitch:.12g} {yaw:.12g}"/>'
@@ -81,3 +86,14 @@ def test_efforts_declared_to_be_as_written_are_in_no_unit_of_their_own(ur5):
     told = prup_pin.diagnose(ur5, declared)
     assert not [item for item in told.findings if item.physics == "log_convention"]
     assert any(item.physics == "inertial_parameters" for item in told.findings)
+
+
+@pytest.mark.parametrize("seed", [80, 83])
+def test_where_no_masses_are_drawn_all_links_have_some(short_arm, tmp_path_factory, seed):
+    """One body, a coupling of two motors and gains of drives stood in the place of the links, which had to be light."""
+    found = prup_pin.diagnose(bare(short_arm, tmp_path_factory), logged(short_arm, shuffled=False, rows=900, seed=seed))
+    assert found.verdict == "explained"
+    assert {(item.physics, item.location) for item in found.findings} == {
+        ("coulomb_friction", "robot"),
+        ("inertial_parameters", "robot"),
+    }

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from ...dynamics.inertial import has_masses
 from ...errors import InputError
 from ...laws.efforts import Body
 from ...numbers import number
@@ -317,7 +318,7 @@ def _as_drawn(
     found beside masses of all links, which follow much that is none of theirs.
     """
     free = [term for term in start.terms if term.law.body is Body.ALL_LINKS]
-    if not any(term.law.body is Body.ALL_LINKS for term in found.terms):
+    if not (has_masses(efforts.at.mechanism) and any(term.law.body is Body.ALL_LINKS for term in found.terms)):
         return found
     drawn = searched(efforts, start.without(*free), tell)
     laws, others = (sum(not model.is_nuisance(term) for term in model.terms) for model in (drawn, found))
