@@ -294,7 +294,10 @@ def _searched(
         keys = [term.key for term in known if term.name not in there]
         return start.with_term(*(one for one in start.problem.candidates if one.key in keys))
 
-    common, start = efforts.with_learned_variances(beside_known(efforts.start_with_nuisances()))
+    # a friction that turns round on another way than usual would look like none
+    start = beside_known(efforts.start_with_nuisances())
+    common, _ = efforts.with_learned_variances(refined(efforts, start, range(len(start.terms)), at_last=True))
+    start = beside_known(common.start_with_nuisances())
     usual = searched(common, start, _part(tell, 0.0, 0.3))
     sure = without_needless_nuisances(usual)
     if kinds_of_most_drives(sure):

@@ -226,7 +226,7 @@ class EffortLaw(Law):
 
 
 #: Shares of a joint's travel on which its friction may turn round; the first is where a search begins.
-_WAYS = (3e-5, 1e-5, 1e-4, 3e-4, 1e-3)
+_WAYS = (3e-5, 1e-5, 1e-4, 3e-4, 1e-3, 1e-2, 0.1)
 
 #: Shares of its usual speed below which it may be smooth.
 _SPEEDS = (0.03, 0.1, 0.3)
