@@ -15,7 +15,8 @@ from ...spatial import Array
 from ..law import Place
 from .effort_law import EffortLaw
 
-#: One signal's delay imitates a little of whatever is wrong with its joint: it must save this share of the squares.
+#: One signal's delay imitates a little of whatever is wrong with its joint, as a share of another joint's signal does:
+#: it must save this share of the squares.
 #: What all signals share is a delay sooner.
 LATE = 0.1
 #: Ages of a signal among which the best is looked for [s]; between them its effect is nearly in proportion.

@@ -13,7 +13,7 @@ from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .delay import Delay, DelayOfAll
+from .delay import LATE, Delay, DelayOfAll
 from .effort_law import EFFORT, DrivenEffortLaw, TwoJointLaw, columns_along, driven_places, joint_unit
 
 
@@ -91,6 +91,7 @@ class CrossTalk(TwoJointLaw):
     variant = f"{EFFORT} with another joint's"
     beginning = f"{EFFORT} with that of "
     of_what_is_known = True
+    least_gain = LATE
     linear = ("share",)
     quantities = (Quantity("share", "", "reported per true effort of the other joint", 0.05, False, -10.0, 10.0),)
 
