@@ -21,8 +21,12 @@ from .criteria import EFFORT_TOLD, FEW_ROUNDS, ROUNDING
 
 
 def column_scales(squares: Array) -> Array:
-    """Return the factors (p,) that make columns with these sums of squares (p,) as long as one."""
-    return 1 / np.sqrt(np.maximum(squares, np.finfo(float).tiny))
+    """Return the factors (p,) that make columns with these sums of squares (p,) as long as one.
+
+    A column of nothing beside the longest, such as a pull across a planar robot's plane, stays nothing.
+    """
+    longest = float(squares.max(initial=0.0)) or 1.0
+    return 1 / np.sqrt(np.maximum(squares, np.finfo(float).eps ** 2 * longest))
 
 
 def identifiable(left: Array, whole: Array, least: float, longest: float) -> Array:

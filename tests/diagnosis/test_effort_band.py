@@ -118,7 +118,7 @@ def test_how_far_a_body_is_from_the_drawn_one_is_told_by_ratios_of_its_moments()
     joint = robot.mechanism.joint_id("elbow_joint")
     heavier = robot.mechanism.model.inertias[joint].toDynamicParameters()
     drawn, matrix = pseudo_inertia(heavier), near_body(joint, robot.mechanism)
-    about = drawn + SOME_BODY * some_body(robot.mechanism)
+    about = drawn + SOME_BODY * some_body(robot.mechanism, 0.3)
     for change in (heavier, np.eye(10)[0], np.eye(10)[4] + np.eye(10)[6]):
         ratios = eigh(pseudo_inertia(change), about, eigvals_only=True)
         assert change @ matrix @ change == pytest.approx((ratios**2).sum() / (2 * BODIES_OFF**2), rel=1e-9)

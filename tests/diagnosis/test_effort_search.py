@@ -273,7 +273,7 @@ def test_friction_far_beyond_its_prior_stays_where_much_else_is_left(tmp_path):
     found = diagnose(load(tmp_path / "yaw.urdf"), recording)
     friction = found.findings[0]
     assert friction.physics == "coulomb_friction"
-    assert friction.parameters["limit"].value == pytest.approx(18.854, rel=5e-3)  # truly 20, beside what wanders
+    assert friction.parameters["limit"].value == pytest.approx(19.29, rel=5e-3)  # truly 20, beside what wanders
 
 
 def one_way(seed):

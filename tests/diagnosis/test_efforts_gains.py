@@ -14,6 +14,7 @@ from prup_pin.diagnosis.efforts.gains import (
     scatter_of_gains,
 )
 from prup_pin.diagnosis.efforts.shares import gains_apart
+from prup_pin.diagnosis.normal_equations import column_scales
 from prup_pin.dynamics import InMotion, in_frame, motion_of
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts.effort_sensor import EffortUnit
@@ -387,3 +388,19 @@ def test_gains_are_those_beside_the_bodies_that_stay(robot, moving):
     assert not [item for item in found.findings if item.physics == "inertial_parameters"]
     for name in found.joints:
         assert found.shares[name]["fit"] < 1.1 * found.shares[name]["heldout"]
+
+
+def test_a_drive_that_tells_nothing_of_its_gain_leaves_the_others_as_they_are():
+    """A wrist without masses: its middle ran away, and with it what all gains were computed by."""
+    prior = precision_of_gains(0.5, 1.0, 2)
+    told, moment, middle = np.diag([1e4, 0.0]), np.array([2e3, 0.0]), np.array([0.1, 400.0])
+    log, covariance = likeliest_logs(told, moment, prior, middle)
+    assert np.isfinite(log).all()
+    assert np.isfinite(covariance).all()
+
+
+def test_columns_of_nothing_stay_finite_beside_others():
+    scales = column_scales(np.array([4.0, 0.0, 1e-40]))
+    assert scales[0] == 0.5
+    assert np.isfinite(scales**4).all()
+    assert (column_scales(np.zeros(2)) ** 4 < np.inf).all()

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import qr
+from scipy.linalg import null_space, qr
 from scipy.optimize import minimize, minimize_scalar
 
 from ...dynamics import InMotion
@@ -33,6 +33,7 @@ from ..criteria import (
     ROUNDING,
     SURE,
     UNSEEN,
+    WIDEST_LOGARITHM,
     WIDEST_STEP,
 )
 from .joint_equations import BodyPrior, JointEquations
@@ -187,6 +188,8 @@ def likeliest_logs(normal: Array, moment: Array, prior: Array, middle: Array) ->
     """
 
     def cost(log: Array) -> tuple[float, Array]:
+        if np.abs(log).max(initial=0.0) > WIDEST_LOGARITHM:
+            return np.inf, 0 * log  # no number any more: the step is shortened
         change, apart = np.expm1(log), log - middle
         pull = normal @ change - moment
         return float(change @ (pull - moment) + apart @ prior @ apart), 2 * (np.exp(log) * pull + prior @ apart)
@@ -284,7 +287,7 @@ def _beside(columns: Array, values: Array, rcond: float = 1e-9) -> Array:
 
 def _nuisance_columns(at: InMotion, joint: str) -> Array:
     """Return what a joint's effort may hold beside bodies (N, m): first an offset and friction, then a rotor, a
-    counterbalance and neighbours.
+    counterbalance, weight another way and neighbours.
     """
     ones = np.ones(len(at))
     if joint not in at.motion.names:
@@ -298,6 +301,9 @@ def _nuisance_columns(at: InMotion, joint: str) -> Array:
     own = [ones, turning, speed, np.abs(speed), carried, at.acceleration(joint), slowly, position]
     if at.mechanism.joint(joint).turns:
         own += [np.cos(position), np.sin(position)]
+    # the robot may stand out of level: gravity pulls across, too
+    across = null_space(at.mechanism.gravity[None]).T if at.mechanism.gravity.any() else ()
+    own += [at.rigid_under(axis)[:, at.driven.index(joint)] for axis in across]
     for other in _coupled(at, joint):
         travels = [at.travel({joint: 1.0, other: sign}) for sign in (1.0, -1.0)]
         both = [travel.direction(usual_way(at, joint)) for travel in travels]

@@ -23,7 +23,7 @@ _STEP = 0.3
 _FEW = (0.6, 0.85, 1.2, 1.65)
 #: Share of all squares that so few must save beside a counterbalance: any shape is a little like a wave.
 _SURELY = 0.3
-#: Fewest periods in the travel of each of several.
+#: Fewest periods in the travel of one at least of several.
 _MANY = 10.0
 #: Periods whose logarithms differ by less are one.
 _APART = 0.2
@@ -57,7 +57,7 @@ class Periodic(MovingEffortLaw):
 
     def is_same(self, values: Mapping[str, float], other: Mapping[str, float]) -> bool:
         # poles, teeth and their harmonics stand side by side; several long waves are any shape
-        few = min(values["count"], other["count"]) < _MANY
+        few = max(values["count"], other["count"]) < _MANY
         return few or bool(abs(np.log(values["period"] / other["period"])) < _APART)
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
