@@ -242,9 +242,9 @@ class InMotion:
         return self.dynamics.efforts(self.dynamics.trajectory(motion), motion.wrench, motion.gravity)
 
     def rigid_under(self, gravity: Array) -> Array:
-        """Return the efforts (N, k) that a field of gravity (3,) [m/s^2] alone asks for."""
+        """Return the efforts (N, k) of all known bodies that a field of gravity (3,) [m/s^2] alone asks for."""
         still = replace(self.trajectory, v=0 * self.trajectory.v, a=0 * self.trajectory.a)
-        return self.dynamics.efforts(still, None, gravity)
+        return self.dynamics.efforts(still, None, gravity, self.added)
 
     def periods(self, joint: str, fewest: float, most: float, step: float, count: int = 3) -> list[float]:
         """Return how many periods in a joint's travel what is left has, strongest first; at most `count` of them."""
