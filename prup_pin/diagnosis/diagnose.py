@@ -242,8 +242,11 @@ def _beside(drawn: AsDrawn, begun: Account, tell: Tell) -> Account | None:
 
 def _without_gross_errors(drawn: AsDrawn, found: Account, tell: Tell) -> Account:
     """Return the account without what no sample but a few bears out beside the laws found, where that leaves noise."""
-    fewer = drawn.without_gross_errors(found.selection.last)
-    return found if fewer is None else _cleaner(found, _under_loads(fewer, tell))
+    for fewer in drawn.without_gross_errors(found.selection.last):
+        again = _cleaner(found, _under_loads(fewer, tell))
+        if again is not found:
+            return again
+    return found
 
 
 def _with_outliers(drawn: AsDrawn, found: Account, spread: Spread, tell: Tell) -> Account:

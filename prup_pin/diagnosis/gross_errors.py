@@ -71,16 +71,19 @@ def gross_errors(problem: Problem, distances: Array, rest: Array, variances: Arr
     return _exchanged(found, rest / np.repeat(scatter, sizes), stack)
 
 
-def few_gross_errors(problem: Problem, fit: Fit) -> list[Outlier]:
-    """Return the gross errors that a fit leaves; none where they are more than a few, for laws may be missing there."""
+def gross_errors_left(problem: Problem, fit: Fit) -> list[Outlier]:
+    """Return the gross errors that a fit leaves."""
     stack, rows = problem.stack, fit.samples
     seen = problem.compared(fit.run)
     rest = np.full(stack.exists.shape, np.nan)
     rest[rows] = np.where(seen, stack.residual(fit.run)[rows] / stack.deviation(problem.noise), np.nan)
     distances = np.stack([(rest[:, group.where] ** 2).sum(axis=1) for group in stack.groups()], axis=1)
-    found = gross_errors(problem, distances, rest, np.ones(len(UNITS)))
-    few = len({item.sample for item in found}) <= NO_MATTER * np.count_nonzero(seen.any(axis=1))
-    return found if few else []
+    return gross_errors(problem, distances, rest, np.ones(len(UNITS)))
+
+
+def are_few(outliers: Sequence[Outlier], stack: Stack) -> bool:
+    """Return whether there are outliers, in no more samples than a few: where more are far off, laws are missing."""
+    return 0 < len({item.sample for item in outliers}) <= NO_MATTER * int(stack.exists.any(axis=1).sum())
 
 
 def far_off(squares: Array) -> tuple[np.ndarray, float]:

@@ -118,6 +118,13 @@ class _Loaded:
         modules = self.by_module(wrench)
         return modules if place is None else np.concatenate((modules, self.by_place(wrench, place)), axis=1)
 
+    def by_channel(self, wrench: Array, softness: Array) -> Array:
+        """Return how a share of each force in each, and of each moment, moves the tool (6 n, 18), modules as soft."""
+        whole = np.tensordot(softness, self.parts, 1)
+        pairs = [(i, j) for half in (0, 3) for i in range(half, half + 3) for j in range(half, half + 3)]
+        moved = self.free(np.stack([whole[:, :, i] * wrench[:, j, None] for i, j in pairs], axis=-1))
+        return moved.reshape(-1, len(pairs))
+
     def by_place(self, wrench: Array, place: int) -> Array:
         """Return how a place moves the tool that yields along each of its loads (6 n, k), by a play too or not."""
         carried = self.places[place]
@@ -415,6 +422,11 @@ def _left(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) -> _
     target = judged.free(judged.moved).ravel()
     both = _likeliest(fit, load)
     rests = [target - judged.motions(other, suits.place) @ suits.softness for suits in both]
+    # a sensor whose channels are off a little, and talk across, imitates a point of its moments
+    table = fit.by_channel(load, both[0].softness)
+    least = GAIN * float(both[0].left @ both[0].left) / LITTLE**2
+    shares = np.linalg.solve(table.T @ table + least * np.eye(table.shape[1]), table.T @ both[0].left)
+    rests.append(rests[0] - judged.by_channel(other, both[0].softness) @ shares)
     squares = [max(float(rest @ rest) - judged.noise, 0.0) for rest in rests]
     off = abs(float(np.log(np.median(both[0].softness[: len(loaded.parts)]))))
     return _Left(squares[0], min(squares), bool(loaded.resting), off)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -34,12 +34,12 @@ from .criteria import (
     MUCH,
     NOTHING,
 )
-from .gross_errors import Outlier, few_gross_errors, outliers_told, without_outliers
+from .gross_errors import Outlier, are_few, gross_errors_left, outliers_told, without_outliers
 from .noise import estimate_noise, scatter_of_repeats
 from .problem import Fit, Problem
 from .registration import OWN_STATIONS, Registered, own_frames, registered, worlds_apart
 from .since import Earlier
-from .spread import Spread, spread_of
+from .spread import Spread, gross_errors_beside, spread_of
 from .thinning import evenly_spaced
 from .toleranced import Toleranced, toleranced_of
 
@@ -132,16 +132,19 @@ class AsDrawn:
         """True where more than the robot's weight loads it."""
         return not self.seen.inputs.weight_alone
 
-    def without_gross_errors(self, fit: Fit) -> AsDrawn | None:
-        """Return the same without what is far off in a fit and no other sample bears out; None where nothing is so."""
+    def without_gross_errors(self, fit: Fit) -> Iterator[AsDrawn]:
+        """Yield the same without a few numbers that no other sample bears out: beside the laws of a fit, and beside all
+        that may be off with these, which may be why more are far off.
+        """
         problem = self.problem
-        outliers = few_gross_errors(problem, fit)
-        if not outliers:
-            return None
-        stack = problem.stack.of_those(without_outliers(problem.stack.exists, outliers, problem.stack))
-        problem = Problem.of(self.seen.simulator, stack, problem.noise, problem.nominal.run)
-        remarks = (*self.remarks, *outliers_told(outliers, self.together))
-        return replace(self, problem=problem, remarks=remarks, outliers=(*self.outliers, *outliers))
+        beside = partial(gross_errors_beside, problem, self.together, fit.effects)
+        for way in (partial(gross_errors_left, problem, fit), beside):
+            outliers = way()
+            if are_few(outliers, problem.stack):
+                stack = problem.stack.of_those(without_outliers(problem.stack.exists, outliers, problem.stack))
+                without = Problem.of(self.seen.simulator, stack, problem.noise, problem.nominal.run)
+                remarks = (*self.remarks, *outliers_told(outliers, self.together))
+                yield replace(self, problem=without, remarks=remarks, outliers=(*self.outliers, *outliers))
 
     @cached_property
     def spread(self) -> Spread | None:

@@ -164,19 +164,12 @@ def spread_of(
     explains too little: most robots under load lack a law or two. problem: at the robot file; weights: ways in which it
     may act; stations: the pose sensor may have been set up anew for each run.
     """
-    simulator = problem.simulator
-    groups = together.with_runs_of("pose_sensor").groups if stations else together.groups
-    moves = simulator.inputs.moves
-    loaded = any(weights) or not simulator.inputs.weight_alone
-    parameters = free_parameters(together.recording, simulator.robot.mechanism, groups, loaded, moves)
-    if stations:
-        parameters = parameters.with_stations(together.recording.run)
-    exists, least = problem.stack.exists, 0.0 if problem.noise.source == "assumed" else 1.0
-    seen = _VarianceProblem(problem, parameters, tuple(weights[0]), least).told_by(exists)
+    exists, weight_alone = problem.stack.exists, problem.simulator.inputs.weight_alone
+    seen = _asked(problem, together, weights[0], any(weights) or not weight_alone, stations)
     if seen is None:
         return None
     ways = [replace(seen, weight=tuple(weight)) for weight in weights]
-    seen = ways[0] if simulator.inputs.weight_alone else _promising(ways, exists)
+    seen = ways[0] if weight_alone else _promising(ways, exists)
     if seen is None:
         return None
     labels = seen.parameters.kinds
@@ -215,6 +208,30 @@ def spread_of(
     scale = position, rotation
     spread = Spread(kinds, yielding, silent, scale, tuple(outliers), exists, found, load=load, count=counts)
     return replace(spread, kinds={}, of_few=kinds) if kinds and _are_few(data, fit, seen) else spread
+
+
+def gross_errors_beside(problem: Problem, together: Together, effects: Sequence[Effect]) -> list[Outlier]:
+    """Return gross errors of a loaded robot on which effects act, whatever else may be off."""
+    exists = problem.stack.exists
+    seen = _asked(problem, together, effects, True, False)
+    settled = None if seen is None else seen.settled(np.zeros(len(seen.floors)), exists, True)
+    if settled is None:
+        return []
+    return gross_errors(problem, settled.distances, settled.rest, settled.fit.noise)
+
+
+def _asked(
+    problem: Problem, together: Together, weight: Sequence[Effect], loaded: bool, stations: bool
+) -> _VarianceProblem | None:
+    """Return what was measured as a question to all that may be off, as far as it can tell; None where it cannot."""
+    groups = together.with_runs_of("pose_sensor").groups if stations else together.groups
+    simulator = problem.simulator
+    moves = simulator.inputs.moves
+    parameters = free_parameters(together.recording, simulator.robot.mechanism, groups, loaded, moves)
+    if stations:
+        parameters = parameters.with_stations(together.recording.run)
+    least = 0.0 if problem.noise.source == "assumed" else 1.0
+    return _VarianceProblem(problem, parameters, tuple(weight), least).told_by(problem.stack.exists)
 
 
 def _promising(ways: Sequence[_VarianceProblem], exists: np.ndarray) -> _VarianceProblem | None:

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg.lapack import dpotri
+from scipy.linalg.lapack import dtrtri
 
 from ..channels import Stack
 from ..spatial import Array
@@ -53,13 +53,17 @@ class SensorEquations:
 
 @dataclass(frozen=True, eq=False)
 class VarianceEstimate:
-    """Variances (p,), noise squared of each unit (u,), posterior mean (p,) and covariance (p, p), and -2 log L."""
+    """Variances (p,), noise squared of each unit (u,), posterior mean (p,) and covariance (p, p), and -2 log L.
+
+    half (p, r): the covariance is half half^T; of what parameters move together it keeps the digits that cancel there.
+    """
 
     variances: Array
     noise: Array
     mean: Array
     covariance: Array
     cost: float
+    half: Array
 
 
 def no_matter(variance: float) -> tuple[float, float]:
@@ -131,14 +135,15 @@ def posterior(data: SensorEquations, variances: Array, noise: Array) -> Variance
     scaled[np.diag_indices(len(root))] += 1.0
     factor = np.linalg.cholesky(scaled)
     covariance, mean = np.diag(variances), np.zeros(len(variances))
+    half = np.zeros((len(variances), len(root)))
     if len(root):
-        lower = np.tril(dpotri(factor, lower=1)[0])
-        covariance[inner] = root[:, None] * (lower + np.tril(lower, -1).T) * root
+        half[open_] = root[:, None] * dtrtri(factor, lower=1)[0].T
+        covariance[inner] = half[open_] @ half[open_].T
     mean[open_] = covariance[inner] @ right[open_]
     cost = data.count @ np.log(noise) + 2 * np.log(np.diagonal(factor)).sum()
     # least at the mean: what rounding does to it makes this larger, and never smaller
     cost += (data.left(mean) / noise).sum() + float((mean[open_] ** 2 / variances[open_]).sum())
-    return VarianceEstimate(variances, noise, mean, covariance, float(cost))
+    return VarianceEstimate(variances, noise, mean, covariance, float(cost), half)
 
 
 def equations_of(target: Array, columns: Array, white: Array, weights: Array | None, stack: Stack) -> SensorEquations:
@@ -174,12 +179,13 @@ def distances_of(
             found.append(np.full(len(left), np.nan))
             continue
         part = columns[:, where]
-        reach = (part.reshape(-1, part.shape[2]) @ fit.covariance).reshape(part.shape) @ part.mT / noise[index]
+        along = (part.reshape(-1, part.shape[2]) @ fit.half).reshape(*part.shape[:2], -1)
+        reach = along @ along.mT / noise[index]
         weight = np.ones(len(left)) if weights is None else weights[:, index]
         rest, axes = np.linalg.eigh(np.eye(reach.shape[1]) - weight[:, None, None] * reach)
         # where a sample alone tells of a parameter, rounding must not make it less than nothing
-        along = (axes.mT @ left[:, where, None])[..., 0]
-        size = (along**2 / np.maximum(rest, NOTHING)).sum(axis=1) / noise[index]
+        off = (axes.mT @ left[:, where, None])[..., 0]
+        size = (off**2 / np.maximum(rest, NOTHING)).sum(axis=1) / noise[index]
         found.append(np.where(told, size, np.nan))
     return np.stack(found, axis=1)
 

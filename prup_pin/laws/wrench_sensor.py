@@ -24,6 +24,10 @@ def _small(name: str, unit: str, description: str, start: float, bound: float) -
     return Quantity(name, unit, description, start, lower=-bound, upper=bound)
 
 
+#: A gain that is off by less is not [%].
+_NO_SHARE = 1e-4
+
+
 class _OfWrenchSensor(Law):
     """A law of the one wrench sensor."""
 
@@ -61,14 +65,18 @@ class WrenchSensorGain(_OfWrenchSensor):
     quantities = tuple(
         Quantity(name, "1", f"true over reported {name}", 1.05, lower=0.2, upper=5.0) for name in WRENCH_NAMES
     )
+    # else a channel that holds noise alone is likeliest with none of it
+    spread = 0.1
+    known = True
     neutral: ClassVar = dict.fromkeys(WRENCH_NAMES, 1.0)
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         yield WrenchReading(partial(np.multiply, np.array([values[name] for name in WRENCH_NAMES])))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        off = ", ".join(f"{name} {number(100 * (values[name] - 1), 3, signed=True)} %" for name in WRENCH_NAMES)
-        return f"the true wrench differs from the sensor's by {off}"
+        off = {name: 100 * (values[name] - 1) for name in WRENCH_NAMES}
+        told = [f"{name} {number(size, 3, signed=True)} %" for name, size in off.items() if abs(size) > _NO_SHARE]
+        return f"the true wrench differs from the sensor's by {', '.join(told) or 'nothing'}"
 
 
 class WrenchSensorCommonGain(_OfWrenchSensor):

@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 
 import prup_pin
-from prup_pin.diagnosis.gross_errors import Outlier, outliers_told
+from prup_pin.diagnosis.gross_errors import Outlier, are_few, outliers_told
+from prup_pin.diagnosis.prepare import drawn_problem, silent
+from prup_pin.diagnosis.spread import gross_errors_beside
 from prup_pin.recordings import Together, read_recording
+
+from ..conftest import make_bench
 
 #: Rows that a tracker read wrong, and by how much [m].
 ROWS, FAR = (9, 40), 5e-4
@@ -43,3 +47,16 @@ def test_what_is_left_out_is_told_with_lines_and_exchanged_channels(read_wrong):
     assert told[1].startswith("marker a position and marker b position are exchanged in line 5:")
     assert "no load was recorded" in next(outliers_told([one], together, "forces of some 20 N"))
     assert not list(outliers_told([], together))
+
+
+def test_they_are_told_from_a_softer_module_that_was_not_found_yet(tmp_path):
+    """Beside the robot file alone much else is far off."""
+    soft = make_bench(tmp_path, "soft", 3, ["stiffness_changed"], (15.0, 25.0), (12, 2))
+    recording = read_recording(soft.path)
+    position = recording.position.copy()
+    position[list(ROWS)] += FAR * np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    drawn = drawn_problem(prup_pin.load("3prup"), [replace(recording, position=position)], silent)
+    found = gross_errors_beside(drawn.problem, drawn.together, ())
+    assert {(item.sample, item.channel) for item in found} == {(row, "position") for row in ROWS}
+    assert are_few(found, drawn.problem.stack)
+    assert not are_few([], drawn.problem.stack)

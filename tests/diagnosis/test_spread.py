@@ -152,7 +152,12 @@ def test_calibration_that_nothing_was_told_predicts_other_poses(given):
 def test_what_comes_towards_its_load_does_not_yield():
     labels = np.array(["yields own"] * 3 + ["position"])
     fit = variance_components.VarianceEstimate(
-        np.ones(4), np.ones(2), np.array([2.0, -0.5, 0.1, -9.0]), np.diag([0.01, 0.01, 0.01, 1.0]), 0.0
+        np.ones(4),
+        np.ones(2),
+        np.array([2.0, -0.5, 0.1, -9.0]),
+        np.diag([0.01, 0.01, 0.01, 1.0]),
+        0.0,
+        np.zeros((4, 0)),
     )
     assert spread._gives_way(fit, labels, "yields own")
     assert not spread._gives_way(replace(fit, mean=-fit.mean), labels, "yields own")
