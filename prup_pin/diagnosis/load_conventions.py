@@ -424,8 +424,9 @@ def _left(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) -> _
     rests = [target - judged.motions(other, suits.place) @ suits.softness for suits in both]
     # a sensor whose channels are off a little, and talk across, imitates a point of its moments
     table = fit.by_channel(load, both[0].softness)
-    least = GAIN * float(both[0].left @ both[0].left) / LITTLE**2
-    shares = np.linalg.solve(table.T @ table + least * np.eye(table.shape[1]), table.T @ both[0].left)
+    normal, least = table.T @ table, GAIN * float(both[0].left @ both[0].left) / LITTLE**2
+    least += ROUNDING * float(np.trace(normal)) + np.finfo(float).tiny  # channels that no load asks, of exact data
+    shares = np.linalg.solve(normal + least * np.eye(len(normal)), table.T @ both[0].left)
     rests.append(rests[0] - judged.by_channel(other, both[0].softness) @ shares)
     squares = [max(float(rest @ rest) - judged.noise, 0.0) for rest in rests]
     off = abs(float(np.log(np.median(both[0].softness[: len(loaded.parts)]))))

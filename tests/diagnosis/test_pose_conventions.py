@@ -475,3 +475,17 @@ def test_two_components_of_a_robot_in_space_tell_their_unit(robot, bench, missin
     position[:, missing] = np.nan
     logs = read_logs(robot, replace(log, position=position, rotation=None))
     assert [str(item) for item in logs.conventions[0]] == ["p=mm"]
+
+
+def test_exact_loads_in_a_plane_are_read_as_they_are():
+    """No noise, no load across the plane: nothing may be divided by either."""
+    five_bar, rng = build.five_bar(
+        base=0.2, arm=0.25, rod=0.4, height=0.4, motor_stiffness=4000, arm_diameter=0.02, rod_diameter=0.015,
+    ), np.random.default_rng(7)  # fmt: skip
+    motors = five_bar.mechanism.actuated
+    q = np.repeat(rng.uniform(-0.1, 0.1, (6, 2)), 6, axis=0)
+    loads = np.zeros((36, 6))
+    loads[:, :2] = rng.normal(0, 50.0, (36, 2))
+    bench = Recording(np.arange(36.0), positions=dict(zip(motors, q.T, strict=True)), wrench=loads)
+    logs = read_logs(five_bar, replace(bench, position=simulate(five_bar, bench, []).position))
+    assert logs.conventions == ((),)
