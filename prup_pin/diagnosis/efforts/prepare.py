@@ -141,13 +141,16 @@ class PreparedEfforts:
         return white, plain
 
     def _delayed_before_laws(self) -> Iterator[LawColumns]:
-        """Yield what late encoders may add before any law is known: with bodies alone, and with dry friction too."""
+        """Yield what late encoders and a tilted base may add before any law is known: with bodies alone, and what is of
+        one joint with its dry friction too.
+        """
         nothing = np.zeros_like(self.at.rigid)
         for law, place in self._moving:
-            if not (law.told_from_noise and place.name in self.at.driven):
+            joints = [name for name in self.at.motion.names if name == place.name]
+            if not law.told_from_noise or not set(joints) <= set(self.at.driven):
                 continue
-            dry = self.at.along(place.name, self.at.dragged(place.name, usual_way(self.at, place.name)))
-            for known in (nothing, dry):
+            dry = [self.at.along(name, self.at.dragged(name, usual_way(self.at, name))) for name in joints]
+            for known in (nothing, *dry):
                 explained = Explained(self.at)
                 explained.add(known)
                 yield self.columns_at(law, place, law.scanned(place, explained.known)[0], explained.known)

@@ -27,6 +27,7 @@ class Mounting(EffortLaw):
     remedy = OutOfLevel.remedy
     of_bodies = True
     of_what_is_known = True  # what the tool holds is pulled that way, too
+    told_from_noise = True
     linear = ("gx", "gy", "gz")
     quantities = tuple(
         Quantity(name, "m/s^2", f"gravity along the base's {name[1]}, beyond the robot file's", 0.1, False, -30.0, 30.0)
