@@ -390,7 +390,7 @@ def _freed(blocks: np.ndarray) -> Callable[[Array], Array]:
 
 class _Left(NamedTuple):
     """Squares beyond noise that a wrench leaves: modules as soft as suits, and one place yielding besides, by a play or
-    in proportion alone. off: the logarithm of how soft most modules would be."""
+    in proportion alone. off: how far the logarithm of the modules' softness lies from nothing, in the median."""
 
     softened: float
     yielding: float

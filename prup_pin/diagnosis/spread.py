@@ -213,7 +213,7 @@ def spread_of(
 def gross_errors_beside(problem: Problem, together: Together, effects: Sequence[Effect]) -> list[Outlier]:
     """Return gross errors of a loaded robot on which effects act, whatever else may be off."""
     exists = problem.stack.exists
-    seen = _asked(problem, together, effects, True, False)
+    seen = _asked(problem, together, effects, loaded=True, stations=False)
     settled = None if seen is None else seen.settled(np.zeros(len(seen.floors)), exists, True)
     if settled is None:
         return []

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg.lapack import dtrtri
+from scipy.linalg.lapack import dlauum, dtrtri
 
 from ..channels import Stack
 from ..spatial import Array
@@ -137,8 +137,10 @@ def posterior(data: SensorEquations, variances: Array, noise: Array) -> Variance
     covariance, mean = np.diag(variances), np.zeros(len(variances))
     half = np.zeros((len(variances), len(root)))
     if len(root):
-        half[open_] = root[:, None] * dtrtri(factor, lower=1)[0].T
-        covariance[inner] = half[open_] @ half[open_].T
+        inverse = np.tril(dtrtri(factor, lower=1)[0])
+        lower = np.tril(dlauum(inverse, lower=1)[0])
+        half[open_] = root[:, None] * inverse.T
+        covariance[inner] = root[:, None] * (lower + np.tril(lower, -1).T) * root
     mean[open_] = covariance[inner] @ right[open_]
     cost = data.count @ np.log(noise) + 2 * np.log(np.diagonal(factor)).sum()
     # least at the mean: what rounding does to it makes this larger, and never smaller

@@ -24,10 +24,6 @@ def _small(name: str, unit: str, description: str, start: float, bound: float) -
     return Quantity(name, unit, description, start, lower=-bound, upper=bound)
 
 
-#: A gain that is off by less is not [%].
-_NO_SHARE = 1e-4
-
-
 class _OfWrenchSensor(Law):
     """A law of the one wrench sensor."""
 
@@ -74,8 +70,8 @@ class WrenchSensorGain(_OfWrenchSensor):
         yield WrenchReading(partial(np.multiply, np.array([values[name] for name in WRENCH_NAMES])))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        off = {name: 100 * (values[name] - 1) for name in WRENCH_NAMES}
-        told = [f"{name} {number(size, 3, signed=True)} %" for name, size in off.items() if abs(size) > _NO_SHARE]
+        off = {name: 100 * (values[name] - 1) for name in WRENCH_NAMES}  # below 1e-4 % a gain is not off
+        told = [f"{name} {number(size, 3, signed=True)} %" for name, size in off.items() if abs(size) > 1e-4]
         return f"the true wrench differs from the sensor's by {', '.join(told) or 'nothing'}"
 
 

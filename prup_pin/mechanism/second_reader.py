@@ -40,7 +40,7 @@ def second_opinion(mechanism: Mechanism) -> tuple[str, ...]:
     except Exception as error:  # whatever a reader of foreign files raises
         return (f"yourdfpy does not read it: {type(error).__name__}: {error}",)
     told = tuple(f"yourdfpy: {error}" for error in read.errors)
-    elsewhere = [name for name, apart in _apart(mechanism, seen).items() if apart > 1e-6]
+    elsewhere = [name for name, apart in _apart(mechanism, seen).items() if apart > 1e-6]  # m, rad
     if elsewhere:
         names = ", ".join(some([f"'{name}'" for name in elsewhere], 4))
         told += (f"yourdfpy puts other places to {names} at the same joint positions",)

@@ -250,7 +250,7 @@ class UrdfDocument(ExtensionDocument):
             self.only(origin, ("xyz", "rpy"), f"{what}, origin")
             # of a file with problems nothing else is told
             rpy = None if self.problems else self.numbers(origin, "rpy", 3, what, (0, 0, 0))
-            if rpy and max(map(abs, rpy)) > 6.3:
+            if rpy and max(map(abs, rpy)) > 6.3:  # nobody turns a frame by more [rad]
                 odd = "joints whose origin is turned by more than a turn [rad] (were degrees meant?)"
                 self._remark(odd, joint, origin, f'rpy="{origin.get("rpy")[:60]}"')
         if axis is not None and kind in _MOVABLE:
@@ -295,7 +295,7 @@ class UrdfDocument(ExtensionDocument):
                 far = max(far, *(abs(float(number)) for number in str(origin.get("xyz")).split()))
             except (TypeError, ValueError):
                 continue  # a problem, told with the tree
-        if not 20.0 < far < np.inf:
+        if not 20.0 < far < np.inf:  # joints of a robot stand nearer to each other [m]
             return []
         return [f"a joint is {far:g} m from the one before: is the file in millimetres? Lengths are read in metres"]
 

@@ -77,9 +77,9 @@ def _units(recording: Recording) -> Iterator[str]:
             )
     force, moment = _largest(recording.wrench[:, :3]), _largest(recording.wrench[:, 3:])
     for name, largest, unit in (("w.fx w.fy w.fz", force, "N"), ("w.mx w.my w.mz", moment, "N m")):
-        if largest > 1e5:
+        if largest > 1e5:  # no bench pulls so hard
             yield f"{name} reach {number(largest, 4)} {unit}: is the unit right? Expected {unit}."
-    if force > 1 and moment > 20.0 * force:
+    if force > 1 and moment > 20.0 * force:  # so many metres of lever are N mm sooner
         yield (
             f"w.mx w.my w.mz reach {number(moment, 4)} N m at forces up to {number(force, 4)} N, a lever of "
             f"{number(moment / force, 3)} m: are they N mm, 1000 times too large? Expected N m."

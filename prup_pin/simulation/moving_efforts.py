@@ -104,7 +104,7 @@ def _missed_at_turns(
         if not (len(there) and len(elsewhere)):
             continue
         sizes = [float(np.sqrt(np.mean(part**2))) for part in (there, elsewhere)]
-        if sizes[0] > 3.0 * sizes[1]:
+        if sizes[0] > 3.0 * sizes[1]:  # by so much more it is told
             size, share = f"{number(sizes[0], 3)} {units[name]}", number(100 * turns.mean(), 2)
             told.append(f"{name} {number(sizes[1], 3)} instead of {size} ({share} % of the rows)")
     if told:

@@ -8,7 +8,6 @@ from functools import partial
 
 import numpy as np
 
-from ...dynamics.inertial import has_masses
 from ...errors import InputError
 from ...laws.efforts import Body
 from ...numbers import number
@@ -320,10 +319,9 @@ def _as_drawn(
     """Return the laws that are asked for where links are as drawn, if these foretell as well and are no more than those
     found beside masses of all links, which follow much that is none of theirs.
     """
-    free = [term for term in start.terms if term.law.body is Body.ALL_LINKS]
-    if not (has_masses(efforts.at.mechanism) and any(term.law.body is Body.ALL_LINKS for term in found.terms)):
+    if not found.links_as_drawn:
         return found
-    drawn = searched(efforts, start.without(*free), tell)
+    drawn = searched(efforts, start.without(*start.links_as_drawn), tell)
     laws, others = (sum(not model.is_nuisance(term) for term in model.terms) for model in (drawn, found))
     as_good = relative_gain(held_out(drawn), held_out(found))[0] <= GAIN
     return drawn if as_good and laws <= others else found

@@ -10,8 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...dynamics.inertial import has_masses
-from ...laws.efforts import Body
 from ...spatial import Array
 from ..criteria import GAIN, MOST_SIMULATED
 from .evidence import CrossValidation, held_out, relative_gain
@@ -42,8 +40,8 @@ def with_few_bodies(model: EffortModel, most: int = 2) -> EffortModel:
     The tool's load comes before the link that would be as good; of pairs, the fewest numbers. most: so many at most.
     Where the robot file gives no masses, none is as drawn, and all links stay.
     """
-    for term in model.terms if has_masses(model.problem.mechanism) else ():
-        for count in range(most + 1) if term.law.body is Body.ALL_LINKS else ():
+    for term in model.links_as_drawn:
+        for count in range(most + 1):
             good = [
                 few
                 for few in _in_place_of(model, term, count)
@@ -62,9 +60,7 @@ def with_law_for_bodies(efforts: PreparedEfforts, model: EffortModel, tell: Call
     Links' masses follow what a cylinder between two of them does. The law foretells blocks as well as all links, no
     worse than the best body in their place, and has no more numbers than that.
     """
-    for term in model.terms if has_masses(model.problem.mechanism) else ():
-        if term.law.body is not Body.ALL_LINKS:
-            continue
+    for term in model.links_as_drawn:
         rest, by_all, nearest = model.without(term), held_out(model), nearest_body(model, term)
         most, left = (
             (nearest.terms[0].size, nearest.left) if nearest is not None and nearest.do else (term.size, np.inf)

@@ -253,6 +253,9 @@ def _blocks(at: InMotion, prior: BodyPrior, declared: bool) -> tuple[Sequence[Jo
     if folds < FOLDS and not declared:
         return None
     whole, total = prior.columns(at.regressor), 0.0
+    # the robot may stand out of level: gravity pulls across, too
+    across = null_space(at.mechanism.gravity[None]).T if at.mechanism.gravity.any() else ()
+    pulls = [at.rigid_under(axis) for axis in across]
     values = np.zeros((*measured.shape, 1 + whole.shape[2]))
     for joint, name in enumerate(at.driven):
         low_pass = motion.band.of_joint(joint)
@@ -263,7 +266,11 @@ def _blocks(at: InMotion, prior: BodyPrior, declared: bool) -> tuple[Sequence[Jo
             return None
         own, borne, bodies = (
             low_pass(each, motion.piece)[rows][good]
-            for each in (_nuisance_columns(at, name), at.rigid[:, joint], whole[:, joint])
+            for each in (
+                _nuisance_columns(at, name, [pull[:, joint] for pull in pulls]),
+                at.rigid[:, joint],
+                whole[:, joint],
+            )
         )
         if declared and np.linalg.norm(_beside(own, borne)) < LITTLE * np.linalg.norm(borne):
             own = own[:, :_FRICTION]  # of one drive a counterbalance and a rotor are all that its body asks for
@@ -285,9 +292,9 @@ def _beside(columns: Array, values: Array, rcond: float = 1e-9) -> Array:
     return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=rcond)[0])
 
 
-def _nuisance_columns(at: InMotion, joint: str) -> Array:
+def _nuisance_columns(at: InMotion, joint: str, pulls: Sequence[Array]) -> Array:
     """Return what a joint's effort may hold beside bodies (N, m): first an offset and friction, then a rotor, a
-    counterbalance, weight another way and neighbours.
+    counterbalance, `pulls` (N,) of weight another way, and neighbours.
     """
     ones = np.ones(len(at))
     if joint not in at.motion.names:
@@ -301,9 +308,7 @@ def _nuisance_columns(at: InMotion, joint: str) -> Array:
     own = [ones, turning, speed, np.abs(speed), carried, at.acceleration(joint), slowly, position]
     if at.mechanism.joint(joint).turns:
         own += [np.cos(position), np.sin(position)]
-    # the robot may stand out of level: gravity pulls across, too
-    across = null_space(at.mechanism.gravity[None]).T if at.mechanism.gravity.any() else ()
-    own += [at.rigid_under(axis)[:, at.driven.index(joint)] for axis in across]
+    own += pulls
     for other in _coupled(at, joint):
         travels = [at.travel({joint: 1.0, other: sign}) for sign in (1.0, -1.0)]
         both = [travel.direction(usual_way(at, joint)) for travel in travels]

@@ -123,7 +123,7 @@ class PreparedEfforts:
         plain = Whitening(flat, usable(self.good, self.piece, 0))
         problem = self._whole_problem(plain)
         columns = problem.columns
-        problem, _ = self.extended(problem, self._delayed_before_laws(), plain)
+        problem, _ = self.extended(problem, self._told_before_laws(), plain)
         problem = self.with_curves(EffortModel(problem, ()), plain, ROUGH_CURVES)[0].problem
         # a pinch of shrinkage: columns that are nearly alike must not blow up
         prior = problem.prior + 1e-6 * np.diag(problem.total)
@@ -140,17 +140,18 @@ class PreparedEfforts:
         )
         return white, plain
 
-    def _delayed_before_laws(self) -> Iterator[LawColumns]:
+    def _told_before_laws(self) -> Iterator[LawColumns]:
         """Yield what late encoders and a tilted base may add before any law is known: with bodies alone, and what is of
-        one joint with its dry friction too.
+        one driven joint with its dry friction too.
         """
-        nothing = np.zeros_like(self.at.rigid)
+        passive = set(self.at.motion.names) - set(self.at.driven)
         for law, place in self._moving:
-            joints = [name for name in self.at.motion.names if name == place.name]
-            if not law.told_from_noise or not set(joints) <= set(self.at.driven):
+            if not law.told_from_noise or place.name in passive:
                 continue
-            dry = [self.at.along(name, self.at.dragged(name, usual_way(self.at, name))) for name in joints]
-            for known in (nothing, *dry):
+            ways = [np.zeros_like(self.at.rigid)]
+            if place.name in self.at.driven:
+                ways.append(self.at.along(place.name, self.at.dragged(place.name, usual_way(self.at, place.name))))
+            for known in ways:
                 explained = Explained(self.at)
                 explained.add(known)
                 yield self.columns_at(law, place, law.scanned(place, explained.known)[0], explained.known)

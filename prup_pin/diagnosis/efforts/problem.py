@@ -18,6 +18,7 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 
 from ...dynamics import InMotion
+from ...dynamics.inertial import has_masses
 from ...dynamics.smoothing import pieces
 from ...laws import Place
 from ...laws.efforts import Body, EffortLaw
@@ -412,6 +413,12 @@ class EffortModel:
         prior = left * problem.prior[self.where]
         alone = EffortProblem(problem.mechanism, columns, terms, prior, blocks)
         return replace(self, problem=alone, toleranced=tuple(range(len(self.toleranced))), terms=terms)
+
+    @property
+    def links_as_drawn(self) -> list[EffortCandidate]:
+        """The term of all links' bodies, in whose place fewer may be other than drawn: where any is drawn."""
+        drawn = has_masses(self.problem.mechanism)
+        return [term for term in self.terms if drawn and term.law.body is Body.ALL_LINKS]
 
     @property
     def where(self) -> list[int]:

@@ -25,7 +25,6 @@ from .effort_law import (
     usual_way,
 )
 
-_TEMPERATURE = f"{EFFORT} by temperature"
 #: Shares of a recording, or of its range of temperatures, in which a gear warms up.
 _SHARES = (0.15, 0.4, 1.0)
 _FACTORS = (0.3, 0.6, 0.8, 1.25, 1.6, 3.0)
@@ -34,8 +33,10 @@ _SOONEST = 5.0
 _TIME = Quantity("time", "s", "in which that falls to 37 %", 10.0, lower=_SOONEST, upper=1e6)
 _START = Quantity("start", "s", "when the recording that told it begins", 0.0, False, -1e12, 1e12)
 _KELVIN = Quantity("kelvin", "K", "in which that falls to 37 %", 20.0, upper=1e4)
-_BY_TEMPERATURE = "warm {place} up before it works, or feed its friction forward by its temperature"
 _REFERENCE = Quantity("reference", "°C", "temperature at the start of the recording", 20.0, False, -300.0, 1e4)
+#: The aspect of what is told by temperature, and what to do about friction that is.
+_TEMPERATURE = f"{EFFORT} by temperature"
+_BY_TEMPERATURE = "warm {place} up before it works, or feed its friction forward by its temperature"
 
 
 class WarmingUp(DrivenEffortLaw):
